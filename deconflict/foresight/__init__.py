@@ -1,1 +1,1 @@
-"""Forecasts held to account, and what they are worth: the ledger of their errors, and probabilities of contact."""
+"""How reliable forecasts are: their errors so far, the presence of robots, and the probability that pairs meet."""

@@ -1,4 +1,4 @@
-"""The sweep: which robots come within the clearance, when first and how near: `from deconflict.sweep import sweep`."""
+"""The sweep: which robots come within the clearance, when, and how near. `from deconflict.sweep import sweep`."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +9,7 @@ __all__ = ["Conflicts", "sweep"]
 
 
 def __getattr__(name: str) -> Any:
-    """Loads the kernels with the first use: whoever needs another part of this folder starts without numba."""
+    """Load the kernels at their first use, so that importing another part of this folder does not load numba."""
     if name in __all__:
         from deconflict.sweep import one_shot  # noqa: PLC0415
 

@@ -1,6 +1,10 @@
-"""Which robots may come near each other in which slab: swept boxes, and pairs of those that overlap.
+"""The broad phase: which robots may come near each other in which slab, by boxes that they sweep.
 
-One-second slabs prune far better than one box for the whole horizon: a robot's box stays short.
+A slab is one second. Boxes of one second are short, so that they exclude far more pairs than a box of the whole horizon
+would.
+
+The file is long because it holds compiled functions: two ways to find overlapping boxes (one by one, and by grid
+cells), the sweep of a robot's boxes, and the order of the pairs. They call each other once for each box.
 """
 
 from math import cos, floor, sin
@@ -15,54 +19,72 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 ABSENT = -1
-"""Floor of a box that is not there."""
+"""The floor of a box that is absent."""
 MIXED = -2
-"""Floor of a box in which the robot changes floor; it may meet anything."""
+"""The floor of a box in which the robot changes floor. It is compared with boxes of all floors."""
 FEW = 20
-"""Up to so many changed robots are held against all others one by one; for more the boxes are sorted into cells."""
+"""Up to so many changed robots are compared with all others one by one. For more, boxes are sorted into grid cells."""
 FEW_PAIRS = 20_000
-"""So are more, where they and all others make up no more pairs than this: cells for so few cost more than they save."""
+"""More changed robots are also compared one by one if that makes no more pairs than this: cells would cost more."""
 ROOMY = 1.5
-"""Side of a cell, as a multiple of what nine in ten boxes stay below. Longer boxes are wide, and cost more."""
+"""Side of a cell, as a multiple of the 90 % quantile of the boxes' sides. Longer boxes are called wide, and cost
+more."""
 NARROWEST_M = 1e-3
-"""Of a cell."""
+"""Smallest side of a cell."""
 
 _SIDES = [(side, np.float64) for side in ("west", "east", "south", "north")]
-BOX = np.dtype([("slab", np.int64), ("floor", np.int64), ("knot", np.int64), *_SIDES], align=True)
-"""What a robot covers in a slab, and which of its knots holds when it begins or the robot appears."""
+BOX = np.dtype(
+    [
+        ("slab", np.int64),
+        ("floor", np.int64),  # or ABSENT or MIXED
+        ("knot", np.int64),  # which of the robot's knots holds at the begin of the slab, or when the robot appears
+        *_SIDES,  # metres
+    ],
+    align=True,
+)
+"""The area that a robot covers in a slab."""
 
 REACH = np.dtype(_SIDES, align=True)
-"""All that a robot covers, or a little more; inside out where it is nowhere."""
+"""A box around all boxes of a robot, or a little more. If the robot has no boxes, its lower sides are above the
+upper."""
 NOWHERE = (np.inf, -np.inf, np.inf, -np.inf)
 
-PAIR = np.dtype([(name, np.int32) for name in ("ring", "a", "b")], align=True)
+PAIR = np.dtype(
+    [
+        ("ring", np.int32),  # ring row of the slab, see `SweptBoxes`
+        ("a", np.int32),  # slot of one robot
+        ("b", np.int32),  # slot of the other robot
+    ],
+    align=True,
+)
+"""Two boxes of one slab that overlap."""
 
 Pairs = NDArray[Any]
-"""Of `PAIR`: boxes that overlap."""
+"""Of `PAIR`."""
 Row = NDArray[Any]
-"""Of `BOX`: the boxes of one slab, by slot."""
+"""(slots,) of `BOX`: the boxes of one slab."""
 Cells = tuple[Ints, Ints, Row]
-"""Where each cell starts, the slots cell by cell, and their boxes."""
+"""Where each cell starts, the slots cell by cell, and their boxes in the same order."""
 
 Reaches = NDArray[Any]
-"""Of `REACH`, by slot."""
+"""(slots,) of `REACH`."""
 
-_BOX, _KNOT, _ROBOT, _PAIR, _REACH = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR, REACH))
+_BOX, _KNOT, _ROBOT, _PAIR, _REACH = (numba.from_dtype(dtype) for dtype in (BOX, KNOT, ROBOT, PAIR, REACH))
 _INTS, _REACHES = numba.int64[::1], _REACH[::1]
 
 
 @inner
 def _is_wide(box: Any, share: float) -> bool:
-    """Whether a box may reach further than into the cells next to that of its centre, or is on several floors."""
+    """Whether a box may reach beyond the cells next to that of its centre, or is on several floors."""
     return bool(box.floor == MIXED or max(box.east - box.west, box.north - box.south) * share > 1.0)
 
 
 @inner
 def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints, Ints]:
-    """The boxes of a row by the cell of their centre: where each cell's slots start, the slots, and the wide ones.
+    """Sort the boxes of a row into cells by their centres. Returns where the slots of each cell start, the slots, and
+    the slots of the wide boxes: those that changed, and those that did not.
 
-    `share` is cells a metre. Cells repeat after a power of two along x and y, so a box far away costs no room. Of the
-    wide ones, those that changed and those that did not.
+    `share` is cells a metre. Cells repeat after a power of two along x and y, so that a far box costs no memory.
     """
     across = 4
     while across * across < len(row):
@@ -95,7 +117,7 @@ def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints,
 
 @inner
 def _near(one: Any, other: Any) -> bool:
-    """Whether two boxes, or reaches, share room."""
+    """Whether two boxes, or two reaches, overlap in the plane."""
     return bool(
         (one.west <= other.east) & (other.west <= one.east) & (one.south <= other.north) & (other.south <= one.north)
     )
@@ -103,28 +125,29 @@ def _near(one: Any, other: Any) -> bool:
 
 @inner
 def _overlap(a: Any, b: Any) -> bool:
-    """Whether a box that is there shares room, slab and floor with another."""
+    """Whether box `a`, which is not absent, overlaps box `b` in the plane, in its slab and on its floor."""
     near = _near(a, b) & (a.slab == b.slab)
     return bool(near and b.floor != ABSENT and (a.floor == b.floor or min(a.floor, b.floor) == MIXED))
 
 
 @inner
-def _held_against(
-    box: Any, slot: int, own: int, others: Ints, theirs: Row, begin: int, end: int, asking: Bools, found: Pairs, n: int
+def _add_overlaps(
+    box: Any, slot: int, own: int, others: Ints, boxes: Row, begin: int, end: int, asking: Bools, found: Pairs, n: int
 ) -> int:
-    """Add the pairs of `slot` with those of `others[begin:end]` that its box overlaps; two that ask count once.
+    """Add to `found` the pairs of `slot` with those of `others[begin:end]` whose boxes overlap its `box`. A pair of two
+    slots that are both `asking` is added once. Returns how many pairs `found` holds.
 
-    `theirs` are the boxes of `others`; `own` is the place of `slot` among them, -1 if it has none.
+    `boxes` are those of `others`. `own` is the place of `slot` among `others`, -1 if it is not there.
     """
     for at in range(begin, end):
-        if _overlap(box, theirs[at]) and (at > own or (at < own and not asking[others[at]])):
+        if _overlap(box, boxes[at]) and (at > own or (at < own and not asking[others[at]])):
             found[n].a, found[n].b = slot, others[at]
             n += 1
     return n
 
 
 @inner
-def _held_against_cells(
+def _add_overlaps_in_cells(
     box: Any,
     slot: int,
     own: int,
@@ -135,8 +158,8 @@ def _held_against_cells(
     found: Pairs,
     n: int,
 ) -> int:
-    """The same with all boxes of the cells that `slot` may reach into, in the places from `first` on."""
-    start, slots, theirs = cells
+    """The same with all boxes of the cells into which `slot` may reach, from place `first` on."""
+    start, slots, boxes = cells
     across = int(np.sqrt(len(start)))
     last = across - 1
     west, east = floor(box.west * share - 0.5), floor(box.east * share + 0.5)
@@ -146,56 +169,58 @@ def _held_against_cells(
         line = (y & last) * across
         begin, end = max(start[line + low], first), start[line + high + 1]
         if low > high:
-            n = _held_against(box, slot, own, slots, theirs, begin, start[line + across], asking, found, n)
+            n = _add_overlaps(box, slot, own, slots, boxes, begin, start[line + across], asking, found, n)
             begin = max(start[line], first)
-        n = _held_against(box, slot, own, slots, theirs, begin, end, asking, found, n)
+        n = _add_overlaps(box, slot, own, slots, boxes, begin, end, asking, found, n)
     return n
 
 
 @inner
 def _asking(slots: Ints, is_changed: Bools) -> Ints:
-    """The places of those that changed."""
+    """The places in `slots` of those that changed."""
     return np.flatnonzero(is_changed[slots])
 
 
 @inner
 def _with_room(found: Pairs, needed: int) -> Pairs:
+    """`found`, or a longer copy if it has less than `needed` rows."""
     return found if needed <= len(found) else np.concatenate((found, np.empty(needed, PAIR)))
 
 
 @kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.boolean[::1], numba.float64))
-def _in_cells(boxes: NDArray[Any], rings: Ints, is_changed: Bools, share: float) -> Pairs:
-    """Narrow boxes that changed look into the cells around them, wide ones into all cells that they cover.
+def _pairs_by_cells(boxes: NDArray[Any], rings: Ints, is_changed: Bools, share: float) -> Pairs:
+    """Find the pairs by cells: a narrow box that changed is compared with the cells around it, a wide one with all
+    cells that it covers.
 
-    They are gone through cell by cell, so that what one looks at was just looked at by the one before; where all ask,
-    each looks at those after it only.
+    Boxes are compared cell by cell, so that the boxes of one comparison are still in the processor's cache for the
+    next. If all robots changed, each is compared only with those after it.
     """
     found, n = np.empty(1 << 14, PAIR), 0
     for ring in rings:
         row, before = boxes[ring], n
         start, slots, wide, still = _cells(row, is_changed, share)
-        theirs, theirs_wide, theirs_still = row[slots], row[wide], row[still]
-        cells = (start, slots, theirs)
+        narrow_boxes, wide_boxes, still_boxes = row[slots], row[wide], row[still]
+        cells = (start, slots, narrow_boxes)
         asking = _asking(slots, is_changed)
         for own in asking:
-            slot, box, first = slots[own], theirs[own], own + 1 if len(asking) == len(slots) else 0
+            slot, box, first = slots[own], narrow_boxes[own], own + 1 if len(asking) == len(slots) else 0
             found = _with_room(found, n + len(row))
-            n = _held_against(box, slot, -1, still, theirs_still, 0, len(still), is_changed, found, n)
-            n = _held_against_cells(box, slot, own, cells, first, share, is_changed, found, n)
+            n = _add_overlaps(box, slot, -1, still, still_boxes, 0, len(still), is_changed, found, n)
+            n = _add_overlaps_in_cells(box, slot, own, cells, first, share, is_changed, found, n)
         for own in range(len(wide)):
-            slot, box = wide[own], theirs_wide[own]
+            slot, box = wide[own], wide_boxes[own]
             found = _with_room(found, n + len(row))
-            n = _held_against(box, slot, -1, still, theirs_still, 0, len(still), is_changed, found, n)
-            n = _held_against_cells(box, slot, -1, cells, 0, share, is_changed, found, n)
-            n = _held_against(box, slot, own, wide, theirs_wide, own + 1, len(wide), is_changed, found, n)
+            n = _add_overlaps(box, slot, -1, still, still_boxes, 0, len(still), is_changed, found, n)
+            n = _add_overlaps_in_cells(box, slot, -1, cells, 0, share, is_changed, found, n)
+            n = _add_overlaps(box, slot, own, wide, wide_boxes, own + 1, len(wide), is_changed, found, n)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
 
 
 @kernel(_PAIR[::1](_BOX[:, ::1], _REACHES, numba.int64[::1], numba.int64[::1], numba.boolean[::1]))
-def _one_by_one(boxes: NDArray[Any], reaches: Reaches, rings: Ints, changed: Ints, is_changed: Bools) -> Pairs:
-    """The few that changed against all, without cells: slab by slab only where what they cover in all overlaps."""
+def _pairs_one_by_one(boxes: NDArray[Any], reaches: Reaches, rings: Ints, changed: Ints, is_changed: Bools) -> Pairs:
+    """Find the pairs without cells: a few changed robots against all others, slab by slab if their reaches overlap."""
     found, n = np.empty(1024, PAIR), 0
     for slot in changed:
         for other in range(len(reaches)):
@@ -203,16 +228,16 @@ def _one_by_one(boxes: NDArray[Any], reaches: Reaches, rings: Ints, changed: Int
                 continue
             found = _with_room(found, n + len(rings))
             for ring in rings:
-                one = boxes[ring, slot]
-                if one.floor != ABSENT and _overlap(one, boxes[ring, other]):
+                box = boxes[ring, slot]
+                if box.floor != ABSENT and _overlap(box, boxes[ring, other]):
                     found[n].ring, found[n].a, found[n].b = ring, slot, other
                     n += 1
     return found[:n].copy()
 
 
 @inner
-def _by_rank(slots: Ints, ranks: Ints, rows: Ints) -> Ints:
-    """`rows` in the order of the ranks of `slots[rows]`; those of one rank stay in the order they are in."""
+def _sorted_by_rank(slots: Ints, ranks: Ints, rows: Ints) -> Ints:
+    """`rows` in the order of the ranks of `slots[rows]` (stable)."""
     place, ordered = np.zeros(len(ranks) + 1, np.int64), np.empty_like(rows)
     for slot in slots:
         place[ranks[slot] + 1] += 1
@@ -226,31 +251,29 @@ def _by_rank(slots: Ints, ranks: Ints, rows: Ints) -> Ints:
 
 
 @inner
-def _beside(one: Any, other: Any) -> bool:
-    """Whether neither is above the other."""
+def _heights_overlap(one: Any, other: Any) -> bool:
+    """Whether neither robot passes above the other."""
     return bool(one.bottom <= other.top and other.bottom <= one.top)
 
 
 @kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1]))
-def in_order(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
-    """The pairs that are not above one another, the robot of the lower rank first, ascending by both ranks.
-
-    Those of the same two robots stay in the order they are in.
-    """
-    beside, n = np.empty_like(pairs), 0
+def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
+    """The pairs of which no robot passes above the other, the one of lower rank first, ascending by both ranks
+    (stable)."""
+    level, n = np.empty_like(pairs), 0
     for pair in pairs:
         a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
-        if _beside(robots[a], robots[b]):
-            beside[n].ring, beside[n].a, beside[n].b = pair.ring, a, b
+        if _heights_overlap(robots[a], robots[b]):
+            level[n].ring, level[n].a, level[n].b = pair.ring, a, b
             n += 1
-    beside = beside[:n]
-    a, b = beside["a"].copy(), beside["b"].copy()
-    return beside[_by_rank(a, ranks, _by_rank(b, ranks, np.arange(n)))]
+    level = level[:n]
+    a, b = level["a"].copy(), level["b"].copy()
+    return level[_sorted_by_rank(a, ranks, _sorted_by_rank(b, ranks, np.arange(n)))]
 
 
 @inner
 def _extent(robot: Any, knot: Any) -> tuple[float, float]:
-    """How far a robot extends along x and y from its centre, from a knot on; a turning one counts as its circle."""
+    """How far a robot extends along x and y from its centre, after a knot; a turning robot counts as its circle."""
     if knot.turn != 0.0:
         return robot.radius, robot.radius
     c, s = abs(cos(knot.yaw)), abs(sin(knot.yaw))
@@ -268,9 +291,9 @@ def _cover_robot(
     slabs: int,
     grow_m: float,
 ) -> None:
-    """The boxes of one robot, to which its reach extends; a robot without knots has none."""
+    """Set the boxes of one robot, and extend its reach by them. A robot without knots has no boxes."""
     k, end, reach = robot.first, robot.first + robot.count, reaches[slot]
-    of, along_x, along_y = -1, 0.0, 0.0
+    extent_of, along_x, along_y = -1, 0.0, 0.0
     for slab in range(first_slab, first_slab + slabs):
         box = boxes[slab % len(boxes), slot]
         box.slab, box.floor = slab, ABSENT
@@ -287,8 +310,8 @@ def _cover_robot(
                     box.west, box.east, box.south, box.north = np.inf, -np.inf, np.inf, -np.inf
                 elif box.floor != knot.floor:
                     box.floor = MIXED
-                if on != of:
-                    of, (along_x, along_y) = on, _extent(robot, knot)
+                if on != extent_of:
+                    extent_of, (along_x, along_y) = on, _extent(robot, knot)
                 since = slab - knot.t
                 for t in (begin, until):
                     x, y = knot.x + knot.vx * (since + t), knot.y + knot.vy * (since + t)
@@ -339,7 +362,7 @@ def _cover(
 
 @inner
 def _last_slabs(robots: int, a: Ints, b: Ints, until_s: Floats) -> Ints:
-    """(robots,) until which slab each is in a pair that is asked of; before all others where it is in none."""
+    """(robots,) the last slab for which each robot is in a pair; a slab before all others if it is in no pair."""
     last = np.full(robots, -(1 << 62))
     for pair in range(len(a)):
         until = floor(until_s[pair])
@@ -352,11 +375,11 @@ def _last_slabs(robots: int, a: Ints, b: Ints, until_s: Floats) -> Ints:
         _ROBOT[::1], _KNOT[::1], _INTS, _INTS, numba.float64, numba.float64[::1], numba.float64
     )
 )
-def of_chosen(
+def boxes_of_pairs(
     robots: Robots, knots: Knots, a: Ints, b: Ints, now_s: float, until_s: Floats, grow_m: float
 ) -> tuple[NDArray[Any], Pairs, Ints]:
-    """The boxes of `robots` from `now_s` on, by slab; of the pairs of slots `a` (p,) and `b` (p,), those that overlap
-    by `until_s` (p,), pair by pair and in the order of time; and of which pair they are."""
+    """The boxes of `robots` from `now_s` on, by slab; those of the pairs of slots `a` (p,) and `b` (p,) that overlap by
+    `until_s` (p,), pair by pair in the order of time; and the row of each one's pair."""
     first_slab, last = floor(now_s), _last_slabs(len(robots), a, b, until_s)
     slabs = max(last.max() - first_slab + 1, 0) if len(last) else 0
     boxes, reaches = np.empty((slabs, len(robots)), BOX), np.empty(len(robots), REACH)
@@ -365,7 +388,7 @@ def of_chosen(
         _cover_robot(boxes, reaches, slot, robots[slot], knots, first_slab, last[slot] - first_slab + 1, grow_m)
     found, pair_of, n = np.empty(1024, PAIR), np.empty(1024, np.int64), 0
     for pair in range(len(a)):
-        if not _near(reaches[a[pair]], reaches[b[pair]]) or not _beside(robots[a[pair]], robots[b[pair]]):
+        if not _near(reaches[a[pair]], reaches[b[pair]]) or not _heights_overlap(robots[a[pair]], robots[b[pair]]):
             continue
         if n + len(boxes) > len(found):
             found, pair_of = np.concatenate((found, np.empty_like(found))), np.concatenate((pair_of, pair_of))
@@ -379,8 +402,8 @@ def of_chosen(
 
 
 @kernel(numba.float64(_BOX[:, ::1], numba.int64[::1]))
-def _side(boxes: NDArray[Any], rings: Ints) -> float:
-    """Of a cell: what nine in ten boxes fit well into, by a sample."""
+def _cell_side(boxes: NDArray[Any], rings: Ints) -> float:
+    """The side of a cell, by the 90 % quantile of the sides of a sample of boxes."""
     step, n = 1 + boxes.shape[1] // 100, 0
     longest = np.empty(len(rings) * (1 + boxes.shape[1] // step))
     for ring in rings:
@@ -395,25 +418,25 @@ def _side(boxes: NDArray[Any], rings: Ints) -> float:
     return float(max(ROOMY * np.partition(longest[:n], most)[most], NARROWEST_M))
 
 
-class Boxes:
-    """The swept boxes of robots by slab; slab k of absolute time is ring row k modulo their number."""
+class SweptBoxes:
+    """The swept boxes of robots by slab. Slab k of absolute time is in ring row k modulo the number of rows."""
 
     def __init__(self, slabs: int) -> None:
-        self.all: NDArray[Any] = np.zeros((slabs, 0), BOX)
-        """(slabs, slots): a row holds some of older slabs that are not yet replaced."""
+        self.by_ring: NDArray[Any] = np.zeros((slabs, 0), BOX)
+        """(slabs, slots) of `BOX`. A row may also hold boxes of older slabs that are not replaced yet."""
         self.reaches: Reaches = np.zeros(0, REACH)
 
     def grow(self, slots: int) -> None:
         """Make room for so many slots."""
-        before, reaches = self.all, self.reaches
+        before, reaches = self.by_ring, self.reaches
         if slots > len(reaches):
-            self.all, self.reaches = np.zeros((len(before), slots), BOX), np.empty(slots, REACH)
-            self.all[:, : len(reaches)], self.reaches[: len(reaches)] = before, reaches
+            self.by_ring, self.reaches = np.zeros((len(before), slots), BOX), np.empty(slots, REACH)
+            self.by_ring[:, : len(reaches)], self.reaches[: len(reaches)] = before, reaches
             self.clear(np.arange(len(reaches), slots))
 
     def clear(self, slots: Ints) -> None:
         """Forget the boxes of `slots`."""
-        self.all["floor"][:, slots] = ABSENT
+        self.by_ring["floor"][:, slots] = ABSENT
         self.reaches[slots] = NOWHERE
 
     def cover(
@@ -427,14 +450,15 @@ class Boxes:
         *,
         anew: bool = False,
     ) -> None:
-        """Set the boxes of `slots` for `slabs` slabs from `first_slab` on, grown by `grow_m` to each side; where it is
-        done `anew`, those of other slabs are forgotten."""
-        _cover(self.all, self.reaches, slots, robots, knots, first_slab, slabs, grow_m, anew)
+        """Set the boxes of `slots` for `slabs` slabs from `first_slab` on, grown by `grow_m` to each side. If `anew`,
+        their boxes of other slabs are dropped."""
+        _cover(self.by_ring, self.reaches, slots, robots, knots, first_slab, slabs, grow_m, anew)
 
-    def pairs(self, changed: Ints, rings: Ints) -> Pairs:
-        """Each pair of boxes of one slab that overlap, in ring rows `rings`, at least one of them `changed`'s; once."""
+    def overlapping_pairs(self, changed: Ints, rings: Ints) -> Pairs:
+        """Each pair of overlapping boxes of one slab in the ring rows `rings`, of which at least one is of a `changed`
+        slot, once."""
         is_changed = np.zeros(len(self.reaches), bool)
         is_changed[changed] = True
         if len(changed) <= FEW or len(changed) * len(is_changed) <= FEW_PAIRS:
-            return _one_by_one(self.all, self.reaches, rings, changed, is_changed)
-        return _in_cells(self.all, rings, is_changed, 1.0 / _side(self.all, rings))
+            return _pairs_one_by_one(self.by_ring, self.reaches, rings, changed, is_changed)
+        return _pairs_by_cells(self.by_ring, rings, is_changed, 1.0 / _cell_side(self.by_ring, rings))

@@ -1,7 +1,7 @@
-"""FCL, where advancement leaves a pair open. The only file that imports it.
+"""First contact by FCL, for pairs that advancement leaves open. The only file that imports FCL.
 
-`fcl.collide` of two boxes is exact; `continuousCollide` and `distance` are not to be relied on (docs/sweep.md). Two
-boxes and two objects are made once and moved, since each object leaks a little; only return values are read.
+`fcl.collide` of two boxes is exact. `continuousCollide` and `distance` are not reliable (docs/sweep.md). Two boxes and
+two objects are made once and moved, since each object leaks some memory. Only return values are read.
 """
 
 from math import cos, hypot, inf, sin
@@ -13,7 +13,7 @@ import numpy as np
 from deconflict.sweep.narrowphase import MOTION, Motions
 
 HEIGHT_M = 1.0
-"""Of both boxes: the question is one of the plan, and heights must be equal for FCL to answer it exactly."""
+"""Height of both boxes. The question is two-dimensional, and FCL answers it exactly if the heights are equal."""
 
 _BOXES = (fcl.Box(1.0, 1.0, HEIGHT_M), fcl.Box(1.0, 1.0, HEIGHT_M))
 _OBJECTS = tuple(fcl.CollisionObject(box, fcl.Transform()) for box in _BOXES)
@@ -21,29 +21,29 @@ _REQUEST = fcl.CollisionRequest()
 
 
 class FclCheck:
-    """First contact by halving, FCL excluding what it can."""
+    """Finds the first contact by halving the time; FCL excludes intervals without contact."""
 
     def __init__(self, target_m: float, tolerance_m: float) -> None:
         self._target_m, self._tolerance_m = target_m, tolerance_m
         self.calls = 0
-        """Of FCL."""
+        """Calls of FCL."""
 
     def first_contact(self, motions: Motions, from_t: float) -> float:
-        """The first time after `from_t` within the target, to the tolerance; inf for none. Motions are in order."""
-        return next((t for motion in motions if (t := self._in_one(_Pair(motion), from_t)) < inf), inf)
+        """The first time after `from_t` within the target distance, to the tolerance; inf if there is none. Motions are
+        in the order of time."""
+        return next((t for motion in motions if (t := self._in_one(_MovingRectangles(motion), from_t)) < inf), inf)
 
-    def _in_one(self, one: "_Pair", from_t: float) -> float:
-        """Over [a, b] no point of B moves further from where it is at the middle, as A sees it, than
-        R = (|v| + |w| r)(b - a) / 2. If A grown by R and the target is clear of B there, so is all of [a, b].
-        """
-        stack: list[tuple[float, float]] = [(max(from_t, one.begin), one.end)] if from_t <= one.end else []
+    def _in_one(self, motion: "_MovingRectangles", from_t: float) -> float:
+        """Over [a, b], no point of B moves further from its place at the middle, as A sees it, than R = (|v| + |w| r)(b
+        - a) / 2. If A grown by R and the target does not touch B there, there is no contact in [a, b]."""
+        stack: list[tuple[float, float]] = [(max(from_t, motion.begin), motion.end)] if from_t <= motion.end else []
         while stack:
             a, b = stack.pop()
-            middle, reach = (a + b) / 2, one.speed * (b - a) / 2
+            middle, reach = (a + b) / 2, motion.speed * (b - a) / 2
             self.calls += 1
-            if not one.touches(middle, self._target_m + reach):
+            if not motion.touches(middle, self._target_m + reach):
                 continue
-            apart_m = one.distance(middle) if self._target_m else 0.0
+            apart_m = motion.distance(middle) if self._target_m else 0.0
             if apart_m > self._target_m + reach:
                 continue
             if reach <= 0.35 * self._tolerance_m:
@@ -52,7 +52,7 @@ class FclCheck:
         return inf
 
 
-class _Pair:
+class _MovingRectangles:
     """One `MOTION` in plain numbers."""
 
     def __init__(self, motion: Any) -> None:
@@ -66,7 +66,7 @@ class _Pair:
         self.speed = hypot(self.vx, self.vy) + sum(abs(w) * r for w, r in zip(self.turns, radii, strict=True))
 
     def touches(self, t: float, grow_m: float) -> bool:
-        """Whether A, its sides grown by `grow_m`, meets B at `t`."""
+        """Whether A, its sides grown by `grow_m`, touches B at `t`."""
         into = t - self.begin
         for box, half, grown in zip(_BOXES, self.halves, (grow_m, 0.0), strict=True):
             box.side = np.array([2 * (half[0] + grown), 2 * (half[1] + grown), HEIGHT_M])
@@ -76,7 +76,8 @@ class _Pair:
         return bool(fcl.collide(*_OBJECTS, _REQUEST, fcl.CollisionResult()))
 
     def distance(self, t: float) -> float:
-        """Distance at `t` of rectangles that do not overlap, of any of their corners to the other; see `gap`."""
+        """Distance at `t` of rectangles that do not overlap: from a corner of one to the other; see
+        `narrowphase.gap`."""
         into = t - self.begin
         x, y = self.dx + self.vx * into, self.dy + self.vy * into
         (yaw_a, yaw_b), (a, b) = self._yaws(into), self.halves
@@ -86,19 +87,19 @@ class _Pair:
         return self.yaws[0] + self.turns[0] * into, self.yaws[1] + self.turns[1] * into
 
 
-def _move(moved: fcl.CollisionObject, x: float, y: float, yaw: float) -> None:
-    moved.setTranslation(np.array([x, y, 0.0]))
-    moved.setQuatRotation(np.array([cos(yaw / 2), 0.0, 0.0, sin(yaw / 2)]))
+def _move(body: fcl.CollisionObject, x: float, y: float, yaw: float) -> None:
+    body.setTranslation(np.array([x, y, 0.0]))
+    body.setQuatRotation(np.array([cos(yaw / 2), 0.0, 0.0, sin(yaw / 2)]))
 
 
 def _corner_distance(
-    x: float, y: float, yaw: float, other_yaw: float, half: tuple[float, ...], other: tuple[float, ...]
+    x: float, y: float, yaw: float, other_yaw: float, half: tuple[float, ...], other_half: tuple[float, ...]
 ) -> float:
-    """From the rectangle at the origin to the nearest corner of the other, at (x, y)."""
+    """Distance from the rectangle at the origin to the nearest corner of the other one, at (x, y)."""
     c, s = cos(yaw), sin(yaw)
     cx, cy = c * x + s * y, c * y - s * x
     c, s = cos(other_yaw - yaw), sin(other_yaw - yaw)
-    corners = ((i * other[0], j * other[1]) for i in (1, -1) for j in (1, -1))
+    corners = ((i * other_half[0], j * other_half[1]) for i in (1, -1) for j in (1, -1))
     return min(
         hypot(max(abs(cx + u * c - w * s) - half[0], 0.0), max(abs(cy + u * s + w * c) - half[1], 0.0))
         for u, w in corners

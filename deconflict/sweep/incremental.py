@@ -1,4 +1,4 @@
-"""A floor that is swept again and again: only robots that changed are, against all others."""
+"""The sweep of a floor, pass after pass: only robots that changed are swept, against all others."""
 
 from collections.abc import Iterable, Sequence
 from itertools import chain, repeat
@@ -8,69 +8,78 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.sweep.broadphase import PAIR, Boxes, Pairs, in_order
+from deconflict.sweep.broadphase import PAIR, Pairs, SweptBoxes, sorted_pairs
 from deconflict.sweep.contact_intervals import (
     CONTACT_INTERVAL,
     ContactIntervals,
     PairNames,
     by_pair,
     in_span,
-    joined,
-    kept,
-    mended,
-    met,
+    intervals_of,
+    merged,
+    still_valid,
+    with_contacts,
 )
 from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.encounter import Encounters, encounters
 from deconflict.sweep.geometry.knots import Knots, Robots, faults
-from deconflict.sweep.narrowphase import Found, Span, meet, motions_of, smallest_of, start_distances
+from deconflict.sweep.narrowphase import (
+    Contacts,
+    Span,
+    find_contacts,
+    motions_of,
+    smallest_separation,
+    start_distances,
+)
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Forecasts, Ints
 
 TOLERANCE_M = 1e-3
-"""First contact is the first time within so much of the clearance."""
+"""First contact is the first time at which the distance is within this of the clearance."""
 ACCURACY_M = 1e-3
-"""Of the smallest separation."""
+"""Accuracy of the smallest separation."""
 ROUNDS = 100
-"""Of advancement, after which a pair is left open, and FCL decides."""
+"""After so many steps of advancement a pair is left open, and FCL decides."""
 AHEAD = 1
-"""Slabs covered beyond the horizon, so that a robot that reports every second is covered once for each report."""
+"""So many slabs are covered beyond the horizon, so that a robot that reports every second is covered once for each
+report."""
 
 
 class PairConflicts(NamedTuple):
-    """c pairs that come within the clearance, ascending by keys, and what the pass cost."""
+    """c pairs that come within the clearance, ascending by keys, and the work of the pass."""
 
     pairs: tuple[tuple[str, str], ...]
     before: Ints
-    """(c,) the place of each pair among those of the last pass; -1 where it is not known to be one."""
+    """(c,) the place of each pair in the result of the last pass; -1 if it is not known to be there."""
     contact_s: Floats
-    """(c,) first time within the clearance, to a millimetre and never late; `now_s` where they begin so."""
+    """(c,) first time within the clearance, to a millimetre and never late; `now_s` if the two are within it then."""
     separation_m: Floats
-    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 where they overlap."""
+    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 if they overlap."""
     separation_at_s: Floats
-    """(c,) a time at which it is reached."""
+    """(c,) a time at which that is reached."""
     start_separation_m: Floats
-    """(c,) distance at `now_s`, or when the later of the two appears; inf where that is on another floor."""
+    """(c,) distance at `now_s`, or when the later of the two appears; inf if they are on different floors."""
     fresh: Bools
     """(c,) whether either robot's forecast is new since the last pass."""
     box_pairs: int
-    """Pairs of robots and slabs that the broad phase left."""
+    """Pairs of boxes that the broad phase left."""
     segment_pairs: int
-    """Pairs of segments that were looked at."""
+    """Pairs of segments of forecasts in these boxes."""
     advanced_pairs: int
-    """Of those, the ones whose circles come near enough for a closer look."""
+    """Those of them whose circles come near enough for advancement."""
     fcl_calls: int
+    """Calls of FCL."""
 
 
-Where = tuple[NDArray[Any], Robots, Knots]
+FloorState = tuple[NDArray[Any], Robots, Knots]
 """Boxes, robots and knots, by slot."""
 
 
 class Sweeper:
-    """Keeps meetings by pair and slab of absolute time, so that they hold as the horizon moves on.
+    """Keeps contact intervals by pair and slab of absolute time, so that they hold as the horizon moves on.
 
-    Each pass sweeps the robots that changed, and looks again only at meetings that an edge of the horizon cuts. The
-    answer depends on what is on the floor, not on the order or the batches in which it came.
+    Each pass sweeps the robots that changed, and computes anew only the intervals that an edge of the horizon cuts. The
+    result depends on what is on the floor, not on the order or the batches in which it came.
     """
 
     def __init__(self, *, clearance_m: float, horizon_s: float = 10.0) -> None:
@@ -81,104 +90,108 @@ class Sweeper:
         self._slabs = ceil(horizon_s) + 1 + AHEAD
         self._slot_table = SlotTable()
         self._touched: Bools = np.zeros(0, bool)
-        """(slots,) whether a slot's robot changed or left since the last pass."""
-        self._told: Bools = np.zeros(0, bool)
-        """(slots,) whether a slot's forecast is new since the last pass."""
+        """(slots,) whether the robot changed or left since the last pass."""
+        self._is_new: Bools = np.zeros(0, bool)
+        """(slots,) whether the forecast is new since the last pass."""
         self._since: Ints = np.zeros(0, np.int64)
-        """(slots,) the first slab from which on a robot has boxes without a gap."""
+        """(slots,) the slab from which on a robot has boxes without a gap."""
         self._covered: Ints = np.zeros(0, np.int64)
         """(slots,) the last slab for which a robot has boxes."""
         self._first_slab = 0
-        """Of the last pass: only where time goes back from it do boxes lack that were covered."""
-        self._boxes = Boxes(self._slabs)
+        """First slab of the last pass. If time goes back before it, boxes are missing."""
+        self._boxes = SweptBoxes(self._slabs)
         self._rings: Ints = np.arange(2 * self._slabs) % self._slabs
-        """Of slabs in a row, from any on."""
-        self._meetings: ContactIntervals = np.empty(0, CONTACT_INTERVAL)
+        """The ring rows of successive slabs, twice, so that the rows of any range are a slice."""
+        self._intervals: ContactIntervals = np.empty(0, CONTACT_INTERVAL)
         self._names = PairNames()
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
 
     def update(
         self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None = None
     ) -> tuple[tuple[str, str], ...]:
-        """Replace the forecasts of `keys`, one row each; key and reason of those that can't be swept.
+        """Replace the forecasts of `keys`, one row each. Returns the key and reason of each forecast that can't be
+        swept.
 
-        The envelopes are `widened_m` (n,) longer and wider than the robots are; as they are where that is not given.
+        The envelopes are `widened_m` (n,) longer and wider than the robots are; just as long and wide if that is None.
 
-        A robot whose new forecast is invalid is off the floor until its next one: its old forecast is no longer what
-        it says. Of a key that is there twice the later row counts.
+        A robot whose new forecast is invalid is off the floor until its next one: its old forecast no longer holds. If
+        a key is there twice, the later row counts.
         """
-        if len(set(keys)) == len(keys) and self._put(keys, forecasts, widened_m):
+        if len(set(keys)) == len(keys) and self._replace(keys, forecasts, widened_m):
             return ()
-        wrong, newest = faults(forecasts), {key: row for row, key in enumerate(keys)}
-        self.discard(key for key, row in newest.items() if row in wrong)
-        newest = {key: row for key, row in newest.items() if row not in wrong}
+        reasons, newest = faults(forecasts), {key: row for row, key in enumerate(keys)}
+        self.discard(key for key, row in newest.items() if row in reasons)
+        newest = {key: row for key, row in newest.items() if row not in reasons}
         rows = list(newest.values())
-        self._put(list(newest), forecasts.take(rows), None if widened_m is None else widened_m[rows])
-        return tuple((keys[row], reason) for row, reason in sorted(wrong.items()))
+        self._replace(list(newest), forecasts.take(rows), None if widened_m is None else widened_m[rows])
+        return tuple((keys[row], reason) for row, reason in sorted(reasons.items()))
 
-    def _put(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None) -> bool:
-        """Whether the forecasts of `keys`, which are all different, could be replaced: not where any is invalid."""
+    def _replace(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None) -> bool:
+        """Replace the forecasts of `keys`, which are all different. Returns False, and changes nothing, if any forecast
+        is invalid."""
         slots = self._slot_table.replace_forecasts(keys, forecasts, 0.0 if widened_m is None else widened_m)
-        for flags in (self._touched, self._told):
+        for flags in (self._touched, self._is_new):
             flags.resize(len(self._slot_table), refcheck=False)
             if slots is not None:
                 flags[slots] = True
         return slots is not None
 
     def discard(self, keys: Iterable[str]) -> None:
-        """Take robots off the floor."""
+        """Remove robots from the floor."""
         if left := self._slot_table.discard(keys):
             self._touched[left] = True
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
-        """(n,) of `ENCOUNTER`: how the robots of n pairs, as long and wide as they are, meet at each of the times."""
+        """(n,) of `ENCOUNTER`: how the robots of n pairs meet at these times, with their sizes as reported."""
         slots = np.fromiter(
             map(self._slot_table.slots.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
         )
         return encounters(self._slot_table.robots, self._slot_table.knots, self._slot_table.widened_m, slots, at_s)
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
-        """The robots of `keys` as they are on the floor, and their knots; those that are not have none."""
+        """Copies of the robots of `keys` and of their knots; a robot that is not on the floor has no knots."""
         return self._slot_table.copied(keys)
 
     def find_conflicts(self, now_s: float, reach_s: float = inf, accuracy_m: float = 0.0) -> PairConflicts:
-        """The conflicts in [`now_s`, `now_s` + horizon], or in the shorter `reach_s`.
+        """The conflicts in [`now_s`, `now_s` + horizon], or in a shorter span of `reach_s`.
 
-        The smallest separations of the pairs that are looked at anew are told to `accuracy_m` where that is coarser
-        than a millimetre, never too small.
+        `accuracy_m` may make the smallest separations of newly computed pairs coarser than a millimetre. They are never
+        too small.
         """
         self._accuracy_m, reach_s = max(accuracy_m, ACCURACY_M), min(reach_s, self._horizon_s)
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
-        decider = FclCheck(self._clearance_m, TOLERANCE_M)
+        fcl_check = FclCheck(self._clearance_m, TOLERANCE_M)
         first_slab, last_slab = floor(now_s), floor(now_s + reach_s)
-        is_changed, told = self._taken_in(first_slab)
-        self._meetings, changed = kept(self._meetings, is_changed, first_slab), np.flatnonzero(is_changed)
+        is_changed, is_new = self._begin_pass(first_slab)
+        self._intervals, changed = still_valid(self._intervals, is_changed, first_slab), np.flatnonzero(is_changed)
         slabs = ceil(reach_s) + 1 + AHEAD
-        pairs = [self._covered_anew(changed, first_slab, slabs), *self._covered_further(first_slab, last_slab, slabs)]
-        for some in pairs:
-            self._meetings = joined(self._meetings, self._meet(some, decider), self._slot_table.ranks())
-        return self._listed(self._within(now_s, now_s + reach_s, decider), now_s, told, decider)
+        new_pairs = [self._cover_changed(changed, first_slab, slabs)]
+        new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
+        for pairs in new_pairs:
+            intervals = self._intervals_of(pairs, fcl_check)
+            self._intervals = merged(self._intervals, intervals, self._slot_table.ranks())
+        return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 
-    def _taken_in(self, first_slab: int) -> tuple[Bools, Bools]:
-        """Which slots to cover anew, and which have a new forecast."""
+    def _begin_pass(self, first_slab: int) -> tuple[Bools, Bools]:
+        """(slots,) which robots to cover anew, and which have a new forecast."""
         slots = len(self._slot_table)
         for column in (self._since, self._covered):
             column.resize(slots, refcheck=False)
         self._boxes.grow(slots)
-        is_changed, told = self._touched, self._told
+        is_changed, is_new = self._touched, self._is_new
         if first_slab < self._first_slab:
             is_changed |= np.maximum(self._since, self._covered - self._slabs + 1) > first_slab
-        self._touched, self._told, self._first_slab = np.zeros(slots, bool), np.zeros(slots, bool), first_slab
-        return is_changed, told
+        self._touched, self._is_new, self._first_slab = np.zeros(slots, bool), np.zeros(slots, bool), first_slab
+        return is_changed, is_new
 
-    def _covered_anew(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
-        """Cover the robots of `changed` in so many slabs from `first_slab` on; the pairs of boxes to look at."""
+    def _cover_changed(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
+        """Cover the changed robots in so many slabs from `first_slab` on. Returns the pairs of boxes to look at."""
         self._since[changed] = first_slab
         self._cover(changed, first_slab, slabs, anew=True)
-        return self._boxes.pairs(changed, self._rings_of(first_slab, slabs))
+        return self._boxes.overlapping_pairs(changed, self._rings_of(first_slab, slabs))
 
-    def _covered_further(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
-        """Cover robots without news in the slabs that have come into view; the pairs of boxes to look at."""
+    def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
+        """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at."""
         behind, found = np.flatnonzero(self._covered < last_slab), []
         if not len(behind):
             return []
@@ -189,7 +202,7 @@ class Sweeper:
             if begin > covered + 1:
                 self._since[slots] = begin
             self._cover(slots, begin, end - begin)
-            found.append(self._boxes.pairs(slots, self._rings_of(begin, end - begin)))
+            found.append(self._boxes.overlapping_pairs(slots, self._rings_of(begin, end - begin)))
         return found
 
     def _rings_of(self, first_slab: int, slabs: int) -> Ints:
@@ -202,40 +215,41 @@ class Sweeper:
         grow_m = self._clearance_m / 2 + TOLERANCE_M
         self._boxes.cover(slots, self._slot_table.robots, self._slot_table.knots, first_slab, slabs, grow_m, anew=anew)
 
-    def _meet(self, pairs: Pairs, decider: FclCheck) -> ContactIntervals:
-        """The meetings of pairs in their slabs."""
-        pairs = in_order(pairs, self._slot_table.ranks(), self._slot_table.robots)
-        return met(pairs, self._looked_at(pairs, (-inf, inf), decider), self._boxes.all)
+    def _intervals_of(self, pairs: Pairs, fcl_check: FclCheck) -> ContactIntervals:
+        """The contact intervals of pairs in their slabs."""
+        pairs = sorted_pairs(pairs, self._slot_table.ranks(), self._slot_table.robots)
+        return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 
-    def _looked_at(self, pairs: Pairs, span: Span, decider: FclCheck) -> Found:
-        """What becomes of each pair within `span`, counted; what advancement leaves open FCL decides."""
-        boxes, robots, knots = self._where()
-        found, opened, looked_at, advanced = meet(
+    def _contacts(self, pairs: Pairs, span: Span, fcl_check: FclCheck) -> Contacts:
+        """The contact of each pair within `span`. FCL decides what advancement leaves open. Counts the work."""
+        boxes, robots, knots = self._floor_state()
+        contacts, opened, segment_pairs, advanced = find_contacts(
             pairs, boxes, robots, knots, span, self._clearance_m, TOLERANCE_M, self._accuracy_m, ROUNDS
         )
         self._box_pairs += len(pairs)
-        self._segment_pairs += looked_at
+        self._segment_pairs += segment_pairs
         self._advanced_pairs += advanced
-        for row in np.flatnonzero(found["open"] < inf).tolist() if opened else ():
+        for row in np.flatnonzero(contacts["open"] < inf).tolist() if opened else ():
             motions = motions_of(pairs[row : row + 1], boxes, robots, knots, span)
-            contact = decider.first_contact(motions, float(found["open"][row]))
-            least = smallest_of(motions, self._accuracy_m) if contact < inf else (inf, inf)
-            found[row] = (contact, *least, inf)
-        return found
+            contact = fcl_check.first_contact(motions, float(contacts["open"][row]))
+            separation = smallest_separation(motions, self._accuracy_m) if contact < inf else (inf, inf)
+            contacts[row] = (contact, *separation, inf)
+        return contacts
 
-    def _where(self) -> Where:
-        return self._boxes.all, self._slot_table.robots, self._slot_table.knots
+    def _floor_state(self) -> FloorState:
+        return self._boxes.by_ring, self._slot_table.robots, self._slot_table.knots
 
-    def _within(self, begin_s: float, end_s: float, decider: FclCheck) -> ContactIntervals:
-        """The meetings of the horizon; what one of its edges cuts off is looked for again in the part inside."""
-        pairs = np.empty(len(self._meetings), PAIR)
-        some, cut = in_span(self._meetings, begin_s, end_s, self._slabs, pairs)
+    def _within(self, begin_s: float, end_s: float, fcl_check: FclCheck) -> ContactIntervals:
+        """The intervals of the horizon. Those that an edge of it cuts are computed anew for the part inside."""
+        cut_pairs = np.empty(len(self._intervals), PAIR)
+        intervals, cut = in_span(self._intervals, begin_s, end_s, self._slabs, cut_pairs)
         if not len(cut):
-            return some
-        return mended(some, cut, self._looked_at(pairs[: len(cut)], (begin_s, end_s), decider), begin_s, end_s)
+            return intervals
+        contacts = self._contacts(cut_pairs[: len(cut)], (begin_s, end_s), fcl_check)
+        return with_contacts(intervals, cut, contacts, begin_s, end_s)
 
-    def _listed(self, m: ContactIntervals, now_s: float, told: Bools, decider: FclCheck) -> PairConflicts:
-        a, b, contact_s, separation_m, separation_at_s, fresh = by_pair(m, told, now_s)
+    def _listed(self, intervals: ContactIntervals, now_s: float, is_new: Bools, fcl_check: FclCheck) -> PairConflicts:
+        a, b, contact_s, separation_m, separation_at_s, fresh = by_pair(intervals, is_new, now_s)
         pairs, before = self._names.of(a, b, self._slot_table.keys, self._slot_table.ranks())
         return PairConflicts(
             pairs=pairs,
@@ -243,10 +257,10 @@ class Sweeper:
             contact_s=contact_s,
             separation_m=separation_m,
             separation_at_s=separation_at_s,
-            start_separation_m=start_distances(a, b, *self._where(), now_s),
+            start_separation_m=start_distances(a, b, *self._floor_state(), now_s),
             fresh=fresh,
             box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
             advanced_pairs=self._advanced_pairs,
-            fcl_calls=decider.calls,
+            fcl_calls=fcl_check.calls,
         )

@@ -1,10 +1,13 @@
-"""Two robots in one slab: the first contact of their envelopes, and their smallest separation.
+"""The narrow phase: the first contact of two envelopes in one slab, and their smallest separation.
 
-First contact is by certified advancement: along a direction n that is held, the gap closes at no more than
--v.n + |wA| rA + |wB| rB, so for (gap - target) over that there is no contact (the idea of conservative advancement,
-Mirtich 1996, with a directional bound). Any n may be taken: the axes of the sides are cheap and settle most pairs at
-once, the direction between the closest features, in which the gap is the distance, settles what they leave. The
+First contact is found by certified advancement. Along a fixed direction n, the gap closes at most at the speed
+-v.n + |wA| rA + |wB| rB, so there is no contact for at least (gap - target) divided by that speed (conservative
+advancement, Mirtich 1996, with a directional bound). Any n is valid. The axes of the sides are cheap and settle most
+pairs at once. The direction between the closest features, along which the gap is the distance, settles the others. The
 smallest separation is found by branch and bound with the same bound.
+
+The file is long because all of it is one compiled calculation: motions from knots, distances, advancement and bound
+are inlined into the kernels at its end. Kernels take boxes, robots and knots as separate arrays of records.
 """
 
 from math import copysign, cos, floor, inf, sin, sqrt
@@ -22,44 +25,80 @@ from ingest.kernels import inner, kernel
 
 TINY_MPS = 1e-12
 NEAR_M = 0.02
-"""So near the target, the distance itself is looked at."""
+"""So near the target, the exact distance is computed."""
 MOST_HALVINGS = 40
+"""Branch and bound halves a motion at most so often."""
 BLOCK = 32
-"""So many pairs have their first knots read together, so that the waits for memory overlap."""
+"""The first knots of so many pairs are read together, so that the waits for memory overlap."""
 CLEAR, MET, OPEN = 0, 1, 2
+"""Results of advancement: no contact, contact, and undecided."""
 
-_MOTION_FIELDS = (
-    *("begin", "end", "dx", "dy", "vx", "vy", "yaw_a", "yaw_b", "turn_a", "turn_b"),
-    *("cos_a", "sin_a", "cos_b", "sin_b", "length_a", "width_a", "length_b", "width_b", "swing"),
+MOTION = np.dtype(
+    [
+        ("begin", np.float64),  # seconds into the slab
+        ("end", np.float64),
+        ("dx", np.float64),  # from A's centre to B's, at `begin`
+        ("dy", np.float64),
+        ("vx", np.float64),  # velocity of B relative to A
+        ("vy", np.float64),
+        ("yaw_a", np.float64),  # headings at `begin`
+        ("yaw_b", np.float64),
+        ("turn_a", np.float64),  # turning rates, radians a second
+        ("turn_b", np.float64),
+        ("cos_a", np.float64),  # of the headings at `begin`
+        ("sin_a", np.float64),
+        ("cos_b", np.float64),
+        ("sin_b", np.float64),
+        ("length_a", np.float64),  # half sides
+        ("width_a", np.float64),
+        ("length_b", np.float64),
+        ("width_b", np.float64),
+        ("swing", np.float64),  # highest speed at which turning alone can close a gap, metres a second
+    ],
+    align=True,
 )
-MOTION = np.dtype([(name, np.float64) for name in _MOTION_FIELDS], align=True)
-"""A rectangle B that moves past another, A, straight and turning evenly. `begin` and `end` are seconds into the slab;
-B's centre from A's, and the headings, are those at `begin`; lengths and widths are half sides. `swing` is the fastest
-that turning alone can close a gap, metres a second."""
+"""A rectangle B that moves past another one, A, along a straight line and turning evenly."""
 
-FOUND = np.dtype([(name, np.float64) for name in ("contact", "separation", "separation_at", "open")], align=True)
-"""First contact, inf for none; smallest separation where there is contact, and when; from when on contact is left
-open, inf where it is not. Times are seconds into the slab."""
+CONTACT = np.dtype(
+    [
+        ("contact", np.float64),  # first contact, inf if there is none
+        ("separation", np.float64),  # smallest separation, if there is contact
+        ("separation_at", np.float64),  # when that is
+        ("open", np.float64),  # from when on contact is undecided, inf if it is decided
+    ],
+    align=True,
+)
+"""The contact of one pair. Times are seconds into the slab."""
 
-PLACE = np.dtype([(name, np.float64) for name in ("t", "x", "y", "cos", "sin")] + [("floor", np.int64)], align=True)
-"""Where a robot's centre is at `t`, its heading, and on which floor."""
+PLACE = np.dtype(
+    [
+        ("t", np.float64),
+        ("x", np.float64),  # centre at `t`
+        ("y", np.float64),
+        ("cos", np.float64),  # of the heading
+        ("sin", np.float64),
+        ("floor", np.int64),
+    ],
+    align=True,
+)
+"""The place of a robot at one moment."""
 
 Motions = NDArray[Any]
 """Of `MOTION`."""
 Two = tuple[float, float]
 Span = Two
 """Times since the epoch, from and until."""
-Found = NDArray[Any]
-"""Of `FOUND`."""
+Contacts = NDArray[Any]
+"""Of `CONTACT`."""
 
-_BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(one) for one in (BOX, KNOT, ROBOT, PAIR))
+_BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(dtype) for dtype in (BOX, KNOT, ROBOT, PAIR))
 _TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
-_MOTION, _FOUND = numba.from_dtype(MOTION), numba.from_dtype(FOUND)
+_MOTION, _CONTACT = numba.from_dtype(MOTION), numba.from_dtype(CONTACT)
 
 
 @inner
 def _turned(m: Any, into: float) -> tuple[float, float, float, float]:
-    """Cosine and sine of A's heading, and of B's, so long after `begin`."""
+    """Cosine and sine of A's heading, and of B's, `into` seconds after `begin`."""
     ca, sa, cb, sb = m.cos_a, m.sin_a, m.cos_b, m.sin_b
     if m.turn_a != 0.0:
         yaw = m.yaw_a + m.turn_a * into
@@ -74,11 +113,11 @@ def _turned(m: Any, into: float) -> tuple[float, float, float, float]:
 def _between(
     dx: float, dy: float, facing_a: Two, facing_b: Two, half_a: Two, half_b: Two
 ) -> tuple[float, float, float]:
-    """The distance of rectangle B from A, and the unit direction between the closest features; all 0 for an overlap.
+    """The distance of rectangle B from A, and the unit vector between the closest features; all 0 if they overlap.
 
-    (dx, dy) is from centre to centre; of each its heading's cosine and sine, and its half sides. Two convex polygons
-    that do not overlap are closest at a corner of one of them; whether they overlap is told by the four axes of their
-    sides (Gottschalk, Lin and Manocha 1996, in the plane).
+    (dx, dy) is from centre to centre. `facing` is the cosine and sine of a heading. Two convex polygons that do not
+    overlap are closest at a corner of one of them. The four axes of their sides show whether they overlap (Gottschalk,
+    Lin and Manocha 1996, in the plane).
     """
     (ca, sa), (cb, sb), (length_a, width_a), (length_b, width_b) = facing_a, facing_b, half_a, half_b
     c, s = ca * cb + sa * sb, ca * sb - sa * cb
@@ -103,7 +142,7 @@ def _between(
 
 @inner
 def gap(m: Any, t: float) -> tuple[float, float, float]:
-    """The distance at `t`, and the unit direction between the closest features, from A to B; all 0 for an overlap."""
+    """The distance at `t`, and the unit vector between the closest features, from A to B; all 0 if they overlap."""
     into = t - m.begin
     ca, sa, cb, sb = _turned(m, into)
     half_a, half_b = (m.length_a, m.width_a), (m.length_b, m.width_b)
@@ -114,7 +153,8 @@ def gap(m: Any, t: float) -> tuple[float, float, float]:
 def _along(
     m: Any, dx: float, dy: float, ux: float, uy: float, near: float, far: float, target_m: float
 ) -> tuple[float, float]:
-    """The gap along (ux, uy), where the rectangles reach so far from their centres, and how long the target holds."""
+    """The gap along the unit vector (ux, uy), and for how long it surely stays above the target. Along that vector the
+    rectangles reach `near` and `far` from their centres."""
     at = ux * dx + uy * dy
     gap_m = abs(at) - near - far
     closing = m.swing - copysign(1.0, at) * (ux * m.vx + uy * m.vy)
@@ -123,24 +163,25 @@ def _along(
 
 @inner
 def apart(m: Any, t: float, target_m: float) -> tuple[float, float]:
-    """The widest gap at `t` along any of the sides' axes, and for how long the distance surely stays above the target.
+    """The widest gap at `t` along any axis of the sides, and for how long the distance surely stays above the target.
 
-    The gap is never more than the distance, and negative for an overlap; seconds are 0 where no axis shows any.
+    The gap is never more than the distance, and negative if the two overlap. The duration is 0 if no axis shows any.
     """
     into = t - m.begin
     dx, dy = m.dx + m.vx * into, m.dy + m.vy * into
     ca, sa, cb, sb = _turned(m, into)
     c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
-    one = _along(m, dx, dy, ca, sa, m.length_a, m.length_b * c + m.width_b * s, target_m)
-    two = _along(m, dx, dy, -sa, ca, m.width_a, m.length_b * s + m.width_b * c, target_m)
-    three = _along(m, dx, dy, cb, sb, m.length_b, m.length_a * c + m.width_a * s, target_m)
-    four = _along(m, dx, dy, -sb, cb, m.width_b, m.length_a * s + m.width_a * c, target_m)
-    return max(one[0], two[0], three[0], four[0]), max(one[1], two[1], three[1], four[1], 0.0)
+    along_a = _along(m, dx, dy, ca, sa, m.length_a, m.length_b * c + m.width_b * s, target_m)
+    across_a = _along(m, dx, dy, -sa, ca, m.width_a, m.length_b * s + m.width_b * c, target_m)
+    along_b = _along(m, dx, dy, cb, sb, m.length_b, m.length_a * c + m.width_a * s, target_m)
+    across_b = _along(m, dx, dy, -sb, cb, m.width_b, m.length_a * s + m.width_a * c, target_m)
+    widest_m = max(along_a[0], across_a[0], along_b[0], across_b[0])
+    return widest_m, max(along_a[1], across_a[1], along_b[1], across_b[1], 0.0)
 
 
 @inner
 def nearest_centres(m: Any) -> tuple[float, float]:
-    """When the centres are nearest to each other, and their distance then."""
+    """When the centres are nearest to each other, and their distance at that time."""
     speed_squared = m.vx * m.vx + m.vy * m.vy
     into = -(m.dx * m.vx + m.dy * m.vy) / speed_squared if speed_squared > 0.0 else 0.0
     into = min(max(into, 0.0), m.end - m.begin)
@@ -150,7 +191,8 @@ def nearest_centres(m: Any) -> tuple[float, float]:
 
 @inner
 def first_contact(m: Any, target_m: float, tolerance_m: float, rounds: int) -> tuple[float, int]:
-    """`MET` and the first time within the target, to the tolerance and never late; `CLEAR`; `OPEN` and from when on."""
+    """A time and a result: `MET` at the first time within the target, to the tolerance and never late; `CLEAR`; or
+    `OPEN` from that time on."""
     aim_m, close_m, t = target_m + tolerance_m / 4, target_m + tolerance_m / 2, m.begin
     for _ in range(rounds):
         widest, step = apart(m, t, aim_m)
@@ -171,7 +213,8 @@ def first_contact(m: Any, target_m: float, tolerance_m: float, rounds: int) -> t
 def _smallest_of_one(
     m: Any, best: float, when: float, accuracy_m: float, lows: Floats, highs: Floats
 ) -> tuple[float, float]:
-    """The smallest distance and when, if below `best`, which was found before; `lows` and `highs` are to write in."""
+    """The smallest distance of one motion and when, if it is below `best` at `when`; else these. `lows` and `highs` are
+    work space."""
     lows[0], highs[0], depth = m.begin, m.end, 1
     while depth and best > 0.0:
         depth -= 1
@@ -190,9 +233,9 @@ def _smallest_of_one(
 
 @inner
 def smallest(motions: Motions, accuracy_m: float, lows: Floats, highs: Floats) -> tuple[float, float]:
-    """The smallest distance over all of `motions`, to the accuracy, and when; 0 where the rectangles overlap.
+    """The smallest distance over all of `motions`, to the accuracy, and when; 0 if the rectangles overlap.
 
-    `lows` and `highs`, of `MOST_HALVINGS`, are to write in.
+    `lows` and `highs`, of length `MOST_HALVINGS`, are work space.
     """
     best, when = inf, 0.0
     for m in motions:
@@ -214,7 +257,7 @@ def smallest(motions: Motions, accuracy_m: float, lows: Floats, highs: Floats) -
 
 @inner
 def _until(knots: Knots, k: int, end: int, slab: int) -> float:
-    """When knot `k` stops to hold, or the slab ends."""
+    """When the motion from knot `k` ends, or the slab, in seconds into the slab."""
     return min(knots[k + 1].t - slab, 1.0) if k + 1 < end else 1.0
 
 
@@ -222,9 +265,10 @@ def _until(knots: Knots, k: int, end: int, slab: int) -> float:
 def _set_motion(
     m: Any, a: Any, b: Any, of_a: Any, of_b: Any, slab: int, begin: float, end: float, within_m: float
 ) -> bool:
-    """Robot `b` past robot `a` from their knots `of_b` and `of_a` on; A's centre is subtracted before anything else.
+    """Set the motion of robot `b` past robot `a`, from their knots `of_b` and `of_a` on. A's centre is subtracted
+    before anything else.
 
-    False, and not all is set, where their circles stay further apart than `within_m`.
+    Returns False, and sets not all fields, if their circles stay further apart than `within_m`.
     """
     into_a, into_b = (slab - of_a.t) + begin, (slab - of_b.t) + begin
     m.begin, m.end = begin, end
@@ -243,7 +287,7 @@ def _set_motion(
 
 @inner
 def _both_there(boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any) -> float:
-    """From when on the knots that begin the slab of a pair hold for both of its robots, or the slab begins."""
+    """From when on both robots of a pair are present in its slab, in seconds into the slab."""
     box_a, box_b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b]
     of_a, of_b = knots[robots[pair.a].first + box_a.knot], knots[robots[pair.b].first + box_b.knot]
     return float(max(of_a.t - box_a.slab, of_b.t - box_a.slab, 0.0))
@@ -260,9 +304,10 @@ def _motions(
     within_m: float,
     motions: Motions,
 ) -> tuple[Motions, int, int]:
-    """The motions of a pair in its slab from `there` on and in `span`, in order, whose circles come within `within_m`.
+    """The motions of a pair in its slab, from `there` on and in `span`, in order, whose circles come within `within_m`.
 
-    They are written to `motions`, which may grow; how many they are, and how many there would be of any distance.
+    They are written to `motions`, which may grow. Returns that array, the number of motions in it, and their number
+    without the limit of distance.
     """
     box_a, box_b, a, b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b], robots[pair.a], robots[pair.b]
     slab, n, looked_at = box_a.slab, 0, 0
@@ -287,7 +332,8 @@ def _motions(
 
 @inner
 def _first_of(motions: Motions, target_m: float, tolerance_m: float, rounds: int) -> Two:
-    """The first contact of motions in order, inf for none, or from when on it is left open, inf where it is not."""
+    """The first contact of motions in order, inf if there is none; and from when on it is undecided, inf if it is
+    not."""
     for m in motions:
         t, state = first_contact(m, target_m, tolerance_m, rounds)
         if state == MET:
@@ -301,11 +347,11 @@ _OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
 
 
 @kernel(
-    numba.types.Tuple((_FOUND[::1], *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
+    numba.types.Tuple((_CONTACT[::1], *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
         *_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64
     )
 )
-def meet(
+def find_contacts(
     pairs: Pairs,
     boxes: NDArray[Any],
     robots: Robots,
@@ -315,11 +361,10 @@ def meet(
     tolerance_m: float,
     accuracy_m: float,
     rounds: int,
-) -> tuple[Found, int, int, int]:
-    """What becomes of each pair of boxes within `span`, and how many are left open; how many motions were looked at,
-    and those whose circles come near enough for a closer look.
-    """
-    found, opened, looked_at, advanced = np.empty(len(pairs), FOUND), 0, 0, 0
+) -> tuple[Contacts, int, int, int]:
+    """The contact of each pair of boxes within `span`; and how many pairs are undecided, how many motions they have,
+    and how many of these have circles that come near enough for advancement."""
+    contacts, opened, all_motions, advanced = np.empty(len(pairs), CONTACT), 0, 0, 0
     motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
     there = np.empty(BLOCK)
     for at in range(len(pairs)):
@@ -329,32 +374,32 @@ def meet(
         motions, n, near_or_far = _motions(
             boxes, robots, knots, pairs[at], there[at % BLOCK], span, target_m + tolerance_m, motions
         )
-        looked_at, advanced = looked_at + near_or_far, advanced + n
-        meeting = found[at]
-        meeting.contact, meeting.open = _first_of(motions[:n], target_m, tolerance_m, rounds)
-        opened += meeting.open < inf
-        if meeting.contact < inf:
-            meeting.separation, meeting.separation_at = smallest(motions[:n], accuracy_m, lows, highs)
-    return found, opened, looked_at, advanced
+        all_motions, advanced = all_motions + near_or_far, advanced + n
+        contact = contacts[at]
+        contact.contact, contact.open = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        opened += contact.open < inf
+        if contact.contact < inf:
+            contact.separation, contact.separation_at = smallest(motions[:n], accuracy_m, lows, highs)
+    return contacts, opened, all_motions, advanced
 
 
 @kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], _TWO))
 def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, span: Span) -> Motions:
-    """The motions of the one pair that `pairs` holds, within `span`."""
+    """The motions of the single pair in `pairs`, within `span`."""
     there = _both_there(boxes, robots, knots, pairs[0])
     motions, n, _ = _motions(boxes, robots, knots, pairs[0], there, span, inf, np.empty(16, MOTION))
     return motions[:n].copy()
 
 
 @kernel(_TWO(_MOTION[::1], numba.float64))
-def smallest_of(motions: Motions, accuracy_m: float) -> tuple[float, float]:
-    """See `smallest`."""
+def smallest_separation(motions: Motions, accuracy_m: float) -> tuple[float, float]:
+    """The smallest distance over all of `motions`, to the accuracy, and when; see `smallest`."""
     return smallest(motions, accuracy_m, np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS))
 
 
 @inner
 def _set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None:
-    """Where a robot is at `t`, in the slab of `box`."""
+    """Set the place of a robot at `t`, which is in the slab of `box`."""
     k, last = robot.first + box.knot, robot.first + robot.count - 1
     while k < last and knots[k + 1].t <= t:
         k += 1
@@ -368,28 +413,26 @@ def _set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None
 def _start_distance(
     a: int, b: int, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float, places: NDArray[Any]
 ) -> float:
-    """How far two robots are apart at `now_s`, or when the later of them appears; inf on different floors.
+    """Distance of two robots at `now_s`, or when the later of them appears; inf on different floors.
 
-    A robot that is at its place in `places` by then is not placed again.
+    The place of a robot is computed only if `places` does not have it for that time.
     """
-    one, two = robots[a], robots[b]
-    t = max(now_s, one.appears, two.appears)
+    robot_a, robot_b = robots[a], robots[b]
+    t = max(now_s, robot_a.appears, robot_b.appears)
     for slot in (a, b):
         if places[slot].t != t:
             _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
     p, q = places[a], places[b]
     if p.floor < 0 or p.floor != q.floor:
         return inf
-    half_a, half_b = (one.half_length, one.half_width), (two.half_length, two.half_width)
+    half_a, half_b = (robot_a.half_length, robot_a.half_width), (robot_b.half_length, robot_b.half_width)
     return _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)[0]
 
 
 @kernel(numba.float64[::1](numba.int64[::1], numba.int64[::1], *_OF_PAIRS[1:], numba.float64))
 def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float) -> Floats:
-    """(p,) how far the robots `a` (p,) and `b` (p,) are apart at `now_s`, or when the later of each two appears.
-
-    inf on different floors. A robot's place is worked out once for all its pairs, in the order of slots.
-    """
+    """(p,) distance of the robots `a` (p,) and `b` (p,) at `now_s`, or when the later of each two appears; inf on
+    different floors. The place of a robot is computed once for all its pairs, in the order of slots."""
     apart_m, places, wanted = np.empty(len(a)), np.empty(len(robots), PLACE), np.zeros(len(robots), np.bool_)
     for at in range(len(a)):
         wanted[a[at]] = wanted[b[at]] = True
@@ -412,7 +455,7 @@ def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots
         numba.int64,
     )
 )
-def first_of_chosen(
+def first_contacts_of(
     pairs: Pairs,
     pair_of: Ints,
     boxes: NDArray[Any],
@@ -424,24 +467,28 @@ def first_of_chosen(
     tolerance_m: float,
     rounds: int,
 ) -> tuple[Floats, Floats, Floats, int]:
-    """(p,) when each pair first meets in [`now_s`, `until_s` (p,)], and how far apart it is at `now_s` if it may; (n,)
-    from when on boxes are left open, and how many are. inf where it does not, and they are not.
+    """The first contacts of p pairs in [`now_s`, `until_s` (p,)], by their pairs of boxes `pairs` (n,) in the order of
+    time.
 
-    `pair_of` (n,) says of which pair the boxes `pairs` (n,) are; those after its first contact are not looked at.
+    `pair_of` (n,) is the row of each one's pair. Boxes after the first contact of their pair are left out.
+
+    Returns (p,) the first contact of each pair, inf if there is none; (p,) its distance at `now_s`, inf if there is no
+    contact and none undecided; (n,) from when on the contact of two boxes is undecided, inf if it is decided; and how
+    many are undecided.
     """
     contact_s, start_m, open_ = np.full(len(until_s), inf), np.full(len(until_s), inf), np.full(len(pairs), inf)
     motions, places, opened = np.empty(16, MOTION), np.empty(len(robots), PLACE), 0
     for slot in range(len(places)):
         places[slot].t = inf
     for at in range(len(pairs)):
-        pair, of = pairs[at], pair_of[at]
-        if contact_s[of] < inf:
+        pair, row = pairs[at], pair_of[at]
+        if contact_s[row] < inf:
             continue
-        there, span = _both_there(boxes, robots, knots, pair), (now_s, until_s[of])
+        there, span = _both_there(boxes, robots, knots, pair), (now_s, until_s[row])
         motions, n, _ = _motions(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
         t, open_[at] = _first_of(motions[:n], target_m, tolerance_m, rounds)
         opened += open_[at] < inf
         if t < inf or open_[at] < inf:
-            contact_s[of] = max(boxes[pair.ring, pair.a].slab + t, now_s)
-            start_m[of] = _start_distance(pair.a, pair.b, boxes, robots, knots, now_s, places)
+            contact_s[row] = max(boxes[pair.ring, pair.a].slab + t, now_s)
+            start_m[row] = _start_distance(pair.a, pair.b, boxes, robots, knots, now_s, places)
     return contact_s, start_m, open_, opened

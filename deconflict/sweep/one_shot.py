@@ -1,18 +1,18 @@
-"""The sweep: which envelopes come within the clearance in the horizon, when first, and how close.
+"""The sweep of a whole floor at once: which envelopes come within the clearance in the horizon, when, and how near.
 
-Usable by itself: arrays in, arrays out. `sweep` looks once at a whole floor; `deconflict.sweep.incremental.Sweeper`
-keeps what has not changed from one pass to the next and gives the same answer. Method and limits: docs/sweep.md.
+Usable as a library: arrays in, arrays out. `deconflict.sweep.incremental.Sweeper` keeps what has not changed between
+passes, and gives the same result. Method and limits: docs/sweep.md.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.sweep.broadphase import of_chosen
+from deconflict.sweep.broadphase import boxes_of_pairs
 from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.knots import Knots, Robots
 from deconflict.sweep.incremental import ROUNDS, TOLERANCE_M, Sweeper
-from deconflict.sweep.narrowphase import first_of_chosen, motions_of
+from deconflict.sweep.narrowphase import first_contacts_of, motions_of
 from ingest.batch import Floats, Forecasts, Ints
 
 
@@ -23,7 +23,7 @@ class Invalid:
     robot: int
     """Row of the forecasts."""
     reason: str
-    """A word of `deconflict.sweep.geometry.knots.faults`, such as `not-finite` or `times-not-increasing`."""
+    """A reason of `deconflict.sweep.geometry.knots.faults`, such as `not-finite` or `times-not-increasing`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,14 +33,15 @@ class Conflicts:
     pairs: Ints
     """(c, 2) rows, the lower first."""
     contact_s: Floats
-    """(c,) first time within the clearance, to a millimetre and never late; `now_s` where they begin so."""
+    """(c,) first time within the clearance, to a millimetre and never late; `now_s` if the two are within it then."""
     separation_m: Floats
-    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 where they overlap."""
+    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 if they overlap."""
     separation_at_s: Floats
-    """(c,) a time at which it is reached."""
+    """(c,) a time at which that is reached."""
     start_separation_m: Floats
     """(c,) distance at `now_s`, or when the later of the two appears."""
     invalid: tuple[Invalid, ...]
+    """The robots that were left out."""
 
 
 def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, clearance_m: float) -> Conflicts:
@@ -71,24 +72,26 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
 def first_contacts(
     robots: Robots, knots: Knots, a: Ints, b: Ints, *, now_s: float, until_s: Floats, clearance_m: float
 ) -> tuple[Floats, Floats]:
-    """Of the pairs of rows `a` (p,) and `b` (p,) of `robots` alone, when each first comes within the clearance by
-    `until_s` (p,), to a millimetre and never late, inf where it does not; and how far those that do are apart at
-    `now_s`, (p,). Robots without knots meet nobody.
+    """The first contacts of the pairs of rows `a` (p,) and `b` (p,) of `robots`, and of no other pairs.
+
+    Returns (p,) when each pair first comes within the clearance by `until_s` (p,), to a millimetre and never late, inf
+    if it does not; and (p,) the distance at `now_s` of the pairs that do. Robots without knots have no contact.
     """
-    boxes, pairs, pair_of = of_chosen(robots, knots, a, b, now_s, until_s, clearance_m / 2 + TOLERANCE_M)
-    where = (boxes, robots, knots)
-    contact_s, start_m, open_, opened = first_of_chosen(
-        pairs, pair_of, *where, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
+    boxes, pairs, pair_of = boxes_of_pairs(robots, knots, a, b, now_s, until_s, clearance_m / 2 + TOLERANCE_M)
+    floor_state = (boxes, robots, knots)
+    contact_s, start_m, open_, opened = first_contacts_of(
+        pairs, pair_of, *floor_state, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
     )
     for row in np.flatnonzero(open_ < np.inf).tolist() if opened else ():
-        pair, one, decider = pair_of[row], pairs[row : row + 1], FclCheck(clearance_m, TOLERANCE_M)
-        met = decider.first_contact(motions_of(one, *where, (now_s, until_s[pair])), float(open_[row]))
-        contact_s[pair] = min(contact_s[pair], max(boxes["slab"][one["ring"][0], one["a"][0]] + met, now_s))
+        pair, box_pair, fcl_check = pair_of[row], pairs[row : row + 1], FclCheck(clearance_m, TOLERANCE_M)
+        motions = motions_of(box_pair, *floor_state, (now_s, until_s[pair]))
+        slab, from_t = boxes["slab"][box_pair["ring"][0], box_pair["a"][0]], float(open_[row])
+        contact_s[pair] = min(contact_s[pair], max(slab + fcl_check.first_contact(motions, from_t), now_s))
     return contact_s, start_m
 
 
 def _order(forecasts: Forecasts) -> Ints:
-    """Rows by what they say, so that the order in which they are told makes no difference to the last digit."""
+    """Rows ordered by their values, so that the order of the input does not change the last digit of the result."""
     counts = np.diff(forecasts.start)
     knot = np.minimum(forecasts.start[:-1], max(len(forecasts.t_s) - 1, 0))
     first = [

@@ -17,7 +17,9 @@ from ingest.batch import Forecasts
 
 COLOURS = ("#2563a8", "#d9732b")
 STEP_S = 0.05
+"""Time between two poses of the shaded area."""
 OUTLINE_S = 1.0
+"""Time between two outlines."""
 
 
 def draw(
@@ -29,13 +31,14 @@ def draw(
     horizon_s: float = 10.0,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw conflict `row` of `found`, which `sweep` gave for `forecasts`, `now_s` and `horizon_s`.
+    """Draw conflict `row` of `found`, the result of `sweep` for `forecasts`, `now_s` and `horizon_s`.
 
-    Shaded is what each envelope covers on the floor of the contact, with its outline at each second; bold are both at
-    first contact. Without `axes` a figure is made. Raises `IndexError` where there is no such conflict.
+    The area that each envelope covers on the floor of the contact is shaded, with an outline at each second. Both
+    envelopes are bold at first contact. Without `axes` a figure is made. Raises `IndexError` if there is no such
+    conflict.
     """
     pair = found.pairs[row].tolist()
-    robots = [forecasts.single(one) for one in pair]
+    robots = [forecasts.single(robot) for robot in pair]
     contact_s = float(found.contact_s[row])
     axes = Figure(figsize=(7.0, 5.0), layout="constrained").add_subplot() if axes is None else axes
     floor = pose_at(robots[0], contact_s).floor
@@ -48,20 +51,23 @@ def draw(
             if pose.floor == floor:
                 axes.plot(*envelope(robot, pose).exterior.xy, color=colour, linewidth=0.6, alpha=0.6)
     touching = [envelope(robot, pose_at(robot, contact_s)) for robot in robots]
-    for one, colour in zip(touching, COLOURS, strict=True):
-        axes.plot(*one.exterior.xy, color=colour, linewidth=2.0)
-    spot = shapely.MultiPoint(nearest_points(*touching)).centroid
-    axes.plot(spot.x, spot.y, marker="o", color="black", linestyle="none", markersize=5)
+    for outline, colour in zip(touching, COLOURS, strict=True):
+        axes.plot(*outline.exterior.xy, color=colour, linewidth=2.0)
+    _mark_contact(axes, shapely.MultiPoint(nearest_points(*touching)).centroid, contact_s - now_s)
+    axes.set(aspect="equal", xlabel="x, m", ylabel="y, m")
+    axes.legend(frameon=False)
+    return axes
+
+
+def _mark_contact(axes: Axes, point: shapely.Point, after_s: float) -> None:
+    axes.plot(point.x, point.y, marker="o", color="black", linestyle="none", markersize=5)
     axes.annotate(
-        f"first contact, {contact_s - now_s:.2f} s",
-        (spot.x, spot.y),
+        f"first contact, {after_s:.2f} s",
+        (point.x, point.y),
         xytext=(-60, -70),
         textcoords="offset points",
         arrowprops={"arrowstyle": "-", "linewidth": 0.8},
     )
-    axes.set(aspect="equal", xlabel="x, m", ylabel="y, m")
-    axes.legend(frameon=False)
-    return axes
 
 
 def _poses(robot: Forecasts, now_s: float, horizon_s: float, step_s: float) -> list[Pose]:
@@ -73,8 +79,8 @@ def _swept(robot: Forecasts, floor: int, now_s: float, horizon_s: float) -> Base
     poses = _poses(robot, now_s, horizon_s, STEP_S)
     return shapely.union_all(
         [
-            envelope(robot, one).union(envelope(robot, following)).convex_hull
-            for one, following in pairwise(poses)
-            if one.floor == following.floor == floor
+            envelope(robot, pose).union(envelope(robot, next_pose)).convex_hull
+            for pose, next_pose in pairwise(poses)
+            if pose.floor == next_pose.floor == floor
         ]
     )

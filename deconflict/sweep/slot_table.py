@@ -1,4 +1,4 @@
-"""The robots on a floor: a slot for each, and what their newest forecasts say, in arrays."""
+"""The robots on a floor: a slot for each, and their newest forecasts in arrays."""
 
 from collections.abc import Iterable, Sequence
 from itertools import repeat
@@ -10,23 +10,27 @@ from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots,
 from ingest.batch import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
+"""The array of knots has at least this size once it is packed."""
 
 
 class SlotTable:
-    """Keys and forecasts by slot. A robot keeps its slot until it leaves; another may then have it."""
+    """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it."""
 
     def __init__(self) -> None:
         self.slots: dict[str, int] = {}
         self.keys: NDArray[np.object_] = np.zeros(0, object)
-        """By slot, and some to spare; "" for a free one."""
+        """(slots,) keys; "" for a free slot."""
         self.robots: Robots = np.zeros(0, ROBOT)
-        """By slot, and some to spare; a free one has no knots."""
+        """(slots,) of `ROBOT`; a free slot has no knots."""
         self.knots: Knots = np.zeros(0, KNOT)
+        """Knots of all robots, and of forecasts that were replaced."""
         self.widened_m: Floats = np.zeros(0)
-        """By slot, and some to spare: how much longer and wider than reported the envelope is."""
+        """(slots,) how much longer and wider than reported each envelope is."""
         self._used = 0
+        """Knots in use."""
         self._free: list[int] = []
         self._ranks: Ints | None = None
+        """See `ranks`; None if robots came or left since."""
 
     def __len__(self) -> int:
         """Slots, free ones included."""
@@ -35,9 +39,8 @@ class SlotTable:
     def replace_forecasts(
         self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0
     ) -> Ints | None:
-        """Replace the forecasts of `keys`, which are all different, and whose envelopes are so much longer and wider
-        than reported; their slots. None, and the forecasts are as they were, where any of the new ones can't be swept.
-        """
+        """Replace the forecasts of `keys`, which are all different. The envelopes are `widened_m` longer and wider than
+        reported. Returns their slots; None if any new forecast can't be swept, and then no forecast is replaced."""
         slots = np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys))
         unknown = np.flatnonzero(slots < 0)
         if len(unknown):
@@ -53,7 +56,7 @@ class SlotTable:
         return slots
 
     def discard(self, keys: Iterable[str]) -> list[int]:
-        """Take robots off the floor; the slots that they leave."""
+        """Remove robots. Returns the slots that become free."""
         left = [self.slots.pop(key) for key in keys if key in self.slots]
         for slot in left:
             self.keys[slot] = ""
@@ -64,16 +67,16 @@ class SlotTable:
         return left
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
-        """A copy of the robots of `keys`, in that order, and of their knots; one that has no slot has no knots."""
+        """Copies of the robots of `keys`, in that order, and of their knots; an unknown robot has no knots."""
         return taken(self.robots, self.knots, np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys)))
 
     def present(self, slots: Ints) -> Ints:
-        """Those of `slots` that a robot has."""
-        there: Ints = slots[self.robots["count"][slots] > 0]
-        return there
+        """Those of `slots` whose robot has knots."""
+        present: Ints = slots[self.robots["count"][slots] > 0]
+        return present
 
     def ranks(self) -> Ints:
-        """(slots,) the place of each slot's key among all, in order."""
+        """(slots,) the place of each slot's key among all keys in ascending order."""
         if self._ranks is None:
             self._ranks = np.zeros(len(self), np.int64)
             by_key = np.fromiter((self.slots[key] for key in sorted(self.slots)), np.int64, len(self.slots))
@@ -82,8 +85,8 @@ class SlotTable:
 
     def _new_slots(self, keys: Sequence[str]) -> list[int]:
         self._ranks = None
-        freed = [self._free.pop() for _ in range(min(len(keys), len(self._free)))]
-        slots = freed + list(range(len(self) + len(freed), len(self) + len(keys)))
+        reused = [self._free.pop() for _ in range(min(len(keys), len(self._free)))]
+        slots = reused + list(range(len(self) + len(reused), len(self) + len(keys)))
         self.slots.update(zip(keys, slots, strict=True))
         if len(self.robots) < len(self):
             spare = len(self) + len(self) // 8 - len(self.robots)
@@ -93,7 +96,7 @@ class SlotTable:
         return slots
 
     def _pack(self, spare: int) -> None:
-        """Leave out the knots of forecasts that were replaced, and make room for `spare` more."""
+        """Drop the knots of forecasts that were replaced, and make room for `spare` more knots."""
         slots = np.flatnonzero(self.robots["count"])
         counts = self.robots["count"][slots]
         start = np.cumsum(counts) - counts

@@ -10,13 +10,14 @@ from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.forecast_errors.quantile_sketch import LIMITS_M
 from deconflict.foresight.forecast_errors.track_kernels import Errors, Robots
 from deconflict.sweep.geometry.encounter import STANDING_MPS
+from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
 KEPT = HORIZONS + 1
 """Forecasts that are kept of each robot."""
 SPACED_S = 0.9
-"""A forecast is kept only if it comes so long after the last one that was kept."""
+"""Minimum time between two kept forecasts of a robot."""
 JOINED_S = 2.1
 """Reports further apart do not tell where the robot was between them."""
 TRACK_S = HORIZONS + 2
@@ -63,6 +64,11 @@ class RelativePoses(NamedTuple):
     """Whether both are known to be on one floor."""
     speed_mps: Floats
     """(2, n) speed of each robot now, by its forecast."""
+
+    def separations_m(self, half_a_m: Floats, half_b_m: Floats) -> Floats:
+        """(n, k + m) distance of the two envelopes, negative if they overlap. `half_a_m` and `half_b_m` (2, n) are
+        their half sides."""
+        return signed_gap(self.dx_m, self.dy_m, self.yaw_a_rad, self.yaw_b_rad, half_a_m, half_b_m)
 
 
 class PendingForecasts:

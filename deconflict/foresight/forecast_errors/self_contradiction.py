@@ -21,7 +21,7 @@ from ingest.kernels import inner, kernel
 AHEAD_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 """The stated way of a robot is kept at these times after its report."""
 LEAST_S, MOST_S = 0.7, 3.0
-"""A report is compared with one that was at least, and at most, so long before it."""
+"""Minimum and maximum time between two reports that are compared."""
 MOVES_MPS = 0.3
 """A slower robot is believed: it may wait, or set out."""
 SLACK_M, SLACK_SHARE = 0.15, 0.5

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from deconflict.foresight.interactions.forecast_ways import distance_along, gaps_to, shortest_way_left, way_from
 from deconflict.foresight.interactions.progress_kernels import (
     AHEAD_S,
     BRAKED,
@@ -23,23 +24,16 @@ from deconflict.foresight.interactions.progress_kernels import (
     Findings,
     add_reports,
 )
-from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Bools, Floats, Ints
 
 BEYOND_M = 1.0
 """A robot is in the way of another one if it is on that one's way within its stopping distance plus this."""
-TOUCHES_M = 0.1
-"""A way leads to another robot if the envelopes come so near."""
-NEARER_M = 0.05
-"""They must also come nearer than they were by this: a robot that stands beside the way is not in it."""
 LOOK_S = 0.5
 """Time between two looks for robots in the way, from the onset on."""
 EARLIER_S = 1.0
-"""A robot that was in the way so long before the onset counts too, as reports are a second apart."""
+"""The search for the robot in the way begins this time before the onset, as reports are a second apart."""
 SEARCHED_S = 4.0
-"""The robot in the way is looked for until so long after the onset."""
-WAY_M = 0.15
-"""Distance between two samples of a way."""
+"""The search for the robot in the way ends this time after the onset."""
 CLEARED_M = 0.3
 """The way of a robot is cleared if so much more of it is free than before."""
 APART_S = 15.0
@@ -187,7 +181,7 @@ class InteractionFinder:
     def _begin(self, finding: Findings, slot: int) -> None:
         place, made = int(finding["onset_place"]), int(finding["forecast_place"])
         x_m, y_m = self._tracks[slot, place, 0, :2]
-        way = _way_from(self._tracks[slot, made], x_m, y_m)
+        way = way_from(self._tracks[slot, made], x_m, y_m)
         onset_s, doubt_s = float(finding["onset_s"]), float(finding["doubt_s"])
         swerved = int(finding["kind"]) != BRAKED
         floor = float(self._floor[slot, place])
@@ -265,13 +259,13 @@ class InteractionFinder:
         """(n,) the shortest way that a robot has left to each of the robots `others`, at any of the times `looks_s`
         (k,); inf if it does not reach that robot within its stopping distance plus `BEYOND_M`."""
         way = interaction.way
-        along_m = _along(way, self._poses(slot, looks_s))
+        along_m = distance_along(way, self._poses(slot, looks_s))
         speed_mps = np.gradient(along_m, looks_s).clip(0.0, interaction.speed_mps) if len(looks_s) > 1 else np.zeros(1)
         reach_m = speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M
         gaps_m = np.empty(len(others))
         for row, other in enumerate(others):
-            apart_m = _gaps(self._poses(other, looks_s), way, half_m[:, other], half_m[:, slot])
-            gaps_m[row] = _least_ahead(apart_m, way[:, 3], along_m, reach_m)
+            apart_m = gaps_to(self._poses(other, looks_s), way, half_m[:, other], half_m[:, slot])
+            gaps_m[row] = shortest_way_left(apart_m, way[:, 3], along_m, reach_m)
         return gaps_m
 
     def _poses(self, slot: int, looks_s: Floats) -> Floats:
@@ -303,49 +297,3 @@ def _interaction(
 
 def _pair(slot: int, other: int) -> tuple[int, int]:
     return min(slot, other), max(slot, other)
-
-
-def _way_from(track: Floats, x_m: float, y_m: float) -> Floats:
-    """(k, 4) the way of a forecast `track` (n, 3) from its place nearest to (x_m, y_m) on, every `WAY_M`: x_m, y_m,
-    yaw_rad and metres from there."""
-    legs_m = np.hypot(np.diff(track[:, 0]), np.diff(track[:, 1]))
-    along_m = np.concatenate([[0.0], np.cumsum(legs_m)])
-    at_m = np.arange(0.0, along_m[-1] + WAY_M, WAY_M)
-    moves = np.concatenate([[True], legs_m > 0.0])
-    yaw_rad = np.unwrap(track[:, 2])
-    way = np.column_stack(
-        [np.interp(at_m, along_m[moves], column[moves]) for column in (track[:, 0], track[:, 1], yaw_rad)]
-    )
-    nearest = int(np.argmin(np.hypot(way[:, 0] - x_m, way[:, 1] - y_m)))
-    return np.column_stack([way[nearest:], at_m[nearest:] - at_m[nearest]])
-
-
-def _along(way: Floats, poses: Floats) -> Floats:
-    """(n,) how far along a way (k, 4) each of n poses is, never decreasing."""
-    away_m = np.hypot(way[:, None, 0] - poses[None, :, 0], way[:, None, 1] - poses[None, :, 1])
-    return np.maximum.accumulate(way[np.argmin(away_m, axis=0), 3])
-
-
-def _gaps(poses: Floats, way: Floats, half_of_poses: Floats, half_of_way: Floats) -> Floats:
-    """(k, n) distance of the envelope at each of k places of a way from that at each of n poses; negative in
-    overlap."""
-    k, n = len(way), len(poses)
-    dx_m, dy_m = poses[None, :, 0] - way[:, None, 0], poses[None, :, 1] - way[:, None, 1]
-    yaw_way, yaw_pose = np.broadcast_to(way[:, None, 2], (k, n)), np.broadcast_to(poses[None, :, 2], (k, n))
-    sizes = [np.repeat(half[:, None], k, axis=1) for half in (half_of_way, half_of_poses)]
-    return signed_gap(dx_m, dy_m, yaw_way, yaw_pose, *sizes)
-
-
-def _least_ahead(apart_m: Floats, way_m: Floats, along_m: Floats, reach_m: Floats) -> float:
-    """The shortest way that is left at any look until the envelopes meet; inf if they do not meet within reach."""
-    least_m = inf
-    for look in range(apart_m.shape[1]):
-        ahead_m = way_m - along_m[look]
-        is_ahead = (ahead_m >= 0.0) & (ahead_m <= reach_m[look])
-        column = apart_m[is_ahead, look]
-        if not len(column):
-            continue
-        comes = (column < TOUCHES_M) & (column < column[0] - NEARER_M)
-        if comes.any():
-            least_m = min(least_m, float(ahead_m[is_ahead][np.argmax(comes)]))
-    return least_m

@@ -21,13 +21,13 @@ from ingest.kernels import inner, kernel
 KEPT = 12
 """The history of a robot holds so many reports."""
 SPACED_S = 0.9
-"""A report is kept only if it comes so long after the last kept one."""
+"""Minimum time between two kept reports of a robot."""
 AHEAD_S = 10
 """The forecast of a kept report is kept for so many whole seconds; sample 0 is the report itself."""
 SPARSE_S = 2.1
 """Reports further apart do not tell the motion between them."""
 EARLIER_S, EARLIEST_S = 2.0, 4.0
-"""A report is compared with the newest forecast that was made at least, and at most, so long before it."""
+"""Minimum and maximum age of the forecast with which a report is compared. The newest such forecast is used."""
 WITHIN_S = 5.0
 """A robot gives way if it loses `LOST_S` within this time."""
 LOST_S = 1.0

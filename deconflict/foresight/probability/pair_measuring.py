@@ -20,7 +20,6 @@ from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.probability.waiting_robots import shares_over_starts
 from deconflict.foresight.rollout.start_times import StartTimes
 from deconflict.sweep.geometry.encounter import STANDING_MPS
-from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Bools, Floats, Ints
 
 LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
@@ -65,8 +64,7 @@ class PairMeasuring:
         robots, ahead_s, bounds = self._robots, self._ahead_s, self._bounds
         a, b = slots_of(pairs["code"][rows])
         poses = self._pending.relative_poses(a, b, PAST_LOOKS, ahead_s, now_s)
-        halves_m = robots.half_m.take(a, axis=1), robots.half_m.take(b, axis=1)
-        apart_m = signed_gap(poses.dx_m, poses.dy_m, poses.yaw_a_rad, poses.yaw_b_rad, *halves_m)
+        apart_m = poses.separations_m(robots.half_m.take(a, axis=1), robots.half_m.take(b, axis=1))
         exact = (swept_rows, swept.separation_m, swept.separation_at_s, swept.contact_s)
         sampled = (poses.past_s, apart_m, poses.is_same_floor, poses.speed_mps)
         limits = (now_s, bounds.horizon_s, bounds.clearance_m, bounds.margin_m, STANDING_MPS)

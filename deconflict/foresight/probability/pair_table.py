@@ -48,7 +48,7 @@ ROLLOUT_M, ROLLOUT_SHARE = 1.5, 0.01
 SETTLED_S = 10.0
 """A pair of which one robot gave way to the other so lately needs no alert: the robots handle it."""
 PREEMPTED_S = 0.3
-"""If a robot's other conflict comes earlier by so much, that conflict is likely to stop it."""
+"""If a robot has another conflict that comes earlier by this, that one is likely to stop it."""
 
 PAIR = np.dtype(
     [

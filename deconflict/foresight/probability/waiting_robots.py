@@ -8,7 +8,6 @@ from deconflict.foresight.forecast_errors.pending_forecasts import PendingForeca
 from deconflict.foresight.forecast_errors.track_kernels import Robots
 from deconflict.foresight.probability.band_kernels import most_sds
 from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
-from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Bools, Floats, Ints
 
 NO_PAST: Floats = np.empty(0)
@@ -76,10 +75,8 @@ def shares_over_starts(
     each_a, each_b = np.repeat(a[rows], len(delays_s)), np.repeat(b[rows], len(delays_s))
     late_s = np.where(waiting[np.stack([each_a, each_b])], np.tile(delays_s, len(rows)), 0.0)
     poses = pending.relative_poses(each_a, each_b, NO_PAST, ahead_s, now_s, late_s)
-    halves_m = half_m.take(each_a, axis=1), half_m.take(each_b, axis=1)
-    apart_m = signed_gap(poses.dx_m, poses.dy_m, poses.yaw_a_rad, poses.yaw_b_rad, *halves_m)
-    is_same_floor = poses.is_same_floor
-    sds = most_sds(each_a, each_b, apart_m, is_same_floor, bands_m, robots, ahead_s, horizon_s, clearance_m)
+    apart_m = poses.separations_m(half_m.take(each_a, axis=1), half_m.take(each_b, axis=1))
+    sds = most_sds(each_a, each_b, apart_m, poses.is_same_floor, bands_m, robots, ahead_s, horizon_s, clearance_m)
     late = ndtr(sds).reshape(2, len(rows), len(delays_s))
     result = share.copy()
     result[:, rows] = weights[:, 0] * share[:, rows] + (late * weights[:, 1:]).sum(axis=2)

@@ -1,1 +1,1 @@
-"""Drives robots on along their forecasts, with protective stops, many times: who gives way to whom."""
+"""Drives robots on along their forecasts, with protective stops, in several samples, to see which pairs give way."""

@@ -26,7 +26,7 @@ MARGIN_M, BESIDE_M = 0.45, 0.05
 RELEASE_M = 0.1
 """The field of a waiting robot is longer by this, so that it does not start and brake in turns."""
 HELD_S = 1.0
-"""A field must be free for so long before a robot goes on."""
+"""Time for which a field must be free before the robot drives on."""
 LOST_S, MOVES_MPS = 1.0, 0.3
 """A robot gives way if it drove at least so fast, and loses so much time."""
 CREEPS_MPS, STRAIGHT_RAD = 0.05, 0.01

@@ -1,4 +1,4 @@
-"""What a predicted encounter is like: where, how fast it closes, and of which class."""
+"""The place, closing speed and class of a predicted encounter of two robots."""
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, inf, isnan, nan, pi, sin
@@ -16,17 +16,19 @@ from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
 
 STANDING_MPS = 0.05
+"""A slower robot stands."""
 FOLLOWING_RAD = pi / 4
-"""Headings of travel nearer than this follow each other; within the same of opposite they meet head-on."""
+"""Two robots follow each other if their directions of travel differ by less than this. They meet head-on if one
+direction is within this of the opposite of the other."""
 SAME_M = 1e-9
-"""Distances that differ by less are the same."""
+"""Distances that differ by less count as equal."""
 
 Row = tuple[Forecasts, int]
-"""One robot's forecast, among others."""
+"""Forecasts, and the row of one robot in them."""
 Box = tuple[float, float, float, float, float, float]
-"""A rectangle: its centre, cosine and sine of its heading, half its length and half its width."""
+"""A rectangle: x and y of its centre, cosine and sine of its heading, half its length and half its width."""
 Moving = tuple[float, float, float, float, float, int]
-"""Where a robot is: x, y and yaw; its velocity along x and y; its floor."""
+"""A robot at one moment: x, y and yaw; velocity along x and y; floor."""
 
 _STANDING, _FOLLOWING, _CROSSING, _HEAD_ON = range(4)
 CLASSES = (
@@ -35,20 +37,25 @@ CLASSES = (
     EncounterClass.CROSSING,
     EncounterClass.HEAD_ON,
 )
-ENCOUNTER = np.dtype([(name, np.float64) for name in ("x", "y")] + [(name, np.int64) for name in ("kind", "floor")])
-"""Where two meet, nan where it is not known; the class by its place among `CLASSES`; and the floor of the first."""
+ENCOUNTER = np.dtype(
+    [
+        ("x", np.float64),  # place between the two robots, nan if unknown
+        ("y", np.float64),
+        ("kind", np.int64),  # place of the class in `CLASSES`, -1 if unknown
+        ("floor", np.int64),  # of the first robot, -1 if unknown
+    ]
+)
+"""The encounter of one pair."""
 
 Encounters = NDArray[Any]
-"""Of `ENCOUNTER`."""
+"""(n,) of `ENCOUNTER`."""
 
 _REAL = numba.types.Array(numba.float64, 1, "A", readonly=True)
 _WHOLE = numba.types.Array(numba.int64, 1, "A", readonly=True)
 _ROBOT = (_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64)
-"""Of `Forecasts` what tells where a robot is, and its row."""
-
-
-_KNOWN = (*(numba.from_dtype(one)[::1] for one in (ROBOT, KNOT)), numba.float64[::1])
-"""Robots and knots by slot, and how much longer and wider each robot is there than reported."""
+"""The columns of `Forecasts` that describe the motion and size of robots, and the row of one robot."""
+_KNOWN = (*(numba.from_dtype(dtype)[::1] for dtype in (ROBOT, KNOT)), numba.float64[::1])
+"""Robots by slot, their knots, and how much longer and wider than reported each envelope is."""
 
 
 _turn_between = inner(turn_between)
@@ -60,17 +67,17 @@ class Encounter:
 
     encounter_class: EncounterClass
     closing_speed_mps: float
-    """Of the centres; negative where they draw apart."""
+    """Of the centres; negative if they draw apart."""
     x_m: float
     y_m: float
     floor: int
 
 
 def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
-    """How two robots meet at `contact_s`; the place is midway between where their envelopes are nearest there.
+    """The encounter of two robots at `contact_s`. Its place is midway between the nearest points of their envelopes.
 
-    Where more than one place is, or where they overlap, it is the middle of those; where they overlap without a corner
-    in the other, the middle of what they share.
+    If there are several such places, or if the envelopes overlap, it is the mean of the places. If they overlap and
+    neither has a corner in the other, it is the centroid of their common area.
     """
     _, x_m, y_m, closing_mps, kind, floor, _ = _met(*_columns(a), *_columns(b), contact_s)
     if isnan(x_m):
@@ -79,9 +86,9 @@ def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
 
 
 def separation_m(a: Row, b: Row, t_s: float) -> float | None:
-    """Distance of the two envelopes at `t_s`, 0 where they overlap; None where they are on different floors."""
-    distance_m, *_, floor, other = _met(*_columns(a), *_columns(b), t_s)
-    return None if floor != other or floor < 0 else distance_m
+    """Distance of the two envelopes at `t_s`, 0 if they overlap; None if they are on different floors."""
+    distance_m, *_, floor_a, floor_b = _met(*_columns(a), *_columns(b), t_s)
+    return None if floor_a != floor_b or floor_a < 0 else distance_m
 
 
 def _columns(robot: Row) -> tuple[Ints, Floats, Floats, Floats, Floats, Ints, Floats, Floats, int]:
@@ -90,9 +97,10 @@ def _columns(robot: Row) -> tuple[Ints, Floats, Floats, Floats, Floats, Ints, Fl
 
 
 def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:
-    """The middle of what two envelopes share."""
-    one, other = (envelope(robot, pose_at(robot, t_s)) for robot in (told.single(row) for told, row in (a, b)))
-    middle = one.intersection(other).centroid
+    """The centroid of the common area of two envelopes."""
+    robots = [forecasts.single(row) for forecasts, row in (a, b)]
+    envelope_a, envelope_b = (envelope(robot, pose_at(robot, t_s)) for robot in robots)
+    middle = envelope_a.intersection(envelope_b).centroid
     return middle.x, middle.y
 
 
@@ -100,7 +108,7 @@ def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:
 def _moving(
     start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, floor: Ints, row: int, at_s: float
 ) -> Moving:
-    """As `Forecasts` reads between knots; before the first knot, at the first."""
+    """A robot at `at_s`, interpolated between knots as `Forecasts` says; before the first knot it is there."""
     knot, end = start[row], start[row + 1]
     while knot + 1 < end and t_s[knot + 1] <= at_s:
         knot += 1
@@ -116,8 +124,8 @@ def _moving(
 
 @inner
 def _from_corner(one: Box, other: Box, corner: int) -> tuple[float, float, float, float, float, float]:
-    """A corner of `other` along the axes of `one`, from its centre; the way from there to `one`, along the same axes;
-    and the place midway."""
+    """A corner of `other` in the frame of `one`; the vector from there to `one` in the same frame; and the point
+    midway."""
     x, y, c, s, half_length, half_width = other
     along = half_length if corner in (0, 3) else -half_length
     across = half_width if corner in (0, 1) else -half_width
@@ -132,7 +140,7 @@ def _from_corner(one: Box, other: Box, corner: int) -> tuple[float, float, float
 
 @inner
 def _apart(one: Box, other: Box) -> bool:
-    """Whether a side of `one` parts it from all of `other`."""
+    """Whether a side of `one` separates it from all of `other`."""
     right = left = ahead = behind = 0
     for corner in range(4):
         u, v, _, _, _, _ = _from_corner(one, other, corner)
@@ -143,8 +151,8 @@ def _apart(one: Box, other: Box) -> bool:
 
 @inner
 def _nearest(a: Box, b: Box) -> tuple[float, float, float]:
-    """Their distance, 0 where they overlap, and the middle of the places midway between where they are that near; nan
-    where they overlap without a corner in the other."""
+    """The distance of two rectangles, 0 if they overlap, and the mean of the points midway between their nearest
+    points; nan if they overlap and neither has a corner in the other."""
     distance = 0.0
     if _apart(a, b) or _apart(b, a):
         distance = inf
@@ -163,7 +171,7 @@ def _nearest(a: Box, b: Box) -> tuple[float, float, float]:
 
 @inner
 def _class_of(a: Moving, b: Moving) -> int:
-    """By the angle between the directions of travel, as surrogate safety measures do (SSAM, SUMO)."""
+    """The class by the angle between the directions of travel, as in surrogate safety measures (SSAM, SUMO)."""
     if min(hypot(a[3], a[4]), hypot(b[3], b[4])) < STANDING_MPS:
         return _STANDING
     angle = abs(_turn_between(atan2(a[4], a[3]), atan2(b[4], b[3])))
@@ -207,8 +215,8 @@ def _met(
     row_b: int,
     at_s: float,
 ) -> tuple[float, float, float, float, int, int, int]:
-    """How far apart two envelopes are at a moment, the place between them, how fast their centres close, the class, and
-    the floor of each."""
+    """Of two envelopes at `at_s`: their distance, x and y of the place between them, the closing speed of their
+    centres, the class, and the floor of each."""
     a = _moving(start_a, t_a, x_a, y_a, yaw_a, floor_a, row_a, at_s)
     b = _moving(start_b, t_b, x_b, y_b, yaw_b, floor_b, row_b, at_s)
     box_a = a[0], a[1], cos(a[2]), sin(a[2]), length_a[row_a] / 2, width_a[row_a] / 2
@@ -218,14 +226,14 @@ def _met(
 
 @inner
 def _moving_there(robot: Any, knots: Knots, at_s: float) -> Moving:
-    """As `_moving`, of a robot in slots."""
+    """A robot of a slot table at `at_s`, as `_moving`."""
     knot, last = robot.first, robot.first + robot.count - 1
     while knot < last and knots[knot + 1].t <= at_s:
         knot += 1
-    one, since_s = knots[knot], at_s - knots[knot].t
+    k, since_s = knots[knot], at_s - knots[knot].t
     if since_s < 0:
-        return one.x, one.y, one.yaw, 0.0, 0.0, one.floor
-    return one.x + since_s * one.vx, one.y + since_s * one.vy, one.yaw + since_s * one.turn, one.vx, one.vy, one.floor
+        return k.x, k.y, k.yaw, 0.0, 0.0, k.floor
+    return k.x + since_s * k.vx, k.y + since_s * k.vy, k.yaw + since_s * k.turn, k.vx, k.vy, k.floor
 
 
 @inner
@@ -236,17 +244,17 @@ def _box_of(at: Moving, robot: Any, widened_m: float) -> Box:
 
 @kernel(numba.from_dtype(ENCOUNTER)[::1](*_KNOWN, numba.int64[::1], numba.float64[::1]))
 def encounters(robots: Robots, knots: Knots, widened_m: Floats, slots: Ints, at_s: Floats) -> Encounters:
-    """(n,) of `ENCOUNTER`: how two robots meet at each of the times `at_s` (n,), to within a rounding error of
-    `encounter`. `slots` (2 n,) are theirs, one after the other, -1 for none; where the two overlap without a corner in
-    the other, or one has no slot, the place is not known."""
+    """(n,) of `ENCOUNTER`: the encounters of n pairs at the times `at_s` (n,), equal to `encounter` up to rounding.
+    `slots` (2 n,) are those of the pairs one after the other, -1 for an unknown robot. The place is unknown if a robot
+    is unknown, or if the two overlap and neither has a corner in the other."""
     met = np.empty(len(at_s), ENCOUNTER)
     for row in range(len(at_s)):
-        slot_a, slot_b, one = slots[2 * row], slots[2 * row + 1], met[row]
-        one.x, one.y, one.kind, one.floor = nan, nan, -1, -1
+        slot_a, slot_b, found = slots[2 * row], slots[2 * row + 1], met[row]
+        found.x, found.y, found.kind, found.floor = nan, nan, -1, -1
         if slot_a >= 0 and slot_b >= 0:
             robot_a, robot_b = robots[slot_a], robots[slot_b]
             a, b = _moving_there(robot_a, knots, at_s[row]), _moving_there(robot_b, knots, at_s[row])
             box_a, box_b = _box_of(a, robot_a, widened_m[slot_a]), _box_of(b, robot_b, widened_m[slot_b])
-            _, one.x, one.y = _nearest(box_a, box_b)
-            one.kind, one.floor = _class_of(a, b), a[5]
+            _, found.x, found.y = _nearest(box_a, box_b)
+            found.kind, found.floor = _class_of(a, b), a[5]
     return met

@@ -1,7 +1,7 @@
-"""Forecasts as knots with the rates at which each robot goes on from there: straight, evenly turning motion.
+"""Forecasts as knots with velocities: from each knot on, a robot moves straight and turns evenly.
 
-A slab is one whole second of absolute time. What a robot does in a slab follows from its knots and the slab alone,
-whichever pass asks. Times within a slab count from its start: small numbers that keep their digits, whatever the date.
+A slab is one whole second of absolute time. The motion of a robot in a slab depends only on its knots and on the slab,
+not on the pass. Times within a slab count from its start: small numbers, which keep their precision at any date.
 """
 
 from math import pi, sqrt
@@ -14,35 +14,52 @@ from numpy.typing import NDArray
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.kernels import inner, kernel, ready
 
+KNOT = np.dtype(
+    [
+        ("t", np.float64),  # seconds since the epoch
+        ("x", np.float64),  # centre of the envelope, metres
+        ("y", np.float64),
+        ("yaw", np.float64),  # heading within [-pi, pi)
+        ("vx", np.float64),  # velocity until the next knot, 0 after the last
+        ("vy", np.float64),
+        ("turn", np.float64),  # turning rate until the next knot, radians a second, 0 after the last
+        ("reported_yaw", np.float64),  # heading as reported
+        ("floor", np.int64),
+    ],
+    align=True,
+)
+"""One knot of a forecast."""
+
 Knots = NDArray[Any]
 """Of `KNOT`."""
 
-KNOT = np.dtype(
-    [(name, np.float64) for name in ("t", "x", "y", "yaw", "vx", "vy", "turn", "told_yaw")] + [("floor", np.int64)],
+ROBOT = np.dtype(
+    [
+        ("half_length", np.float64),  # of the envelope, metres
+        ("half_width", np.float64),
+        ("radius", np.float64),  # of the circle around the envelope
+        ("bottom", np.float64),  # heights
+        ("top", np.float64),
+        ("appears", np.float64),  # time of the first knot
+        ("first", np.int64),  # place of its first knot
+        ("count", np.int64),  # how many knots it has
+    ],
     align=True,
 )
-"""Time, envelope centre and heading, rates a second until the next knot, the heading as it was told, and floor. Rates
-are 0 after the last."""
+"""One robot, whose knots are `first` to `first + count - 1`."""
 
 Robots = NDArray[Any]
 """Of `ROBOT`."""
 
-ROBOT = np.dtype(
-    [(name, np.float64) for name in ("half_length", "half_width", "radius", "bottom", "top", "appears")]
-    + [("first", np.int64), ("count", np.int64)],
-    align=True,
-)
-"""Half sides and circumscribed radius of the envelope, height range, time of the first knot, and which knots are its:
-`first` to `first + count - 1`."""
-
-_KNOT, _ROBOT = (numba.from_dtype(one) for one in (KNOT, ROBOT))
+_KNOT, _ROBOT = (numba.from_dtype(dtype) for dtype in (KNOT, ROBOT))
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
-"""Numbers beyond these are no places, times or headings, and their differences would lose their digits."""
+"""Largest valid places, times and headings. Beyond them, differences would lose their precision."""
 UNSOUND = -1
+"""Result of `replace` if a forecast is invalid."""
 SAME_S = 1e-6
-"""A knot so soon after a forecast is cut is left out for it."""
+"""If a forecast is cut at a time, a knot so soon after it is left out."""
 
 
 @inner
@@ -57,7 +74,7 @@ def _is_sound(
     bottom_m: Floats,
     top_m: Floats,
 ) -> bool:
-    """Whether `faults` finds none. A comparison with nan is false."""
+    """Whether `faults` finds no fault. A comparison with nan is false."""
     for row in range(len(start) - 1):
         if start[row + 1] <= start[row] or not bottom_m[row] <= top_m[row]:
             return False
@@ -89,7 +106,7 @@ def _sound(
 
 
 def faults(forecasts: Forecasts) -> dict[int, str]:
-    """Row to the reason why that robot can't be swept. The others may be."""
+    """The reason why a robot can't be swept, by row. The other robots can."""
     f = forecasts
     by_knot, by_robot = (f.t_s, f.x_m, f.y_m, f.yaw_rad), (f.length_m, f.width_m, f.bottom_m, f.top_m)
     sound = _sound(ready(f.start, np.int64), *(ready(column) for column in (*by_knot, *by_robot)))
@@ -97,7 +114,8 @@ def faults(forecasts: Forecasts) -> dict[int, str]:
 
 
 def _reasons(forecasts: Forecasts) -> dict[int, str]:
-    found: dict[int, str] = {}
+    """The reasons of `faults`. Of several reasons of one robot the last in the list below counts."""
+    reasons: dict[int, str] = {}
     sizes = np.column_stack([forecasts.length_m, forecasts.width_m])
     heights_wrong = np.isnan(forecasts.bottom_m) | np.isnan(forecasts.top_m) | (forecasts.bottom_m > forecasts.top_m)
     counts = np.diff(forecasts.start)
@@ -120,13 +138,13 @@ def _reasons(forecasts: Forecasts) -> dict[int, str]:
         (counts < 1, robots, "no-knots"),
     ):
         if wrong.any():
-            found |= dict.fromkeys(whose[wrong].tolist(), reason)
-    return found
+            reasons |= dict.fromkeys(whose[wrong].tolist(), reason)
+    return reasons
 
 
 @inner
 def _wrapped(yaw: float) -> float:
-    """The same heading within [-pi, pi): sines of large angles lose digits."""
+    """The same heading within [-pi, pi), as sines of large angles lose precision."""
     turned = yaw + pi
     return (turned if 0.0 <= turned < 2 * pi else turned % (2 * pi)) - pi
 
@@ -135,12 +153,12 @@ def _wrapped(yaw: float) -> float:
 def _write_knots(
     knots: Knots, first: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, on_floor: Ints
 ) -> None:
-    """The knots of row i from `first[i]` on."""
+    """Write the knots of row i from `first[i]` on."""
     for row in range(len(first)):
         for k in range(start[row], start[row + 1]):
             knot = knots[first[row] + k - start[row]]
             knot.t, knot.x, knot.y, knot.yaw, knot.floor = t_s[k], x_m[k], y_m[k], _wrapped(yaw_rad[k]), on_floor[k]
-            knot.vx, knot.vy, knot.turn, knot.told_yaw = 0.0, 0.0, 0.0, yaw_rad[k]
+            knot.vx, knot.vy, knot.turn, knot.reported_yaw = 0.0, 0.0, 0.0, yaw_rad[k]
             if k + 1 < start[row + 1] and on_floor[k + 1] == on_floor[k]:
                 span = t_s[k + 1] - t_s[k]
                 knot.vx, knot.vy = (x_m[k + 1] - x_m[k]) / span, (y_m[k + 1] - y_m[k]) / span
@@ -196,13 +214,16 @@ def _replace(
 
 
 def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: Forecasts) -> int:
-    """Write forecasts into the `robots` of `slots` (n,) and their knots into `knots`: in place of the old ones where
-    they are as many, else from `used` on. Where those in use end then; nothing is written where that is beyond `knots`,
-    or where `faults` finds any: `UNSOUND`."""
-    f, where = forecasts, (robots, knots, slots, used)
+    """Write forecasts into the `robots` of `slots` (n,), and their knots into `knots`: in place of the old knots if
+    they are as many, else from `used` on.
+
+    Returns the new end of the used knots. Nothing is written if that is beyond `knots`, or if a forecast is invalid:
+    then the result is `UNSOUND`.
+    """
+    f, table = forecasts, (robots, knots, slots, used)
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))
-    return _replace(*where, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64), *sizes_m)
+    return _replace(*table, ready(f.start, np.int64), t_s, x_m, y_m, yaw_rad, ready(f.floor, np.int64), *sizes_m)
 
 
 _SWEPT = numba.types.Tuple((_ROBOT[::1], _KNOT[::1]))  # type: ignore[no-untyped-call]
@@ -210,7 +231,7 @@ _SWEPT = numba.types.Tuple((_ROBOT[::1], _KNOT[::1]))  # type: ignore[no-untyped
 
 @kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], numba.int64[::1]))
 def taken(robots: Robots, knots: Knots, slots: Ints) -> tuple[Robots, Knots]:
-    """A copy of the robots of `slots` (n,), in that order, and of their knots; for slot -1 one without knots."""
+    """Copies of the robots of `slots` (n,), in that order, and of their knots; slot -1 gives a robot without knots."""
     some, n = np.zeros(len(slots), ROBOT), 0
     for row in range(len(slots)):
         if slots[row] >= 0:
@@ -235,9 +256,12 @@ def delayed(
     short_s: float,
     beyond_s: float,
 ) -> tuple[Robots, Knots]:
-    """The robots of `rows` (n,), each held for `hold_s` (n,) at `leaves_s`, and their knots: where each is then and
-    when its hold ends, what it does later, and a last one in line with the two before it `beyond_s` after its horizon,
-    unless it ends sooner than `short_s` before that. A robot without knots stays so."""
+    """The robots of `rows` (n,), each held for `hold_s` (n,) from `leaves_s` on, and their knots.
+
+    The knots of a robot are its pose at `leaves_s` and when its hold ends, its later knots, and one more in line with
+    the last two, `beyond_s` after its horizon; that one is left out if the forecast ends more than `short_s` before the
+    horizon. A robot without knots still has none.
+    """
     held, begins, most = robots[rows], np.zeros(len(rows) + 1, np.int64), 0
     for robot in held:
         most += robot.count + 3
@@ -253,18 +277,18 @@ def delayed(
             ahead += 1
         one, other, share, turn = knots[max(ahead - 1, first)], knots[min(ahead, end - 1)], 0.0, 0.0
         if first < ahead < end and other.floor == one.floor:
-            share, turn = (leaves_s - one.t) / (other.t - one.t), _wrapped(other.told_yaw - one.told_yaw)
+            share, turn = (leaves_s - one.t) / (other.t - one.t), _wrapped(other.reported_yaw - one.reported_yaw)
         else:
             other = one
         for _ in range(1 if hold == 0.0 else 2):
             t[n], on_floor[n] = leaves_s + hold * (n - begin), one.floor
             x[n], y[n] = one.x + share * (other.x - one.x), one.y + share * (other.y - one.y)
-            yaw[n] = one.told_yaw + share * turn
+            yaw[n] = one.reported_yaw + share * turn
             n += 1
         for k in range(ahead, end):
             if knots[k].t > leaves_s + SAME_S:
                 t[n], x[n], y[n] = knots[k].t + hold, knots[k].x, knots[k].y
-                yaw[n], on_floor[n] = knots[k].told_yaw, knots[k].floor
+                yaw[n], on_floor[n] = knots[k].reported_yaw, knots[k].floor
                 n += 1
         a, b, ends = n - 2, n - 1, leaves_s + horizon_s + hold
         if a >= begin and ends - short_s <= t[b] < ends + beyond_s and on_floor[a] == on_floor[b]:

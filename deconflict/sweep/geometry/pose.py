@@ -1,4 +1,4 @@
-"""One robot at one moment of its forecast."""
+"""The pose of one robot at one moment of its forecast."""
 
 from dataclasses import dataclass
 from math import cos, hypot, sin
@@ -11,7 +11,7 @@ from ingest.frames.angles import turn_between
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """An envelope's centre, heading, velocity and floor."""
+    """Centre of the envelope, heading, velocity and floor."""
 
     x_m: float
     y_m: float
@@ -26,7 +26,8 @@ class Pose:
 
 
 def pose_at(forecast: Forecasts, t_s: float) -> Pose:
-    """One robot at `t_s`, as `Forecasts` reads between knots; before the first knot, at the first."""
+    """The pose of one robot at `t_s`, interpolated between knots as `Forecasts` says; before the first knot it is
+    there."""
     f = forecast
     knot = max(int(f.t_s.searchsorted(t_s, "right")) - 1, 0)
     x, y, yaw, floor = f.x_m.item(knot), f.y_m.item(knot), f.yaw_rad.item(knot), f.floor.item(knot)

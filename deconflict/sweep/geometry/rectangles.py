@@ -1,4 +1,4 @@
-"""Rectangles in the plane, many pairs at once: their exact distance. What happened is told by it, not by the sweep."""
+"""Exact distances of rectangles in the plane, for many pairs at once. Scores use these distances, not the sweep."""
 
 from math import copysign, cos, inf, sin, sqrt
 
@@ -15,9 +15,9 @@ _MATRIX = numba.types.Array(numba.float64, 2, "C", readonly=True)
 def nearest_corner(
     cx: float, cy: float, c: float, s: float, length: float, width: float, other_length: float, other_width: float
 ) -> tuple[float, float, float]:
-    """The corner of a rectangle at (cx, cy), turned by (c, s), that is nearest to the upright other one.
+    """Of a rectangle at (cx, cy), turned by (c, s), the corner that is nearest to an upright rectangle at the origin.
 
-    Squared distance, and the vector from the upright rectangle to the corner, in its frame.
+    Returns the squared distance, and the vector from the upright rectangle to the corner in its frame.
     """
     best, best_x, best_y = inf, 0.0, 0.0
     for i in (length, -length):
@@ -33,7 +33,7 @@ def nearest_corner(
 
 @inner
 def _set_turns(c: Floats, s: Floats, yaw: Floats, row: int) -> None:
-    """Cosine and sine of a row of headings, most of them as the one before."""
+    """Set cosine and sine of a row of headings, most of which equal the one before."""
     for at in range(len(c)):
         if at and yaw[row, at] == yaw[row, at - 1]:
             c[at], s[at] = c[at - 1], s[at - 1]
@@ -67,16 +67,17 @@ def _signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Fl
 
 
 def signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Floats, half_b: Floats) -> Floats:
-    """(n, m) distance of n pairs of rectangles at m times each, B's centre at (dx, dy) (n, m) from A's; negative where
-    they overlap: how far one must move for them not to. `half` are (2, n) half sides.
+    """(n, m) distance of n pairs of rectangles at m times each. If the two overlap it is negative: how far one must
+    move to end the overlap.
 
-    Two convex polygons that do not overlap are closest at a corner of one of them; whether they overlap is told by
-    the four axes of their sides (Gottschalk, Lin and Manocha 1996, in the plane).
+    (dx, dy) (n, m) each is from A's centre to B's; `half_a` and `half_b` (2, n) are half sides. Two convex polygons
+    that do not overlap are closest at a corner of one of them. The four axes of their sides show whether they overlap
+    (Gottschalk, Lin and Manocha 1996, in the plane).
     """
     return _signed_gap(*map(np.ascontiguousarray, (dx, dy, yaw_a, yaw_b, half_a, half_b)))
 
 
 def gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Floats, half_b: Floats) -> Floats:
-    """(n,) distance of n pairs of rectangles, 0 where they overlap; as `signed_gap` otherwise, each at one time."""
+    """(n,) distance of n pairs of rectangles at one time, 0 if they overlap; arguments as of `signed_gap`."""
     apart = signed_gap(dx[:, None], dy[:, None], yaw_a[:, None], yaw_b[:, None], half_a, half_b)
     return np.maximum(apart[:, 0], 0.0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from deconflict.sweep.broadphase import ABSENT, FEW, MIXED, PAIR, ROOMY, Boxes, in_order
+from deconflict.sweep.broadphase import ABSENT, FEW, MIXED, PAIR, ROOMY, SweptBoxes, sorted_pairs
 from deconflict.sweep.geometry.knots import ROBOT
 from deconflict.sweep.incremental import PairConflicts, Sweeper
 from deconflict.sweep.slot_table import SlotTable
@@ -84,18 +84,18 @@ def test_no_pair_that_meets_is_left_out(kind: str, seed: int) -> None:
         assert meet <= found <= nearly
 
 
-def test_it_does_leave_out_nearly_everything_on_a_wide_floor() -> None:
+def test_nearly_all_pairs_of_a_wide_floor_are_left_out() -> None:
     crowd = Forecasts.joined(spread(np.random.default_rng(52), 300, 120))
     all_pairs = len(crowd) * (len(crowd) - 1) / 2
     assert swept(crowd).segment_pairs < all_pairs * HORIZON_S / 50
 
 
-def test_robots_of_other_floors_are_not_looked_at() -> None:
+def test_robots_of_other_floors_are_not_compared() -> None:
     crowd = Forecasts.joined(robot([0], [0], [0], 0, (1, 1), floor=floor) for floor in range(50))
     assert swept(crowd).segment_pairs == 0
 
 
-def test_one_that_changed_is_not_held_against_all_over_again() -> None:
+def test_one_changed_robot_does_not_compare_all_others_again() -> None:
     rng = np.random.default_rng(53)
     crowd = Forecasts.joined(spread(rng, 300, 120))
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
@@ -105,12 +105,14 @@ def test_one_that_changed_is_not_held_against_all_over_again() -> None:
     assert sweeper.find_conflicts(NOW_S).segment_pairs < first.segment_pairs / 10
 
 
-def random_boxes(seed: int, robots: int, *, floors: int = 2, longest_m: float = 5.0, spread_m: float = 40.0) -> Boxes:
+def random_boxes(
+    seed: int, robots: int, *, floors: int = 2, longest_m: float = 5.0, spread_m: float = 40.0
+) -> SweptBoxes:
     """Boxes of which some are absent, some of an old slab, some on several floors, a few very long or far away."""
     rng = np.random.default_rng(seed)
-    boxes = Boxes(SLABS)
+    boxes = SweptBoxes(SLABS)
     boxes.grow(robots)
-    made = boxes.all
+    made = boxes.by_ring
     made["slab"] = np.arange(SLABS)[:, None] + SLABS * (rng.random((SLABS, robots)) < 0.9)
     made["floor"] = rng.choice(
         [ABSENT, MIXED, *range(floors)], (SLABS, robots), p=[0.1, 0.05, *[0.85 / floors] * floors]
@@ -124,27 +126,27 @@ def random_boxes(seed: int, robots: int, *, floors: int = 2, longest_m: float = 
     return boxes
 
 
-def sides(boxes: Boxes) -> Floats:
+def sides(boxes: SweptBoxes) -> Floats:
     """(slots, 4) of the reaches that are kept."""
     return boxes.reaches.view(np.float64).reshape(-1, 4)
 
 
-def reaches_of(boxes: Boxes) -> Floats:
+def reaches_of(boxes: SweptBoxes) -> Floats:
     """(slots, 4) what is covered by all boxes that are there."""
-    there = boxes.all["floor"] != ABSENT
+    there = boxes.by_ring["floor"] != ABSENT
     low, high = (
-        [np.where(there, boxes.all[side], none) for side in sides]
+        [np.where(there, boxes.by_ring[side], none) for side in sides]
         for none, sides in ((np.inf, ("west", "south")), (-np.inf, ("east", "north")))
     )
     (west, south), (east, north) = (side.min(axis=0) for side in low), (side.max(axis=0) for side in high)
     return np.stack([west, east, south, north], axis=1)
 
 
-def by_force(boxes: Boxes, changed: Ints) -> set[tuple[int, int, int]]:
+def by_force(boxes: SweptBoxes, changed: Ints) -> set[tuple[int, int, int]]:
     """All pairs of ring row, lower and higher slot, tried one by one."""
     found = set()
     for ring in range(SLABS):
-        row = boxes.all[ring]
+        row = boxes.by_ring[ring]
         slab, floor, west, east, south, north = (row[n] for n in ("slab", "floor", "west", "east", "south", "north"))
         overlap = (west[:, None] <= east) & (west <= east[:, None])
         overlap &= (south[:, None] <= north) & (south <= north[:, None])
@@ -155,13 +157,13 @@ def by_force(boxes: Boxes, changed: Ints) -> set[tuple[int, int, int]]:
     return found
 
 
-def found_by(boxes: Boxes, changed: Ints) -> list[tuple[int, int, int]]:
-    pairs = boxes.pairs(changed, np.arange(SLABS))
+def found_by(boxes: SweptBoxes, changed: Ints) -> list[tuple[int, int, int]]:
+    pairs = boxes.overlapping_pairs(changed, np.arange(SLABS))
     columns = pairs["ring"], np.minimum(pairs["a"], pairs["b"]), np.maximum(pairs["a"], pairs["b"])
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def check(boxes: Boxes, changed: Ints) -> None:
+def check(boxes: SweptBoxes, changed: Ints) -> None:
     found = found_by(boxes, changed)
     assert len(set(found)) == len(found)
     assert set(found) == by_force(boxes, changed)
@@ -197,10 +199,10 @@ def test_discards_almost_all_pairs_of_a_large_floor() -> None:
         assert 0 < len(found_by(boxes, changed)) < possible / 20
 
 
-def covered(robots: int, seed: int, grow_m: float) -> tuple[Forecasts, SlotTable, Boxes]:
+def covered(robots: int, seed: int, grow_m: float) -> tuple[Forecasts, SlotTable, SweptBoxes]:
     rng = np.random.default_rng(seed)
     forecasts = Forecasts.joined(wanderer(rng, knots=12) for _ in range(robots))
-    table, boxes = SlotTable(), Boxes(SLABS)
+    table, boxes = SlotTable(), SweptBoxes(SLABS)
     slots = table.replace_forecasts([str(row) for row in range(robots)], forecasts)
     assert slots is not None
     boxes.grow(robots)
@@ -215,7 +217,7 @@ def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_mus
         one, track = forecasts.single(slot), Track(forecasts, slot)
         half_l, half_w = one.length_m[0] / 2, one.width_m[0] / 2
         for ring, slab in enumerate(range(int(NOW_S), int(NOW_S) + SLABS), int(NOW_S) % SLABS):
-            box = boxes.all[ring % SLABS, slot]
+            box = boxes.by_ring[ring % SLABS, slot]
             t = np.linspace(slab, slab + 1, 33)
             on_floor, pose, _ = track.between(t[:-1], t[1:])
             x, y, yaw = pose[on_floor >= 0].T
@@ -233,13 +235,13 @@ def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_mus
     assert np.median(nearest) < 0.2
 
 
-def test_a_box_knows_the_knot_that_holds_when_it_begins() -> None:
+def test_a_box_has_the_knot_that_holds_when_it_begins() -> None:
     forecasts, table, boxes = covered(30, 2, 0.1)
-    for ring, slot in np.argwhere(boxes.all["floor"] != ABSENT).tolist():
-        box, t_s = boxes.all[ring, slot], forecasts.single(slot).t_s
+    for ring, slot in np.argwhere(boxes.by_ring["floor"] != ABSENT).tolist():
+        box, t_s = boxes.by_ring[ring, slot], forecasts.single(slot).t_s
         assert box["knot"] == max(np.searchsorted(t_s, box["slab"], "right") - 1, 0)
     boxes.clear(np.arange(30))
-    assert (boxes.all["floor"] == ABSENT).all()
+    assert (boxes.by_ring["floor"] == ABSENT).all()
     assert len(table) == 30
 
 
@@ -270,5 +272,5 @@ def test_pairs_are_put_in_order_without_those_above_one_another() -> None:
         if max(robots["bottom"][[a, b]]) <= min(robots["top"][[a, b]]):
             expected.append((ring, a, b))
     expected.sort(key=lambda pair: (rank[pair[1]], rank[pair[2]]))
-    assert in_order(pairs, ranks, robots).tolist() == expected
+    assert sorted_pairs(pairs, ranks, robots).tolist() == expected
     assert 1000 < len(expected) < 2500

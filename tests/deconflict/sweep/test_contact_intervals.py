@@ -4,7 +4,7 @@ from itertools import groupby
 
 import numpy as np
 
-from deconflict.sweep.contact_intervals import CONTACT_INTERVAL, ContactIntervals, PairNames, by_pair, joined
+from deconflict.sweep.contact_intervals import CONTACT_INTERVAL, ContactIntervals, PairNames, by_pair, merged
 from ingest.batch import Ints
 
 RNG = np.random.default_rng(21)
@@ -13,7 +13,7 @@ RANKS = RNG.permutation(ROBOTS)
 
 
 def made(count: int, ranks: Ints) -> ContactIntervals:
-    """So many different meetings, in order; many separations are alike."""
+    """So many different intervals, in order; many separations are alike."""
     chosen = RNG.choice(ROBOTS * ROBOTS * 12, count, replace=False)
     a, b, slab = chosen // (12 * ROBOTS), chosen // 12 % ROBOTS, 100 + chosen % 12
     order = np.lexsort((slab, ranks[b], ranks[a]))
@@ -24,14 +24,14 @@ def made(count: int, ranks: Ints) -> ContactIntervals:
 
 
 def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations() -> None:
-    meetings = made(2000, RANKS)
+    intervals = made(2000, RANKS)
     told, now_s, expected = np.arange(ROBOTS) % 4 == 0, 100.5, []
-    for (a, b), some in groupby(meetings.tolist(), key=lambda row: row[:2]):
+    for (a, b), some in groupby(intervals.tolist(), key=lambda row: row[:2]):
         every = list(some)
         *_, separation, at = min(every, key=lambda row: row[4])
         contact = max(min(row[3] for row in every), now_s)
         expected.append((a, b, contact, separation, at, bool(told[a] or told[b])))
-    columns = by_pair(meetings, told, now_s)
+    columns = by_pair(intervals, told, now_s)
     assert list(zip(*(column.tolist() for column in columns), strict=True)) == expected
     assert 100 < len(expected) < 1000
 
@@ -41,7 +41,7 @@ def test_parts_are_joined_in_the_order_of_keys_and_slabs() -> None:
     part = RNG.integers(0, 4, len(whole))
     some = np.empty(0, CONTACT_INTERVAL)
     for number in range(4):
-        some = joined(some, whole[part == number], RANKS)
+        some = merged(some, whole[part == number], RANKS)
         assert some.tolist() == whole[part <= number].tolist()
 
 
@@ -52,8 +52,8 @@ def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
         if turn % 10 == 9:
             keys, ranks = np.roll(keys, 1), RNG.permutation(ROBOTS)
             kept.clear()
-        meetings = made(int(RNG.choice([0, 1, 800])), ranks)
-        a, b, *_ = by_pair(meetings, np.zeros(ROBOTS, bool), 0.0)
+        intervals = made(int(RNG.choice([0, 1, 800])), ranks)
+        a, b, *_ = by_pair(intervals, np.zeros(ROBOTS, bool), 0.0)
         listed, before = names.of(a, b, keys, ranks)
         assert listed == tuple(zip(keys[a], keys[b], strict=True))
         assert all(kept.get(pair, pair) is pair for pair in listed)

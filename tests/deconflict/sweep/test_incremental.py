@@ -39,7 +39,7 @@ def assert_same(found: PairConflicts, fresh: PairConflicts) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("robots", [8, 60])
-def test_many_steps_say_what_a_fresh_sweep_says(robots: int, seed: int) -> None:
+def test_many_passes_equal_a_fresh_sweep(robots: int, seed: int) -> None:
     rng = np.random.default_rng([seed, robots])
     sweeper, on_floor, now_s, hits = Sweeper(clearance_m=CLEARANCE_M), dict[str, Forecasts](), NOW_S, 0
     for _ in range(40):
@@ -104,7 +104,7 @@ def test_order_and_batches_make_no_difference() -> None:
     assert_same(last, at_once)
 
 
-def test_who_else_is_on_the_floor_makes_no_difference_to_a_pair() -> None:
+def test_other_robots_do_not_change_the_result_of_a_pair() -> None:
     rng = np.random.default_rng(7)
     crowd = {f"r{row}": said(rng, NOW_S) for row in range(60)}
     everyone = swept_afresh(crowd, NOW_S)
@@ -115,7 +115,7 @@ def test_who_else_is_on_the_floor_makes_no_difference_to_a_pair() -> None:
             assert getattr(alone, column)[0] == getattr(everyone, column)[row]
 
 
-def test_only_what_changed_is_fresh_and_little_of_the_rest_is_looked_at() -> None:
+def test_only_changed_robots_are_fresh_and_few_other_pairs_are_computed() -> None:
     rng = np.random.default_rng(8)
     on_floor = {f"r{row}": said(rng, NOW_S) for row in range(200)}
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
@@ -144,13 +144,13 @@ def test_an_invalid_forecast_takes_its_robot_off_the_floor_until_the_next() -> N
     assert sweeper.find_conflicts(NOW_S + 0.2).pairs == (("a", "b"),)
 
 
-def test_discarding_a_stranger_is_no_error() -> None:
+def test_discarding_an_unknown_robot_is_no_error() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.discard(["nobody"])
     assert sweeper.find_conflicts(NOW_S).pairs == ()
 
 
-def test_a_robot_that_fell_silent_is_still_there_after_minutes() -> None:
+def test_a_silent_robot_is_still_swept_after_minutes() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     silent = robot([0, 5], [-4, 0], [0, 0], 0, (1, 1))
     comes = robot([600, 610], [5, -5], [0, 0], 0, (1, 1))
@@ -163,7 +163,7 @@ def test_a_robot_that_fell_silent_is_still_there_after_minutes() -> None:
     assert found.contact_s[0] == pytest.approx(NOW_S + 603.75, abs=0.01)
 
 
-def test_a_silent_robot_is_swept_again_only_where_the_horizon_reaches_next() -> None:
+def test_a_silent_robot_is_swept_only_in_the_slabs_that_the_horizon_reaches() -> None:
     row = Forecasts.joined(robot([0], [0.7 * n], [0], 0, (0.5, 0.5)) for n in range(40))
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     sweeper.update([str(n) for n in range(40)], row)
@@ -192,7 +192,7 @@ def test_a_contact_comes_into_view_begins_and_is_over() -> None:
     assert not sweeper.find_conflicts(NOW_S + 21.3).pairs
 
 
-def test_of_a_robot_told_twice_at_once_the_later_counts() -> None:
+def test_of_two_rows_of_one_robot_the_later_counts() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     here, away = robot([0], [0], [0], 0, (1, 1)), robot([0], [9], [0], 0, (1, 1))
     sweeper.update(["a", "b", "b"], Forecasts.joined([here, here, away]))
@@ -201,7 +201,7 @@ def test_of_a_robot_told_twice_at_once_the_later_counts() -> None:
     assert sweeper.find_conflicts(NOW_S).pairs == (("a", "b"),)
 
 
-def test_one_that_joins_in_the_place_of_one_that_left_has_nothing_of_it() -> None:
+def test_a_robot_in_a_reused_slot_has_nothing_of_the_last_one() -> None:
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     here, away = robot([0], [0], [0], 0, (1, 1)), robot([0], [9], [0], 0, (1, 1))
     sweeper.update(["a", "b"], Forecasts.joined([here, here]))
@@ -213,7 +213,7 @@ def test_one_that_joins_in_the_place_of_one_that_left_has_nothing_of_it() -> Non
     assert sweeper.find_conflicts(NOW_S).pairs == (("A", "a"),)
 
 
-def test_what_is_no_longer_used_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unused_knots_are_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(slot_table, "FEWEST_KNOTS", 10)
     rng = np.random.default_rng(4)
     sweeper = Sweeper(clearance_m=CLEARANCE_M)

@@ -14,7 +14,7 @@ from deconflict.sweep.narrowphase import (
     first_contact,
     gap,
     nearest_centres,
-    smallest_of,
+    smallest_separation,
 )
 from ingest.batch import Floats
 from tests.helpers.made_motion import completed, motions, sampled, true_distance
@@ -123,7 +123,7 @@ def test_contact_is_never_late_and_early_by_the_tolerance_at_most(turning: bool,
     assert ((motion["begin"] <= found) & (found <= motion["end"]))[hit].all()
 
 
-def test_what_few_rounds_leave_open_is_open_from_no_later_than_the_contact() -> None:
+def test_an_undecided_contact_is_open_from_no_later_than_the_contact() -> None:
     motion = motions(np.random.default_rng(31), 500)
     left = [first_contact(m, 0.3, TOLERANCE_M, 2) for m in motion]
     contact = contacts(motion, 0.3)
@@ -149,9 +149,11 @@ def test_robots_that_draw_apart_or_stand_apart_are_not_in_contact() -> None:
 
 
 @pytest.mark.parametrize("turning", [True, False])
-def test_no_sample_is_closer_and_the_time_given_is_that_close(turning: bool) -> None:
+def test_the_smallest_separation_is_reached_and_no_sample_is_closer(turning: bool) -> None:
     motion = motions(np.random.default_rng(21), 600, turning=turning)
-    separation, when = np.array([smallest_of(motion[row : row + 1], ACCURACY_M) for row in range(len(motion))]).T
+    separation, when = np.array(
+        [smallest_separation(motion[row : row + 1], ACCURACY_M) for row in range(len(motion))]
+    ).T
     _, distance = sampled(motion, 200)
     lowest = distance.min(axis=0)
     assert 0.2 < np.mean(lowest > 0) < 0.9
@@ -162,6 +164,6 @@ def test_no_sample_is_closer_and_the_time_given_is_that_close(turning: bool) -> 
 
 def test_of_several_motions_the_closest_counts() -> None:
     motion = motions(np.random.default_rng(22), 600)
-    each = np.array([smallest_of(motion[row : row + 1], ACCURACY_M)[0] for row in range(600)]).reshape(-1, 3)
-    together = np.array([smallest_of(motion[row : row + 3], ACCURACY_M)[0] for row in range(0, 600, 3)])
+    each = np.array([smallest_separation(motion[row : row + 1], ACCURACY_M)[0] for row in range(600)]).reshape(-1, 3)
+    together = np.array([smallest_separation(motion[row : row + 3], ACCURACY_M)[0] for row in range(0, 600, 3)])
     assert np.abs(together - each.min(axis=1)).max() <= ACCURACY_M

@@ -116,7 +116,7 @@ def test_the_cases_are_many_and_of_both_kinds() -> None:
         ("accuracy of separation", {"separation"}),
     ],
 )
-def test_the_comparison_sees_what_is_broken_on_purpose(
+def test_the_comparison_detects_deliberate_faults(
     broken: str, kinds: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if broken == "tolerance of advancement":
@@ -233,7 +233,7 @@ def test_the_order_of_robots_makes_no_difference(
         np.testing.assert_array_equal(getattr(mixed, column)[rows], getattr(straight, column), err_msg=column)
 
 
-def test_who_else_is_on_the_floor_makes_no_difference_to_a_pair() -> None:
+def test_other_robots_do_not_change_the_result_of_a_pair() -> None:
     crowd = crowd_of(60, 4)
     everyone = sweep(crowd, now_s=NOW_S, clearance_m=0.25)
     assert len(everyone.pairs) > 50
@@ -264,7 +264,7 @@ def laid_out(forecasts: Forecasts) -> tuple[Robots, Knots]:
 
 @pytest.mark.parametrize("clearance_m", CLEARANCES_M)
 @pytest.mark.parametrize("family", FAMILIES)
-def test_chosen_pairs_meet_when_the_whole_floor_says(family: str, clearance_m: float) -> None:
+def test_chosen_pairs_have_the_contacts_of_the_whole_floor(family: str, clearance_m: float) -> None:
     forecasts = encounters(family, 60, 11, clearance_m)
     a, b = np.array(rows_of_pairs(60)).T.copy()
     until_s = np.full(len(a), NOW_S + HORIZON_S)
@@ -279,7 +279,7 @@ def test_chosen_pairs_meet_when_the_whole_floor_says(family: str, clearance_m: f
 
 
 @pytest.mark.parametrize("rounds", [0, incremental.ROUNDS])
-def test_chosen_pairs_are_looked_at_until_their_own_time(monkeypatch: pytest.MonkeyPatch, rounds: int) -> None:
+def test_chosen_pairs_are_swept_until_their_own_times(monkeypatch: pytest.MonkeyPatch, rounds: int) -> None:
     """And FCL, which decides where advancement may take no round, says the same to a millimetre."""
     forecasts = encounters("random", 60, 11, 0.25)
     a, b = np.array(rows_of_pairs(60)).T.copy()
@@ -297,7 +297,7 @@ def test_chosen_pairs_are_looked_at_until_their_own_time(monkeypatch: pytest.Mon
     assert np.abs(told_s[in_time] - all_s[in_time]).max() < (LATE_S if rounds == 0 else INSTANT_S)
 
 
-def test_chosen_robots_without_knots_meet_nobody() -> None:
+def test_chosen_robots_without_knots_have_no_contact() -> None:
     crossing = [robot([0, 8], [-4, 4], [0, 0], 0.0, (1.0, 0.6)), robot([0, 8], [0, 0], [-4, 4], 1.6, (1.0, 0.6))]
     robots, knots = laid_out(Forecasts.joined([*crossing, crossing[1]]))
     robots["count"][2] = 0

@@ -31,7 +31,7 @@ def assert_holds(table: SlotTable, newest: dict[str, Forecasts]) -> None:
         np.testing.assert_array_equal(knots[one["first"] : one["first"] + one["count"]], of)
 
 
-def test_robots_come_go_and_say_more_or_less_than_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robots_come_go_and_change_their_number_of_knots(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "FEWEST_KNOTS", 10)
     rng, table, newest, most = np.random.default_rng(71), SlotTable(), dict[str, Forecasts](), 0
     for _ in range(60):
@@ -56,7 +56,7 @@ def test_as_many_knots_as_before_take_the_place_of_the_old_ones() -> None:
         assert table.robots["first"][table.slots["a"]] == 0
 
 
-def test_nothing_is_replaced_where_a_forecast_cannot_be_swept() -> None:
+def test_nothing_is_replaced_if_a_forecast_cannot_be_swept() -> None:
     rng, table = np.random.default_rng(75), SlotTable()
     newest = {"a": wanderer(rng), "b": wanderer(rng)}
     table.replace_forecasts(list(newest), Forecasts.joined(newest.values()))

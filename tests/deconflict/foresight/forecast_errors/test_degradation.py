@@ -27,51 +27,51 @@ def errors(rng: Generator, kind: int, robots: int, size_m: float) -> Errors:
 
 
 def run(
-    changes: DegradationDetector, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
+    detector: DegradationDetector, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
 ) -> list[dict[str, LevelChange]]:
     """What is told each minute while a vendor's robots are off by so much."""
     rng, told = default_rng(seed), []
     for second in range(begin_s, end_s):
-        changes.add_errors(errors(rng, kind, 3, size_m), KINDS, NOW_S + second)
+        detector.add_errors(errors(rng, kind, 3, size_m), KINDS, NOW_S + second)
         if second % 60 == 0:
-            told.append(changes.changed())
+            told.append(detector.changed())
     return told
 
 
-def test_forecasts_that_become_worse_are_told_of_with_since_when_until_they_are_as_before() -> None:
-    changes = DegradationDetector()
-    assert not any(run(changes, 0, 7200, 0.1))
-    flagged = run(changes, 7200, 10_800, 0.5)[-1]["Alder"]
+def test_worse_forecasts_are_reported_with_their_begin_until_they_recover() -> None:
+    detector = DegradationDetector()
+    assert not any(run(detector, 0, 7200, 0.1))
+    flagged = run(detector, 7200, 10_800, 0.5)[-1]["Alder"]
     assert abs(flagged.since_s - (NOW_S + 7200)) <= 360
     # four in five are within 0.27 m, and then within 1.35 m
     assert flagged.by == pytest.approx(1.1, abs=0.25)
-    assert run(changes, 10_800, 14_400, 0.1)[-1] == {}
+    assert run(detector, 10_800, 14_400, 0.1)[-1] == {}
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_steady_vendor_is_never_flagged_in_a_day(seed: int) -> None:
-    changes, rng = DegradationDetector(), default_rng(seed)
+    detector, rng = DegradationDetector(), default_rng(seed)
     told = []
     for step in range(0, 86_400, 10):
         busy = 1 + 0.2 * np.sin(2 * np.pi * step / 86_400)
-        changes.add_errors(errors(rng, 0, 10, 0.2 * busy), KINDS, NOW_S + step)
-        told.append(changes.changed())
+        detector.add_errors(errors(rng, 0, 10, 0.2 * busy), KINDS, NOW_S + step)
+        told.append(detector.changed())
     assert not any(told)
 
 
-def test_each_vendor_is_held_to_its_own_and_robots_that_stand_do_not_count() -> None:
-    changes = DegradationDetector()
-    run(changes, 0, 7200, 1.5, kind=2)
-    run(changes, 0, 7200, 0.1)
-    run(changes, 7200, 9000, 1.5, kind=2)
-    run(changes, 7200, 9000, 1.5, kind=1)
-    assert run(changes, 7200, 9000, 0.1)[-1] == {}
+def test_each_vendor_is_compared_with_itself_and_standing_robots_do_not_count() -> None:
+    detector = DegradationDetector()
+    run(detector, 0, 7200, 1.5, kind=2)
+    run(detector, 0, 7200, 0.1)
+    run(detector, 7200, 9000, 1.5, kind=2)
+    run(detector, 7200, 9000, 1.5, kind=1)
+    assert run(detector, 7200, 9000, 0.1)[-1] == {}
 
 
-def test_what_was_usual_is_known_after_a_restart() -> None:
-    changes, resumed = DegradationDetector(), DegradationDetector()
-    run(changes, 0, 7200, 0.1)
-    resumed.resume(unpacked(packed({"changes": changes.learned()}))["changes"])
+def test_the_usual_level_is_kept_over_a_restart() -> None:
+    detector, resumed = DegradationDetector(), DegradationDetector()
+    run(detector, 0, 7200, 0.1)
+    resumed.resume(unpacked(packed({"detector": detector.learned()}))["detector"])
     assert "Alder" in run(resumed, 7200, 9000, 0.5)[-1]
     with pytest.raises(UnreadableError):
         resumed.resume({"Alder": 3})

@@ -36,7 +36,7 @@ def reach(ledger: Ledger, row: int, ahead_s: float) -> float:
 
 
 @pytest.mark.parametrize("scale_m", [0.01, 0.5])
-def test_bands_cover_what_they_say_even_as_errors_drift(scale_m: float) -> None:
+def test_bands_keep_their_coverage_as_errors_drift(scale_m: float) -> None:
     ledger, rng = Ledger(), default_rng(7)
     row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
     inside = []
@@ -49,7 +49,7 @@ def test_bands_cover_what_they_say_even_as_errors_drift(scale_m: float) -> None:
     assert np.concatenate(inside).mean(axis=0) == pytest.approx([0.5, 0.8, 0.9], abs=0.025)
 
 
-def test_errors_are_counted_as_one_by_one() -> None:
+def test_counting_many_errors_equals_counting_them_one_by_one() -> None:
     ledger, rng, n = Ledger(), default_rng(8), 400
     for model in ("A-7", "A-8", "A-9"):
         ledger.row("Alder", model, Basis.PATH, NOW_S)
@@ -80,7 +80,7 @@ def test_errors_are_counted_as_one_by_one() -> None:
     assert ledger.bands_m == pytest.approx(np.maximum.accumulate(np.maximum.accumulate(radii_m, axis=2), axis=1))
 
 
-def test_bands_widen_with_the_horizon_whatever_was_seen() -> None:
+def test_bands_always_widen_with_the_horizon() -> None:
     ledger = Ledger()
     row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
     ledger.record(errors(ledger, row, 2, np.full(100, 3.0)), NOW_S)
@@ -119,7 +119,7 @@ def test_kinds_are_bounded_and_the_rest_share_one() -> None:
     assert ledger.bands_m.shape == (MOST_CLASSES + 1, HORIZONS, 3)
 
 
-def test_what_was_learned_fades_by_the_stamps_over_a_restart() -> None:
+def test_kept_errors_fade_by_their_time_stamps_over_a_restart() -> None:
     ledger, resumed = Ledger(), Ledger()
     row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
     ledger.record(errors(ledger, row, 1, np.ones(8)), NOW_S)

@@ -29,21 +29,21 @@ def straight(t_s: float, x_m: float, y_m: float, speed_mps: float, yaw_rad: floa
     return robot([t_s - NOW_S, t_s - NOW_S + 20], [x_m, far[0]], [y_m, far[1]], yaw_rad, (1.0, 0.5))
 
 
-def take(followed: PendingForecasts, forecast: Forecasts, slot: int = 0) -> Errors:
-    followed.grow(slot + 1)
+def add_report(pending: PendingForecasts, forecast: Forecasts, slot: int = 0) -> Errors:
+    pending.grow(slot + 1)
     event_s = forecast.t_s[:1]
     sizes_m = (np.zeros(1), forecast.length_m, forecast.width_m)
     reports = ReportedTracks(
         np.array([slot]), np.array([0]), event_s, *sizes_m, poses_at(forecast, event_s, TRACK_LOOKS)
     )
-    errors, _ = followed.add_reports(np.zeros(slot + 1, ROBOT), np.zeros((2, slot + 1)), reports, BANDS_M)
+    errors, _ = pending.add_reports(np.zeros(slot + 1, ROBOT), np.zeros((2, slot + 1)), reports, BANDS_M)
     return errors
 
 
 def run(course: list[tuple[float, float]], says_mps: float, yaw_rad: float = 0.0, every_s: float = 1.0) -> list[Errors]:
-    followed = PendingForecasts()
+    pending = PendingForecasts()
     return [
-        take(followed, straight(NOW_S + n * every_s, x_m, y_m, says_mps, yaw_rad))
+        add_report(pending, straight(NOW_S + n * every_s, x_m, y_m, says_mps, yaw_rad))
         for n, (x_m, y_m) in enumerate(course)
     ]
 
@@ -77,10 +77,10 @@ def test_sizes_are_counted_in_the_bins_of_the_sketch() -> None:
     assert set(shown["radial_bin"].tolist()) > set(range(0, BINS, BINS - 1))
 
 
-def test_who_stands_by_its_forecast_or_its_last_two_reports_is_told() -> None:
+def test_robots_stand_by_their_forecasts_or_their_last_two_reports() -> None:
     """And a track that does not say where its robot will be is left out."""
-    followed, robots = PendingForecasts(), np.zeros(3, ROBOT)
-    followed.grow(3)
+    pending, robots = PendingForecasts(), np.zeros(3, ROBOT)
+    pending.grow(3)
     told = []
     for n in range(2):
         forecasts = [
@@ -93,14 +93,14 @@ def test_who_stands_by_its_forecast_or_its_last_two_reports_is_told() -> None:
         alike = np.ones(3)
         reports = ReportedTracks(np.arange(3), np.array([0, 0, 0]), since_s, alike / 5, alike, alike / 2, track)
         half = np.zeros((2, 3))
-        told.append(followed.add_reports(robots, half, reports, BANDS_M)[1].tolist())
+        told.append(pending.add_reports(robots, half, reports, BANDS_M)[1].tolist())
         assert half.tolist() == [[0.5] * 3, [0.25] * 3]
     assert told == [[False, True, False], [True, True, False]]
     assert robots["rests"].tolist() == [False, True, False]
     track[:, 5, 0] = np.nan
-    _, stands = followed.add_reports(robots, half, reports._replace(event_s=since_s + 1, track=track), BANDS_M)
+    _, stands = pending.add_reports(robots, half, reports._replace(event_s=since_s + 1, track=track), BANDS_M)
     assert not stands.any()
-    assert followed.heard_s.tolist() == since_s.tolist()
+    assert pending.heard_s.tolist() == since_s.tolist()
 
 
 def test_reports_between_whole_seconds_are_joined() -> None:
@@ -110,51 +110,51 @@ def test_reports_between_whole_seconds_are_joined() -> None:
         assert one["along_m"] == pytest.approx(0, abs=1e-6)
 
 
-def test_a_gap_in_the_reports_tells_nothing() -> None:
-    followed = PendingForecasts()
-    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
-    assert len(take(followed, straight(NOW_S + 5, 2.0, 0.0, 1.0))) == 0
+def test_a_gap_in_the_reports_gives_no_error() -> None:
+    pending = PendingForecasts()
+    add_report(pending, straight(NOW_S, 0.0, 0.0, 1.0))
+    assert len(add_report(pending, straight(NOW_S + 5, 2.0, 0.0, 1.0))) == 0
 
 
-def test_a_report_told_again_counts_once() -> None:
-    followed = PendingForecasts()
-    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
+def test_a_repeated_report_counts_once() -> None:
+    pending = PendingForecasts()
+    add_report(pending, straight(NOW_S, 0.0, 0.0, 1.0))
     again = straight(NOW_S + 1, 1.0, 0.0, 1.0)
-    assert [len(take(followed, again)), len(take(followed, again))] == [1, 0]
+    assert [len(add_report(pending, again)), len(add_report(pending, again))] == [1, 0]
 
 
 def test_a_report_that_is_older_than_the_newest_is_left_out() -> None:
-    followed, punctual = PendingForecasts(), PendingForecasts()
+    pending, punctual = PendingForecasts(), PendingForecasts()
     told = [straight(NOW_S + n, 0.8 * n, 0.0, 1.0) for n in range(5)]
     for one in told[:4]:
-        take(followed, one)
-        take(punctual, one)
-    assert len(take(followed, straight(NOW_S + 1.5, 9.0, 9.0, 1.0))) == 0
-    assert followed.heard_s[0] == NOW_S + 3
-    late, expected = take(followed, told[4]), take(punctual, told[4])
+        add_report(pending, one)
+        add_report(punctual, one)
+    assert len(add_report(pending, straight(NOW_S + 1.5, 9.0, 9.0, 1.0))) == 0
+    assert pending.heard_s[0] == NOW_S + 3
+    late, expected = add_report(pending, told[4]), add_report(punctual, told[4])
     assert len(expected) == 4
     for name in ("along_m", "horizon_s"):
         assert late[name].tolist() == expected[name].tolist()
 
 
-def test_a_slot_that_another_robot_has_now_does_not_remember() -> None:
-    followed = PendingForecasts()
-    take(followed, straight(NOW_S, 0.0, 0.0, 1.0))
-    followed.forget(np.array([0]))
-    assert len(take(followed, straight(NOW_S + 1, 9.0, 0.0, 1.0))) == 0
+def test_another_robot_in_a_slot_has_no_pending_forecasts() -> None:
+    pending = PendingForecasts()
+    add_report(pending, straight(NOW_S, 0.0, 0.0, 1.0))
+    pending.forget(np.array([0]))
+    assert len(add_report(pending, straight(NOW_S + 1, 9.0, 0.0, 1.0))) == 0
 
 
-def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
+def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
     """Whatever way robots go and however old their reports are."""
-    followed, rng, robots = PendingForecasts(), np.random.default_rng(4), 60
+    pending, rng, robots = PendingForecasts(), np.random.default_rng(4), 60
     t_s, forecasts = [float(n) for n in range(0, 24, 2)], []
     for slot in range(robots):
         x_m, y_m = (np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1) + rng.uniform(-25, 25, (2, 1))).tolist()
         forecasts.append(robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)))
-        take(followed, forecasts[-1], slot)
+        add_report(pending, forecasts[-1], slot)
     slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
     rank = rng.permutation(robots)
-    found = followed.candidate_pairs(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
+    found = pending.candidate_pairs(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
     until_s = np.array([one.t_s[0] for one in forecasts])[:, None] + TRACK_S
     at_s = np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s)
     way = np.concatenate([poses_at(one, s[:1], s - s[0]) for one, s in zip(forecasts, at_s, strict=True)])[..., :2]
@@ -170,12 +170,12 @@ def test_who_comes_near_at_a_whole_second_is_found_once() -> None:
     assert 20 < len(near) < robots * robots / 5
 
 
-def test_who_is_on_another_floor_does_not_come_near() -> None:
-    followed = PendingForecasts()
+def test_robots_on_different_floors_do_not_come_near() -> None:
+    pending = PendingForecasts()
     for slot, floor in enumerate((0, 1, -1, -1)):
         there = straight(NOW_S, 0.0, 0.0, 0.0)
-        take(followed, replace(there, floor=np.full(2, floor)), slot)
+        add_report(pending, replace(there, floor=np.full(2, floor)), slot)
     args = (np.ones(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
-    assert followed.candidate_pairs(*args).tolist() == []
-    take(followed, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
-    assert sorted(followed.candidate_pairs(*args)[0].tolist()) == [0, 1]
+    assert pending.candidate_pairs(*args).tolist() == []
+    add_report(pending, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
+    assert sorted(pending.candidate_pairs(*args)[0].tolist()) == [0, 1]

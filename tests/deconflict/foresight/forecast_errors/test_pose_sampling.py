@@ -9,7 +9,7 @@ from tests.helpers.made_encounters import encounters
 
 
 @pytest.mark.parametrize("family", ["random", "floor_changes", "full_turns", "late_or_early"])
-def test_many_at_once_are_where_each_is_alone(family: str) -> None:
+def test_poses_of_many_robots_equal_those_of_each_alone(family: str) -> None:
     forecasts = encounters(family, 20, seed=5, clearance_m=0.0)
     begin_s = float(forecasts.t_s.min())
     since_s, after_s = default_rng(3).uniform(begin_s - 2, begin_s + 10, len(forecasts)), np.arange(0.0, 10.5, 1.5)
@@ -23,5 +23,5 @@ def test_many_at_once_are_where_each_is_alone(family: str) -> None:
             assert floor == alone.floor
 
 
-def test_nobody_is_nowhere() -> None:
+def test_no_robots_have_no_poses() -> None:
     assert poses_at(Forecasts.empty(), np.empty(0), np.zeros(3)).shape == (0, 3, 4)

@@ -15,7 +15,7 @@ def test_quantiles_are_those_of_the_distances_to_a_step() -> None:
     assert np.all(found_m <= true_m * STEP * (1 + 1e-9))
 
 
-def test_what_is_beyond_either_end_is_counted_there() -> None:
+def test_distances_beyond_either_end_count_in_the_last_bin_there() -> None:
     assert bins(np.array([0.0, 1e-9, 1e9])).tolist() == [0, 0, BINS - 1]
 
 

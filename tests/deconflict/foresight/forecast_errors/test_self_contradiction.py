@@ -1,4 +1,4 @@
-"""Robots held to the ways that they tell."""
+"""Robots compared with the ways that they state."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def forecast(t_s: float, x_m: float, y_m: float, says: tuple[float, float], ever
 
 
 def walked(does: tuple[float, float], says: tuple[float, float], seconds: int, every_s: float = 1.0) -> list[bool]:
-    """Whether the robot's forecast is set aside, report by report."""
+    """Whether the robot's forecast is replaced, report by report."""
     ways = blank_records(3)
     times_s = np.arange(0.0, seconds, every_s).tolist()
     return [len(contradicting(ways, forecast(t_s, does[0] * t_s, does[1] * t_s, says))) > 0 for t_s in times_s]
@@ -45,7 +45,7 @@ def walked(does: tuple[float, float], says: tuple[float, float], seconds: int, e
 
 @pytest.mark.parametrize("every_s", [0.1, 1.0, 2.0])
 @pytest.mark.parametrize("says", [(0.0, 0.0), (-1.0, 0.0), (0.0, 1.0)])
-def test_one_that_goes_elsewhere_is_set_aside_after_a_few_reports_however_often_it_reports(
+def test_the_forecast_of_a_robot_that_goes_elsewhere_is_replaced_after_a_few_reports(
     says: tuple[float, float], every_s: float
 ) -> None:
     aside = walked((1.0, 0.0), says, 12, every_s)
@@ -58,11 +58,11 @@ def test_one_that_goes_elsewhere_is_set_aside_after_a_few_reports_however_often_
     [((1.0, 0.0), (1.0, 0.0)), ((0.4, 0.0), (1.5, 0.0)), ((1.5, 0.0), (0.8, 0.0)), ((1.0, 0.3), (1.0, 0.0))],
     ids=["true", "slow", "fast", "beside"],
 )
-def test_one_on_its_way_is_believed_whatever_its_time(does: tuple[float, float], says: tuple[float, float]) -> None:
+def test_a_robot_on_its_way_is_believed_at_any_delay(does: tuple[float, float], says: tuple[float, float]) -> None:
     assert not any(walked(does, says, 30))
 
 
-def test_nobody_is_held_to_the_way_between_points_that_are_far_apart() -> None:
+def test_points_far_apart_in_time_state_no_way() -> None:
     ways = blank_records(2)
     aside = [len(contradicting(ways, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
     assert aside[-1] == 1
@@ -76,11 +76,11 @@ def test_nobody_is_held_to_the_way_between_points_that_are_far_apart() -> None:
     assert standing[-1] == 1
 
 
-def test_one_that_waits_where_it_says_that_it_goes_is_believed() -> None:
+def test_a_robot_that_waits_although_it_says_that_it_goes_is_believed() -> None:
     assert not any(walked((0.0, 0.0), (1.0, 0.0), 30))
 
 
-def test_a_contradiction_is_the_distance_from_the_way_told_over_what_is_allowed() -> None:
+def test_a_contradiction_is_the_distance_from_the_stated_way_over_the_allowed_one() -> None:
     ways = blank_records(2)
     turning = robot([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 1.0, 1.0], [0.0, 0.0, 1.0, 2.0], 0.0, (1.0, 0.5))
     contradicting(ways, turning)
@@ -92,7 +92,7 @@ def test_a_contradiction_is_the_distance_from_the_way_told_over_what_is_allowed(
     assert np.isneginf(ways["at_s"][0])
 
 
-def test_one_that_stands_or_was_away_is_taken_at_its_word_again() -> None:
+def test_a_robot_that_stands_or_was_away_is_believed_again() -> None:
     ways = blank_records(2)
     aside = [len(contradicting(ways, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
     assert aside[-1] == 1
@@ -102,7 +102,7 @@ def test_one_that_stands_or_was_away_is_taken_at_its_word_again() -> None:
     assert len(contradicting(ways, forecast(60.0, 70.0, 0.0, (-1.0, 0.0)))) == 0
 
 
-def test_what_is_set_aside_goes_straight_on_and_the_others_as_they_say() -> None:
+def test_replaced_forecasts_go_straight_on_and_the_others_stay() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 9.0), (0.5, 0.0), (-0.5, 0.0))})
     batch = stage.batch(0.0)
     ways = blank_records(2)
@@ -119,7 +119,7 @@ def test_what_is_set_aside_goes_straight_on_and_the_others_as_they_say() -> None
     )
 
 
-def test_two_that_say_they_stand_and_do_not_are_foreseen_and_called_distrusted() -> None:
+def test_two_robots_that_wrongly_say_they_stand_are_predicted_to_meet_and_distrusted() -> None:
     stage = Stage({"a": Walk((-12.0, 0.0), (1.0, 0.0), (0.0, 0.0)), "b": Walk((12.0, 0.0), (-1.0, 0.0), (0.0, 0.0))})
     told = stage.run(9)
     assert told[2].get(("a", "b"), 0.0) < 0.1

@@ -7,7 +7,7 @@ from deconflict.foresight.interactions.interaction_finder import InteractionOutc
 from tests.deconflict.foresight.interactions.made_reports import NOW_S, Robot, blind, drives, found, stops
 
 
-def test_two_that_drive_head_on_and_brake_have_given_way() -> None:
+def test_robots_that_brake_head_on_give_way() -> None:
     # 20 m apart at 1 m/s each; both stop 0.6 m apart after 9.2 s
     pair = [blind(stops(0.0, 1.0, 9.2), 1.0), blind(stops(20.0, -1.0, 9.2), -1.0, vendor=1)]
     first = found(pair, 14.0)[0]
@@ -15,25 +15,25 @@ def test_two_that_drive_head_on_and_brake_have_given_way() -> None:
     assert first.onset_s - NOW_S == pytest.approx(9.2, abs=1.0)
 
 
-def test_two_that_pass_with_room_have_not() -> None:
+def test_robots_that_pass_with_room_do_not_give_way() -> None:
     assert found([Robot(drives(0.0, 1.0)), Robot(drives(20.0, -1.0, y_m=1.4), vendor=1)], 20.0) == []
 
 
-def test_a_robot_that_stalls_with_nobody_near_has_given_way_to_nobody() -> None:
+def test_a_robot_that_stalls_alone_gives_way_to_nobody() -> None:
     assert found([blind(stops(0.0, 1.0, 9.0), 1.0), Robot(drives(-40.0, 1.0, y_m=6.0), vendor=1)], 16.0) == []
 
 
-def test_one_that_stands_beside_the_way_is_not_in_it() -> None:
+def test_a_robot_beside_the_way_is_not_in_it() -> None:
     beside = Robot(drives(9.6, 0.0, y_m=0.75), vendor=1)
     assert found([blind(stops(0.0, 1.0, 9.2), 1.0), beside], 16.0) == []
 
 
-def test_a_stop_that_the_robot_had_planned_is_none() -> None:
+def test_a_planned_stop_is_no_interaction() -> None:
     does = stops(0.0, 1.0, 9.2)
     assert found([Robot(does), Robot(drives(10.7, 0.0), vendor=1)], 16.0) == []
 
 
-def test_a_stop_that_the_robot_explains_is_none() -> None:
+def test_an_explained_stop_is_no_interaction() -> None:
     robots = [blind(stops(0.0, 1.0, 9.2), 1.0), Robot(drives(10.7, 0.0), vendor=1)]
     assert found(robots, 16.0, explained=[0]) == []
     assert found(robots, 16.0)
@@ -47,7 +47,7 @@ def test_a_robot_above_is_not_in_the_way() -> None:
 @pytest.mark.parametrize(
     ("clears", "outcome"), [(True, InteractionOutcome.ORDERED), (False, InteractionOutcome.YIELDED)]
 )
-def test_one_that_goes_on_when_its_own_vendors_robot_has_cleared_kept_an_order(
+def test_a_robot_that_drives_on_after_one_of_its_vendor_has_cleared_followed_an_order(
     clears: bool, outcome: InteractionOutcome
 ) -> None:
     # the other crosses in front at 9 s and is away by 14 s, or it stays
@@ -59,7 +59,7 @@ def test_one_that_goes_on_when_its_own_vendors_robot_has_cleared_kept_an_order(
     assert last.end_s - NOW_S == pytest.approx(15.0, abs=1.1)
 
 
-def test_of_one_vendor_it_is_not_known_until_it_goes_on() -> None:
+def test_the_kind_is_unknown_within_one_vendor_until_the_robot_drives_on() -> None:
     pair = [blind(stops(0.0, 1.0, 9.2), 1.0), blind(stops(20.0, -1.0, 9.2), -1.0)]
     assert {interaction.outcome for interaction in found(pair, 20.0)} == {InteractionOutcome.UNKNOWN}
 
@@ -84,7 +84,7 @@ def test_robots_that_report_seldom_are_found_too_and_say_how_sure_the_onset_is(e
     assert (first.doubt_s > 2.0) == (every_s > 2.1)
 
 
-def test_more_of_the_same_is_no_new_interaction() -> None:
+def test_an_interaction_that_continues_is_not_a_new_one() -> None:
     # it stands for four seconds, creeps on for two, and stands again
     def waits(t_s: float) -> tuple[float, float, float]:
         return min(t_s, 9.2) + max(min(t_s, 15.0) - 13.0, 0.0) * 0.5, 0.0, 0.0

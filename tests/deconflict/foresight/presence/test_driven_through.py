@@ -27,7 +27,7 @@ def is_off(watch: Watch) -> bool:
     return off
 
 
-def test_who_drives_right_through_its_place_shows_that_it_is_not_there() -> None:
+def test_a_robot_that_drives_through_the_place_shows_that_it_is_empty() -> None:
     watch = with_silent()
     watch.drive("other", 5.0, 0.1, seconds=3)
     assert not is_off(watch)
@@ -50,13 +50,13 @@ def test_a_mere_touch_shows_nothing(beside_m: float, off: bool) -> None:
     assert is_off(watch) == off
 
 
-def test_it_takes_a_way_between_two_reports_through_the_place() -> None:
+def test_the_way_between_two_reports_must_lead_through_the_place() -> None:
     watch = with_silent()
     watch.drive("other", 8.7, 0.0, 2.8, seconds=1)
     assert is_off(watch)
 
 
-def test_a_way_that_is_not_known_shows_nothing_but_its_end() -> None:
+def test_of_an_unknown_way_only_the_end_counts() -> None:
     watch = with_silent()
     watch.say("other", 5.0)
     watch.tick()
@@ -70,7 +70,7 @@ def test_a_way_that_is_not_known_shows_nothing_but_its_end() -> None:
     assert is_off(watch)
 
 
-def test_nobody_is_taken_off_within_its_grace_or_while_it_is_heard() -> None:
+def test_no_robot_is_removed_within_its_grace_time_or_while_it_is_heard() -> None:
     watch = with_silent(4.0)
     watch.say("other", 9.5)
     watch.tick()
@@ -80,13 +80,13 @@ def test_nobody_is_taken_off_within_its_grace_or_while_it_is_heard() -> None:
     assert not is_off(watch)
 
 
-def test_who_stands_in_its_place_already_drives_through_nothing() -> None:
+def test_a_robot_that_stands_in_the_place_already_drives_through_nothing() -> None:
     watch = with_silent(4.0)
     watch.stand("other", 10.0, seconds=30)
     assert not is_off(watch)
 
 
-def test_others_heights_floors_and_doubtful_places_show_nothing() -> None:
+def test_other_heights_other_floors_and_uncertain_places_show_nothing() -> None:
     above = Watch()
     for name in ("silent", "other"):
         above.identify(name, baseRobotEnvelope=SIZE)
@@ -115,7 +115,7 @@ def test_a_robot_that_was_to_drive_on_has_its_place_where_its_path_ends() -> Non
     assert is_off(watch)
 
 
-def test_a_robot_that_is_not_where_its_path_ends_is_believed_to_stand_where_it_was_heard_last() -> None:
+def test_if_the_end_of_its_path_is_empty_a_robot_is_believed_to_stand_where_it_was_last_heard() -> None:
     watch = Watch()
     for name in ("silent", "other"):
         watch.identify(name, baseRobotEnvelope=SIZE)
@@ -132,14 +132,14 @@ def test_a_robot_that_is_not_where_its_path_ends_is_believed_to_stand_where_it_w
     assert watch.outcomes()["driven_through"] == 1
 
 
-def test_one_that_charges_is_taken_off_as_well() -> None:
+def test_a_charging_robot_is_removed_too() -> None:
     watch = with_silent(operationalState="charging")
     assert watch.there("silent") == 1.0
     watch.drive("other", 5.0, seconds=10)
     assert is_off(watch)
 
 
-def test_it_is_back_as_usual_once_it_reports_and_teaches_that_it_was_elsewhere() -> None:
+def test_a_removed_robot_returns_when_it_reports_and_counts_as_found_elsewhere() -> None:
     watch = with_silent()
     watch.drive("other", 5.0, seconds=10)
     watch.tick(everything=True)
@@ -153,7 +153,7 @@ def test_it_is_back_as_usual_once_it_reports_and_teaches_that_it_was_elsewhere()
     assert watch.presence.silent_s(robot("silent"), NOW_S + watch.now_s) is not None
 
 
-def test_it_stays_off_over_a_restart() -> None:
+def test_a_removed_robot_stays_removed_over_a_restart() -> None:
     watch = with_silent()
     watch.drive("other", 5.0, seconds=10)
     after = Watch(learned=unpacked(packed(watch.presence.learned())))
@@ -166,7 +166,7 @@ def test_it_stays_off_over_a_restart() -> None:
     assert robot("silent") in after.live.robots
 
 
-def test_what_its_identity_says_later_does_not_bring_it_back() -> None:
+def test_a_later_identity_report_does_not_bring_a_removed_robot_back() -> None:
     watch = with_silent()
     watch.drive("other", 5.0, seconds=10)
     watch.fleet.receive(identity("silent", NOW_S + watch.now_s), NOW_S + watch.now_s, LINE)

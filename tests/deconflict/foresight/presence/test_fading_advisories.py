@@ -50,13 +50,13 @@ def test_within_the_clearance_an_advisory_is_cleared_once_a_robot_has_probably_l
     assert story.told[-1].cleared_because == "Alder b is silent and has probably left"
 
 
-def test_within_the_clearance_one_stands_that_is_unlikely_where_both_are_there() -> None:
+def test_within_the_clearance_an_unlikely_advisory_stays_open_if_both_are_present() -> None:
     story = Story()
     story.passes(1.0, 3.0, 0.9, 1.0)
     assert story.passes(5.0, 0.2, 0.03, 1.0) == []
 
 
-def test_nobody_is_about_to_touch_who_has_probably_left() -> None:
+def test_no_contact_is_announced_with_a_robot_that_has_probably_left() -> None:
     story = Story()
     story.passes(1.0, 0.25, 0.9, 0.3)
     assert story.passes(3.0, 0.2, 0.9, 0.3) == []
@@ -64,7 +64,7 @@ def test_nobody_is_about_to_touch_who_has_probably_left() -> None:
     assert story.passes(3.0, 0.2, 0.9, 1.0) == [AdvisoryState.RAISED]
 
 
-def test_one_that_is_predicted_no_more_is_cleared_though_the_two_have_not_drawn_apart() -> None:
+def test_an_advisory_that_is_no_longer_predicted_is_cleared_while_a_robot_is_probably_gone() -> None:
     story = Story()
     story.passes(1.0, 3.0, 0.9, 1.0)
     story.why_absent = "is silent and has probably left"

@@ -40,7 +40,7 @@ def nearest(group: set[str], within_m: float, most: int, there: list[str]) -> li
     return sorted([*map(robot, group), *near])
 
 
-def test_those_around_a_group_are_the_nearest_on_its_floors() -> None:
+def test_a_group_comes_with_the_nearest_robots_of_its_floors() -> None:
     live = LiveRobots()
     live.update(batch(new_fleet(), list(SPOTS), NOW_S))
     for group in ({"R1"}, {"R1", "R2"}, {"R0", "R7", "R30"}):
@@ -50,7 +50,7 @@ def test_those_around_a_group_are_the_nearest_on_its_floors() -> None:
     assert live.group_with_nearest(set(), 15.0, 100) == []
 
 
-def test_who_has_left_is_around_nobody_and_its_place_goes_to_the_next() -> None:
+def test_a_removed_robot_is_near_nobody_and_its_slot_is_reused() -> None:
     live, fleet, early = LiveRobots(), new_fleet(), [f"R{n}" for n in range(30)]
     live.update(batch(fleet, early, NOW_S))
     live.remove([robot(name) for name in early[5:]])

@@ -11,7 +11,7 @@ from tests.helpers.saying import LOFT, identity, robot
 
 
 @pytest.mark.parametrize(("every_s", "reports", "grace_s"), [(1, 5, 5.0), (10, 5, 30.0), (1, 2, 30.0)])
-def test_a_robot_is_there_for_sure_until_its_grace_is_over_and_fades_from_then_on(
+def test_the_probability_of_presence_falls_only_after_the_grace_time(
     every_s: int, reports: int, grace_s: float
 ) -> None:
     watch = Watch()
@@ -32,7 +32,7 @@ def test_a_robot_is_there_for_sure_until_its_grace_is_over_and_fades_from_then_o
     assert 0.5 < values[-1] < values[0] < 0.9
 
 
-def test_a_robot_that_reports_again_is_there() -> None:
+def test_a_robot_that_reports_again_is_present() -> None:
     watch = Watch()
     watch.drive("A", 0.0)
     watch.wait(20.0)
@@ -62,7 +62,7 @@ def test_a_robot_that_is_stuck_stays() -> None:
     assert watch.there("A") == 1.0
 
 
-def test_where_robots_leave_the_next_one_has_left_at_once_and_elsewhere_one_that_stands_is_there() -> None:
+def test_at_an_exit_a_silent_robot_has_left_and_elsewhere_a_standing_one_is_present() -> None:
     watch = Watch()
     leave(watch, 10)
     assert watch.now_s < 90
@@ -77,7 +77,7 @@ def test_where_robots_leave_the_next_one_has_left_at_once_and_elsewhere_one_that
     assert 8 <= exit_.robots <= 11
 
 
-def test_robots_whose_radio_drops_out_and_comes_back_stay_there() -> None:
+def test_robots_with_short_radio_losses_stay_present() -> None:
     watch = Watch()
     for number in range(12):
         watch.drive(f"R{number}", 3.0 * number, seconds=3)
@@ -89,7 +89,7 @@ def test_robots_whose_radio_drops_out_and_comes_back_stay_there() -> None:
     assert watch.there("A") > 0.85
 
 
-def test_one_that_comes_back_elsewhere_was_not_there() -> None:
+def test_a_robot_that_returns_elsewhere_was_not_in_its_place() -> None:
     watch = Watch()
     watch.drive("A", 0.0, seconds=3)
     watch.wait(30.0)
@@ -128,7 +128,7 @@ def test_a_vendor_whose_robots_fall_silent_all_at_once_has_lost_its_connection()
     assert watch.outcomes() == {}
 
 
-def test_a_robot_that_stood_is_told_of_where_it_told_a_path() -> None:
+def test_a_silent_robot_that_stood_despite_its_path_is_reported_as_stopped() -> None:
     watch = Watch()
     for name, speed_mps in (("waits", 1.0), ("parks", 0.0)):
         for _ in range(4):
@@ -152,7 +152,7 @@ def test_what_is_learned_outlives_a_restart() -> None:
     assert after.presence.exits(NOW_S)
 
 
-def test_an_engine_that_begins_while_a_robot_is_silent_goes_by_when_it_was_heard() -> None:
+def test_a_silence_that_began_before_the_engine_counts_from_the_last_report() -> None:
     watch = Watch()
     watch.drive("A", 0.0)
     watch.now_s = 900.0

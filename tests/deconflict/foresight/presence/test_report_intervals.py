@@ -40,7 +40,7 @@ def test_one_long_gap_does_not_change_what_is_usual() -> None:
     assert intervals.grace_s(robot("A")) == 5.0
 
 
-def test_several_reports_between_two_batches_are_as_many_gaps() -> None:
+def test_several_reports_between_two_batches_count_as_several_gaps() -> None:
     watch, intervals = Watch(), ReportIntervals()
     for at_s in range(40):
         watch.now_s = float(at_s)
@@ -60,7 +60,7 @@ def test_a_robot_stood_that_has_not_moved_since_the_report_before() -> None:
     assert moved == [None, True, False, False]
 
 
-def test_what_is_only_told_again_is_no_report() -> None:
+def test_a_repeated_batch_row_is_no_new_report() -> None:
     watch, intervals = Watch(), ReportIntervals()
     watch.say("A", 0.0)
     first, new = intervals.add_batch(watch.fleet.next_batch(NOW_S))
@@ -68,7 +68,7 @@ def test_what_is_only_told_again_is_no_report() -> None:
     assert (len(first.rows), len(again.rows), new, known) == (1, 0, [0], [])
 
 
-def test_a_slot_of_one_that_was_forgotten_is_another_ones() -> None:
+def test_the_slot_of_a_forgotten_robot_is_reused() -> None:
     watch, intervals = Watch(), ReportIntervals()
     watch.say("A", 0.0)
     watch.say("B", 1.0)

@@ -30,14 +30,14 @@ def there(
     return outcomes.there(outcomes.case(vendor, spot, last), silent_s, GRACE_S)
 
 
-def test_before_anything_is_known_a_silent_robot_is_mostly_there() -> None:
+def test_by_the_prior_a_silent_robot_is_mostly_present() -> None:
     outcomes = SilenceOutcomes()
     assert there(outcomes, DOOR, 5.0) == pytest.approx(0.9)
     assert there(outcomes, DOOR, 60.0) > 0.75
     assert there(outcomes, DOOR, 60.0, last=LastSeen.STANDING) > 0.95
 
 
-def test_where_robots_have_left_the_next_one_has_left_too_and_elsewhere_it_has_not() -> None:
+def test_a_robot_has_probably_left_only_where_others_have_left() -> None:
     outcomes = SilenceOutcomes()
     left_at(outcomes, DOOR, 20)
     assert there(outcomes, DOOR, 5.0) < 0.15
@@ -72,7 +72,7 @@ def test_silences_that_ended_where_the_robot_was_keep_the_next_one_there() -> No
     assert there(outcomes, DOOR, 40.0) > 0.95
 
 
-def test_a_silence_does_not_count_for_its_own_meaning() -> None:
+def test_a_silence_does_not_count_as_evidence_for_itself() -> None:
     outcomes = SilenceOutcomes()
     case = outcomes.case("Alder", DOOR, LastSeen.GOING)
     before = outcomes.there(case, 20.0, GRACE_S)
@@ -81,7 +81,7 @@ def test_a_silence_does_not_count_for_its_own_meaning() -> None:
     assert there(outcomes, DOOR, 20.0) < before
 
 
-def test_what_was_thought_to_have_left_and_came_back_elsewhere_is_no_exit() -> None:
+def test_returns_elsewhere_do_not_make_an_exit() -> None:
     outcomes = SilenceOutcomes()
     cases = [outcomes.case("Alder", DOOR, LastSeen.GOING) for _ in range(5)]
     for case in cases:
@@ -106,7 +106,7 @@ def test_exits_are_where_most_robots_that_fall_silent_leave() -> None:
     assert [exit_.x_m, exit_.y_m] == pytest.approx([40.3, 5.4], abs=0.1)
 
 
-def test_what_is_known_outlives_a_restart_and_what_is_thought_does_not() -> None:
+def test_known_outcomes_are_kept_over_a_restart_and_probable_ones_are_not() -> None:
     outcomes, after = SilenceOutcomes(), SilenceOutcomes()
     left_at(outcomes, DOOR, 20)
     case = outcomes.case("Alder", FloorPoint("hall", 0.0, 0.0), LastSeen.GOING)
@@ -118,7 +118,7 @@ def test_what_is_known_outlives_a_restart_and_what_is_thought_does_not() -> None
 
 
 @pytest.mark.parametrize("spoilt", [{"cells": None}, {"cells": [["hall", 1]]}, {"lasted": np.zeros((9, 9))}])
-def test_what_can_not_have_been_learned_is_refused(spoilt: dict[str, object]) -> None:
+def test_unreadable_outcomes_are_refused(spoilt: dict[str, object]) -> None:
     outcomes = SilenceOutcomes()
     left_at(outcomes, DOOR, 3)
     with pytest.raises(UnreadableError):

@@ -6,7 +6,7 @@ from deconflict.foresight.presence.silence_survival import EDGES_S, share_longer
 NOTHING = np.zeros(len(EDGES_S))
 
 
-def test_before_anything_is_known_half_of_the_silences_of_five_seconds_end_within_twenty() -> None:
+def test_by_the_prior_half_of_the_silences_of_five_seconds_end_within_twenty() -> None:
     assert share_longer(NOTHING, 5.0, 5.0) == 1.0
     assert share_longer(NOTHING, 20.0, 5.0) == pytest.approx(0.5)
     assert share_longer(NOTHING, 3600.0, 5.0) > 0.002
@@ -20,7 +20,7 @@ def test_silences_that_lasted_long_make_a_long_one_usual() -> None:
     assert share_longer(counts, 300.0, 5.0) < 0.05
 
 
-def test_the_share_falls_with_time_and_only_what_outlasts_the_least_counts() -> None:
+def test_the_share_falls_with_time_and_counts_only_silences_longer_than_the_least() -> None:
     counts = NOTHING
     for lasted_s in (6.0, 12.0, 40.0, 200.0):
         counts = with_case(counts, lasted_s)

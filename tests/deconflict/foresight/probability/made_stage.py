@@ -1,4 +1,4 @@
-"""Robots on straight ways, whose pairs the estimator looks at."""
+"""Robots on straight ways, and the estimator that looks at their pairs."""
 
 from dataclasses import dataclass, field
 
@@ -24,7 +24,7 @@ Velocity = tuple[float, float]
 
 @dataclass
 class Walk:
-    """Where a robot is, how it moves, and how it says that it will."""
+    """The start of a robot, its velocity, and the velocity of its forecasts if that is another one."""
 
     at: tuple[float, float]
     does: Velocity

@@ -1,4 +1,4 @@
-"""Advice that robots follow: what comes of it teaches nothing of what forecasts are worth."""
+"""Advice that robots follow: its outcomes do not show how good forecasts are."""
 
 from datetime import timedelta
 
@@ -19,7 +19,7 @@ def advice(holds: tuple[Hold, ...] = (), slots: tuple[Slot, ...] = ()) -> Recomm
 
 
 def crossing(told: bool) -> Stage:
-    """Two robots on their way to meet; one stops 4 s before, told to or not, goes on 8 s later, and passes behind."""
+    """Two robots would meet. One stops 4 s before, advised or not, drives on 8 s later, and passes behind the other."""
     stage = Stage({"a": Walk((0.0, -12.0), (0.0, 1.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
     stage.run(TOLD_S + 1)
     if told:
@@ -35,7 +35,7 @@ def crossing(told: bool) -> Stage:
     return stage
 
 
-def test_a_conflict_that_advice_ended_teaches_no_doubt() -> None:
+def test_a_conflict_that_advice_prevented_does_not_lower_later_probabilities() -> None:
     told, untold = crossing(True), crossing(False)
     outcomes, others = (
         one.foresight.measures.values["deconflict_probability_outcomes_total"] for one in (told, untold)
@@ -60,41 +60,41 @@ def test_a_robot_that_waits_is_not_taken_for_one_that_follows_its_path_badly() -
     assert waited.measures.values.get("deconflict_forecasts_distrusted_total", {}) == {}
 
 
-def heeded() -> AdviceFollowers:
-    one = AdviceFollowers()
-    one.grow(3)
-    return one
+def new_followers() -> AdviceFollowers:
+    followers = AdviceFollowers()
+    followers.grow(3)
+    return followers
 
 
-def seen(one: AdviceFollowers, at_s: float, *stand: bool) -> list[int]:
+def record_waits(followers: AdviceFollowers, at_s: float, *stand: bool) -> list[int]:
     slots = np.arange(len(stand))
-    return list(one.record_waits(slots, np.full(len(stand), at_s), np.array(stand)))
+    return list(followers.record_waits(slots, np.full(len(stand), at_s), np.array(stand)))
 
 
-def test_only_one_that_was_on_its_way_and_stands_heeds_advice() -> None:
-    one = heeded()
-    one.note_advice(0, 10.0, 20.0, stands=False)
-    one.note_advice(1, 10.0, 20.0, stands=True)
-    assert seen(one, 9.0, False, True, True) == []
-    assert seen(one, 11.0, False, True, True) == []
-    assert seen(one, 12.0, True, True, True) == [0]
-    assert seen(one, 21.0, True, True, True) == []
-    one.forget(np.array([0]))
-    assert one.waiting(0.0).tolist() == []
+def test_a_robot_follows_advice_if_it_was_moving_before_and_stands_now() -> None:
+    followers = new_followers()
+    followers.note_advice(0, 10.0, 20.0, stands=False)
+    followers.note_advice(1, 10.0, 20.0, stands=True)
+    assert record_waits(followers, 9.0, False, True, True) == []
+    assert record_waits(followers, 11.0, False, True, True) == []
+    assert record_waits(followers, 12.0, True, True, True) == [0]
+    assert record_waits(followers, 21.0, True, True, True) == []
+    followers.forget(np.array([0]))
+    assert followers.waiting(0.0).tolist() == []
 
 
-def test_until_when_a_robot_went_its_own_way() -> None:
-    one = heeded()
-    one.note_advice(0, 10.0, 20.0, stands=False)
+def test_unadvised_time_ends_when_a_robot_begins_to_wait_as_advised() -> None:
+    followers = new_followers()
+    followers.note_advice(0, 10.0, 20.0, stands=False)
     for at_s in (12.0, 13.0, 14.0):
-        seen(one, at_s, True)
+        record_waits(followers, at_s, True)
     heard = np.zeros((3, 5))
     heard[:, 0] = (100.0, 100.0, 3.0)
-    until_s = [one.own_until_s(heard, asked_s, 10.0).tolist() for asked_s in (1.0, 5.0, 13.0, 15.0)]
+    until_s = [followers.own_until_s(heard, asked_s, 10.0).tolist() for asked_s in (1.0, 5.0, 13.0, 15.0)]
     assert until_s == [[first_s, 100.0, 3.0] for first_s in (100.0, 12.0, -np.inf, 100.0)]
 
 
-def test_advice_that_stands_says_until_when_to_wait() -> None:
+def test_open_advice_gives_the_end_of_each_wait() -> None:
     hold = Hold(robot=ROBOTS[0], hold_s=4.0)
     start_at = START + timedelta(minutes=3)
     slots = tuple(

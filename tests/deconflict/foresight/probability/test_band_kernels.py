@@ -1,4 +1,4 @@
-"""What the separations of pairs say, by the kernel and pair by pair."""
+"""Overlaps measured by the kernel equal those computed pair by pair."""
 
 from math import inf
 
@@ -42,7 +42,7 @@ def sd_m(robots: Robots, bands_m: Floats, newest: Floats, slots: tuple[int, int]
     return float(np.sqrt(square) + EXACT_M)
 
 
-def test_what_separations_say_is_the_same_pair_by_pair() -> None:
+def test_measured_overlaps_equal_those_computed_pair_by_pair() -> None:
     rng = np.random.default_rng(3)
     robots, newest = np.zeros(ROBOTS, ROBOT), np.zeros((ROBOTS, 5))
     robots["kind"], robots["doubt_m"] = rng.integers(0, 2, ROBOTS), rng.uniform(0, 0.3, ROBOTS)

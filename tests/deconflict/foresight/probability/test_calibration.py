@@ -16,73 +16,73 @@ def pairs_of(n: int, seed: int) -> tuple[Floats, Floats]:
     return np.column_stack([np.ones(n), log_odds(likely), log_odds(likely / 2), np.full(n, 0.5), np.zeros(n)]), likely
 
 
-def alike(seen: Floats) -> Ints:
+def alike(features: Floats) -> Ints:
     """All pairs are of the same two vendors."""
-    return np.zeros(len(seen), np.int64)
+    return np.zeros(len(features), np.int64)
 
 
-def probability(calibration: Calibration, seen: Floats) -> Floats:
-    return calibration.estimate(seen, alike(seen)).probability
+def probability(calibration: Calibration, features: Floats) -> Floats:
+    return calibration.estimate(features, alike(features)).probability
 
 
-def fates(met: Bools) -> CensoredOutcomes:
-    """Some met at once, the others stayed apart; nobody left."""
+def outcomes_of(met: Bools) -> CensoredOutcomes:
+    """Outcomes of pairs of which some met at once and the others stayed apart; no robot left."""
     return CensoredOutcomes(np.where(met, 0, STAYED), met, np.zeros(len(met), bool))
 
 
-def test_on_day_one_a_likelier_overlap_is_a_likelier_meeting() -> None:
-    seen, likely = pairs_of(50, 1)
-    told = probability(Calibration(CONTACT), seen)
-    assert np.all(np.diff(told[np.argsort(likely)]) > 0)
-    assert np.all((told > 0) & (told < 1))
+def test_the_prior_gives_a_larger_overlap_a_higher_probability() -> None:
+    features, likely = pairs_of(50, 1)
+    estimated = probability(Calibration(CONTACT), features)
+    assert np.all(np.diff(estimated[np.argsort(likely)]) > 0)
+    assert np.all((estimated > 0) & (estimated < 1))
 
 
 @pytest.mark.parametrize("share", [0.1, 0.6])
-def test_it_comes_to_say_how_often_what_looks_so_does_happen(share: float) -> None:
+def test_probabilities_converge_to_observed_frequencies(share: float) -> None:
     calibration, rng = Calibration(CONTACT), default_rng(2)
     for second in range(600):
-        seen, likely = pairs_of(5, 100 + second)
-        calibration.learn(seen, alike(seen), fates(rng.uniform(size=5) < share * likely), NOW_S + second)
-    seen, likely = pairs_of(4000, 3)
-    told = probability(calibration, seen)
+        features, likely = pairs_of(5, 100 + second)
+        calibration.learn(features, alike(features), outcomes_of(rng.uniform(size=5) < share * likely), NOW_S + second)
+    features, likely = pairs_of(4000, 3)
+    estimated = probability(calibration, features)
     for low in (0.0, 0.25, 0.5, 0.75):
         those = (likely >= low) & (likely < low + 0.25)
-        assert told[those].mean() == pytest.approx(share * likely[those].mean(), abs=0.06)
+        assert estimated[those].mean() == pytest.approx(share * likely[those].mean(), abs=0.06)
 
 
-def test_outcomes_are_learned_as_one_step_of_newton_takes_them() -> None:
-    rng, seen = default_rng(7), pairs_of(60, 8)[0]
+def test_learning_is_one_newton_step() -> None:
+    rng, features = default_rng(7), pairs_of(60, 8)[0]
     part, met = rng.integers(0, STAYED, 60), rng.uniform(size=60) < 0.4
     left = ~met & (rng.uniform(size=60) < 0.4)
-    told = CensoredOutcomes(np.where(met | left, part, STAYED), met, left)
+    estimated = CensoredOutcomes(np.where(met | left, part, STAYED), met, left)
     calibration, before = Calibration(CONTACT), Calibration(CONTACT)
-    calibration.learn(seen, alike(seen), told, NOW_S)
+    calibration.learn(features, alike(features), estimated, NOW_S)
     known_of, left_of = (
-        np.bincount(told.part[which], minlength=STAYED + 1).astype(np.float64) for which in (~left, left)
+        np.bincount(estimated.part[which], minlength=STAYED + 1).astype(np.float64) for which in (~left, left)
     )
     assert calibration.ended.tolist() == [known_of.tolist(), left_of.tolist()]
-    weight = OUTCOME_WEIGHT * np.where(left, 0.0, weights(known_of, left_of)[told.part])
-    expected = 1 / (1 + np.exp(-seen @ CONTACT.mean))
-    assert probability(before, seen) == pytest.approx(expected)
-    information = np.diag(CONTACT.sd**-2.0) + (seen * (weight * expected * (1 - expected))[:, None]).T @ seen
+    weight = OUTCOME_WEIGHT * np.where(left, 0.0, weights(known_of, left_of)[estimated.part])
+    expected = 1 / (1 + np.exp(-features @ CONTACT.mean))
+    assert probability(before, features) == pytest.approx(expected)
+    information = np.diag(CONTACT.sd**-2.0) + (features * (weight * expected * (1 - expected))[:, None]).T @ features
     assert calibration.of_all.information == pytest.approx(information)
-    step = np.linalg.solve(information, seen.T @ (weight * (met - expected)))
+    step = np.linalg.solve(information, features.T @ (weight * (met - expected)))
     assert calibration.of_all.weights == pytest.approx(CONTACT.mean + step)
 
 
 def test_what_was_learned_fades_to_the_prior() -> None:
     calibration = Calibration(CONTACT)
-    seen, _ = pairs_of(200, 4)
-    calibration.learn(seen, alike(seen), fates(np.ones(200, bool)), NOW_S)
+    features, _ = pairs_of(200, 4)
+    calibration.learn(features, alike(features), outcomes_of(np.ones(200, bool)), NOW_S)
     unlearned = np.linalg.det(Calibration(CONTACT).of_all.information)
     assert np.linalg.det(calibration.of_all.information) > 3 * unlearned
-    calibration.learn(seen[:1], alike(seen[:1]), fates(np.ones(1, bool)), NOW_S + 86_400)
+    calibration.learn(features[:1], alike(features[:1]), outcomes_of(np.ones(1, bool)), NOW_S + 86_400)
     assert np.linalg.det(calibration.of_all.information) == pytest.approx(unlearned, rel=0.1)
 
 
 def test_nothing_known_changes_nothing() -> None:
     calibration = Calibration(CONTACT)
-    calibration.learn(np.empty((0, CONTACT_FEATURES)), np.empty(0, np.int64), fates(np.empty(0, bool)), NOW_S)
+    calibration.learn(np.empty((0, CONTACT_FEATURES)), np.empty(0, np.int64), outcomes_of(np.empty(0, bool)), NOW_S)
     assert calibration.of_all.weights.tolist() == CONTACT.mean.tolist()
 
 
@@ -90,23 +90,27 @@ def test_robots_that_leave_do_not_make_meetings_look_frequent() -> None:
     # three in ten meet, evenly over the horizon, and half of all robots leave, evenly too
     calibration, rng = Calibration(CONTACT), default_rng(5)
     for second in range(1200):
-        seen, _ = pairs_of(10, 300 + second)
+        features, _ = pairs_of(10, 300 + second)
         meets_s = np.where(rng.uniform(size=10) < 0.3, rng.uniform(0, 10, 10), np.inf)
         leaves_s = np.where(rng.uniform(size=10) < 0.5, rng.uniform(0, 10, 10), np.inf)
         met = meets_s < leaves_s
         part = np.minimum(np.minimum(meets_s, leaves_s), STAYED).astype(int)
-        calibration.learn(seen, alike(seen), CensoredOutcomes(part, met, ~met & (leaves_s < np.inf)), NOW_S + second)
+        calibration.learn(
+            features, alike(features), CensoredOutcomes(part, met, ~met & (leaves_s < np.inf)), NOW_S + second
+        )
     assert probability(calibration, pairs_of(4000, 6)[0]).mean() == pytest.approx(0.3, abs=0.03)
 
 
-def test_a_pair_of_vendors_departs_from_all_as_its_own_outcomes_tell() -> None:
+def test_a_pair_of_vendors_learns_weights_of_its_own() -> None:
     calibration, rng = Calibration(CONTACT), default_rng(9)
     for second in range(900):
-        seen, likely = pairs_of(6, 2000 + second)
+        features, likely = pairs_of(6, 2000 + second)
         vendors = np.array([0, 1] * 3)
-        calibration.learn(seen, vendors, fates((rng.uniform(size=6) < likely) & (vendors == 1)), NOW_S + second)
-    seen, likely = pairs_of(2000, 6)
-    ordered, blind, unknown = (calibration.estimate(seen, np.full(2000, vendors)) for vendors in (0, 1, 2))
+        calibration.learn(
+            features, vendors, outcomes_of((rng.uniform(size=6) < likely) & (vendors == 1)), NOW_S + second
+        )
+    features, likely = pairs_of(2000, 6)
+    ordered, blind, unknown = (calibration.estimate(features, np.full(2000, vendors)) for vendors in (0, 1, 2))
     assert ordered.probability.mean() < 0.1
     assert blind.probability.mean() == pytest.approx(likely.mean(), abs=0.12)
     assert ordered.probability.mean() < unknown.probability.mean() < blind.probability.mean()
@@ -114,12 +118,12 @@ def test_a_pair_of_vendors_departs_from_all_as_its_own_outcomes_tell() -> None:
 
 def test_thin_evidence_gives_a_wide_interval_and_errs_to_warning() -> None:
     calibration = Calibration(CONTACT)
-    seen, _ = pairs_of(200, 4)
-    before = calibration.estimate(seen, alike(seen))
+    features, _ = pairs_of(200, 4)
+    before = calibration.estimate(features, alike(features))
     for second in range(300):
-        calibration.learn(seen, alike(seen), fates(np.arange(200) % 2 == 0), NOW_S + second)
-    after = calibration.estimate(seen, alike(seen))
-    elsewhere = calibration.estimate(seen, alike(seen) + 7)
+        calibration.learn(features, alike(features), outcomes_of(np.arange(200) % 2 == 0), NOW_S + second)
+    after = calibration.estimate(features, alike(features))
+    elsewhere = calibration.estimate(features, alike(features) + 7)
     assert (before.lower < before.probability).all()
     assert (before.probability < before.deciding).all()
     assert (before.deciding < before.upper).all()

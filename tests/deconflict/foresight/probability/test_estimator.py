@@ -1,4 +1,4 @@
-"""Robots that report once a second, what they say and what they do given apart."""
+"""Robots that report once a second. Their forecasts and their motion are given apart."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_encounters import NOW_S
 
 
-def test_robots_that_will_cross_are_likelier_to_the_nearer_they_come() -> None:
+def test_the_probability_of_crossing_robots_rises_as_they_come_nearer() -> None:
     told = Stage({"b": Walk((-12.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, -12.0), (0.0, 1.0))}).run(12)
     course = [one[("a", "b")] for one in told[4:10]]
     assert course == sorted(course)
@@ -22,7 +22,7 @@ def test_robots_that_never_come_near_are_not_watched() -> None:
     assert all(one == {} for one in told)
 
 
-def test_a_robot_that_says_otherwise_than_it_does_hides_no_conflict() -> None:
+def test_a_wrong_forecast_does_not_hide_a_conflict() -> None:
     # it says that it will pass 2.5 m away, and has said as wrong things before
     wrong = Walk((0.0, -12.0), (0.0, 1.0), says=(0.3, 1.0))
     told = Stage({"a": wrong, "b": Walk((-12.0, 0.0), (1.0, 0.0))}).run(11)
@@ -31,7 +31,7 @@ def test_a_robot_that_says_otherwise_than_it_does_hides_no_conflict() -> None:
     assert honest[9].get(("a", "b"), 0.0) < told[9][("a", "b")] / 3
 
 
-def test_one_that_contradicts_its_own_motion_is_distrusted_until_it_does_as_it_says() -> None:
+def test_a_robot_is_distrusted_while_it_contradicts_its_own_motion() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 1.0))})
     stage.run(30)
     assert not stage.foresight.is_distrusted("a")
@@ -52,7 +52,7 @@ def test_one_that_contradicts_its_own_motion_is_distrusted_until_it_does_as_it_s
 
 
 @pytest.mark.parametrize("leaves", [True, False])
-def test_a_pair_is_not_judged_while_it_is_in_an_encounter_or_a_robot_is_gone(leaves: bool) -> None:
+def test_a_pair_has_no_probability_in_an_encounter_or_after_a_robot_has_gone(leaves: bool) -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 0.0)), "b": Walk((-8.0, 0.0), (1.0, 0.0))})
     assert ("a", "b") in stage.run(6)[-1]
     if leaves:
@@ -60,7 +60,7 @@ def test_a_pair_is_not_judged_while_it_is_in_an_encounter_or_a_robot_is_gone(lea
     assert ("a", "b") not in [stage.second(t_s) for t_s in range(6, 10)][-1]
 
 
-def test_what_became_of_pairs_is_counted_and_learned() -> None:
+def test_outcomes_are_counted_and_learned() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 0.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
     prior = stage.foresight.calibration.of_all.weights.copy()
     stage.run(30)
@@ -69,7 +69,7 @@ def test_what_became_of_pairs_is_counted_and_learned() -> None:
     assert stage.foresight.calibration.of_all.weights.tolist() != prior.tolist()
 
 
-def test_passing_where_a_robot_was_last_heard_of_is_no_meeting() -> None:
+def test_passing_the_last_place_of_a_silent_robot_is_no_meeting() -> None:
     stage = Stage({"a": Walk((-12.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 0.0), (0.0, 0.0))})
     stage.run(5)
     del stage.walks["b"]
@@ -85,7 +85,7 @@ def test_the_same_calls_give_the_same_answers() -> None:
     assert Stage(dict(walks)).run(20) == Stage(dict(walks)).run(20)
 
 
-def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_other() -> None:
+def test_robots_that_return_in_other_slots_are_not_confused() -> None:
     far, near = Walk((0.0, 90.0), (1.0, 0.0)), {"b": Walk((-8.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, 0.0), (0.0, 0.0))}
     stage = Stage({"c": far} | near)
     swept = SweptConflicts((("a", "b"),), np.array([-1]), np.array([0.1]), np.array([NOW_S + 8]), np.array([NOW_S + 8]))
@@ -98,7 +98,7 @@ def test_robots_that_left_and_came_back_in_other_places_are_not_taken_for_each_o
 
 
 @pytest.mark.parametrize("silent", ["a", "b"])
-def test_whether_one_still_gives_way_is_not_known_once_one_of_the_two_is_silent(silent: str) -> None:
+def test_giving_way_is_forgotten_when_one_of_the_two_falls_silent(silent: str) -> None:
     stage = Stage({"a": Walk((0.0, -9.6), (0.0, 1.0)), "b": Walk((-10.0, 0.0), (1.0, 0.0))})
     stage.run(9)
     stage.walks["a"] = Walk((0.0, -1.6), (0.0, 0.0), says=(0.0, 1.0))

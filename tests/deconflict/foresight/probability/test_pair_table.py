@@ -30,7 +30,7 @@ def test_pairs_are_in_the_order_of_their_slots() -> None:
     assert slots(pairs((5, 2), (1, 9), (1, 3))) == [(1, 3), (1, 9), (5, 2)]
 
 
-def test_new_pairs_take_their_place_and_the_others_stay_as_they_were() -> None:
+def test_new_pairs_are_inserted_and_the_others_keep_their_values() -> None:
     before = pairs((1, 2), (7, 8))
     before["probability"] = (0.3, 0.8)
     before["features"] = [[1.0], [2.0]]
@@ -41,7 +41,7 @@ def test_new_pairs_take_their_place_and_the_others_stay_as_they_were() -> None:
     assert rows.tolist() == [1, 0, 1]
 
 
-def test_pairs_of_robots_that_report_are_watched_only_where_they_are_asked_for_select_pairs() -> None:
+def test_pairs_of_reporting_robots_stay_watched_only_if_they_are_candidates_again() -> None:
     before = pairs((1, 2), (3, 4), (5, 6), (5, 7))
     before["near_s"] = NOW_S
     has_news = np.isin(np.arange(10), [4, 5])
@@ -72,7 +72,7 @@ def test_pairs_are_open_while_both_robots_are_heard_and_not_in_an_encounter() ->
     assert open_rows(every, seen, NOW_S - 6).tolist() == expected.tolist()
 
 
-def test_pairs_are_shown_that_were_asked_for_and_then_others_that_are_likely() -> None:
+def test_requested_pairs_come_first_and_then_other_likely_ones() -> None:
     every, first = some(), np.array([7, 3, 30])
     others = np.flatnonzero(every["watched"] & (every["deciding"] >= 0.4))
     others = others[~np.isin(others, first)]
@@ -89,7 +89,7 @@ def test_new_pairs_are_due_whether_or_not_their_robots_report() -> None:
     assert select_pairs(before, asked, np.zeros(10, bool), NOW_S).due.tolist() == [1]
 
 
-def test_pairs_that_were_no_candidates_for_long_are_forgotten() -> None:
+def test_pairs_that_were_no_candidates_for_long_are_dropped() -> None:
     before = pairs((1, 2), (3, 4), (5, 6))
     before["probability"], before["candidate_s"] = 0.5, NOW_S - REMEMBERED_S - np.array([1, 1, 0])
     before["watched"] = False
@@ -99,7 +99,7 @@ def test_pairs_that_were_no_candidates_for_long_are_forgotten() -> None:
     assert after["candidate_s"].tolist() == [NOW_S, NOW_S - REMEMBERED_S]
 
 
-def test_robots_that_another_one_stops_first_are_marked() -> None:
+def test_an_earlier_conflict_with_a_third_robot_sets_the_features() -> None:
     every = pairs((0, 1), (0, 2), (3, 4))
     every["near_s"] = every["contact_s"] = NOW_S + np.array([2.0, 6.0, 5.0])
     every["share"] = 1.0
@@ -120,7 +120,7 @@ def test_robots_that_stand_and_may_set_out_are_not_still() -> None:
     assert every["features"][0, 5] == 1.0
 
 
-def test_two_of_which_one_had_to_wait_for_the_other_are_still_for_a_while() -> None:
+def test_a_pair_stays_still_for_a_while_after_one_waited_for_the_other() -> None:
     every = pairs((0, 1), (2, 3))
     every["gave_way_s"] = -np.inf
     nobody, moving = np.full(4, -1), np.zeros(4, bool)

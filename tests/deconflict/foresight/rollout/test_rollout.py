@@ -34,10 +34,10 @@ def crowd(
     )
 
 
-def shares(rolled: RolloutResult) -> dict[tuple[int, int], float]:
+def shares(result: RolloutResult) -> dict[tuple[int, int], float]:
     """By pair of robots, the share of samples in which they get in each other's way."""
-    share = 1 / (1 + np.exp(-rolled.features[:, 0]))
-    low, high = np.minimum(rolled.a, rolled.b) - 10, np.maximum(rolled.a, rolled.b) - 10
+    share = 1 / (1 + np.exp(-result.features[:, 0]))
+    low, high = np.minimum(result.a, result.b) - 10, np.maximum(result.a, result.b) - 10
     return dict(zip(zip(low.tolist(), high.tolist(), strict=True), share.tolist(), strict=True))
 
 
@@ -50,11 +50,11 @@ def test_one_of_two_that_would_cross_gives_way() -> None:
 
 
 def test_robots_that_pass_each_other_get_in_nobodys_way() -> None:
-    rolled = run_rollout(crowd(EAST, ((6.0, 1.5), (-1.0, 0.0))), HORIZON_S, CLEARANCE_M)
-    assert shares(rolled)[0, 1] < 0.05
+    result = run_rollout(crowd(EAST, ((6.0, 1.5), (-1.0, 0.0))), HORIZON_S, CLEARANCE_M)
+    assert shares(result)[0, 1] < 0.05
 
 
-def test_one_that_a_third_robot_stops_does_not_come_that_far() -> None:
+def test_a_robot_stopped_by_a_third_one_does_not_meet_the_second() -> None:
     """It waits for one that stands in its way, and so does not meet the one that crosses behind that."""
     third = ((-3.0, 0.0), (0.0, 0.0))
     found = shares(run_rollout(crowd(EAST, NORTH, third, stands=(2,)), HORIZON_S, CLEARANCE_M))
@@ -62,7 +62,7 @@ def test_one_that_a_third_robot_stops_does_not_come_that_far() -> None:
     assert found[0, 1] < 0.05
 
 
-def test_one_that_starts_late_is_met_later_or_not_at_all() -> None:
+def test_a_late_start_delays_or_prevents_a_meeting() -> None:
     waiting, crossing = ((0.0, -1.8), (0.0, 1.0)), EAST
     at_once = shares(run_rollout(crowd(crossing, waiting, stands=(1,)), HORIZON_S, CLEARANCE_M))
     late = shares(run_rollout(crowd(crossing, waiting, stands=(1,), late_s=9.0), HORIZON_S, CLEARANCE_M))
@@ -72,22 +72,22 @@ def test_one_that_starts_late_is_met_later_or_not_at_all() -> None:
     assert near[0, 1] > 0.95
 
 
-def test_one_that_stands_before_another_waits_for_it() -> None:
+def test_a_robot_that_stands_before_another_waits_for_it() -> None:
     blocked, blocker = ((0.0, 0.0), (1.0, 0.0)), ((1.3, 0.0), (0.0, 0.0))
-    rolled = run_rollout(crowd(blocked, blocker, stands=(0, 1)), HORIZON_S, CLEARANCE_M)
-    assert rolled.waits_for.tolist() == [11, NOBODY]
-    assert shares(rolled)[0, 1] < 0.05, "it had stood already"
+    result = run_rollout(crowd(blocked, blocker, stands=(0, 1)), HORIZON_S, CLEARANCE_M)
+    assert result.waits_for.tolist() == [11, NOBODY]
+    assert shares(result)[0, 1] < 0.05, "it had stood already"
 
 
 def test_robots_at_other_heights_are_in_nobodys_way() -> None:
-    rolled = run_rollout(crowd(EAST, NORTH, bottoms_m=(0.0, 5.0)), HORIZON_S, CLEARANCE_M)
-    assert not len(rolled.a)
+    result = run_rollout(crowd(EAST, NORTH, bottoms_m=(0.0, 5.0)), HORIZON_S, CLEARANCE_M)
+    assert not len(result.a)
 
 
-def test_nobody_is_driven_nowhere() -> None:
-    rolled = run_rollout(crowd(EAST), HORIZON_S, CLEARANCE_M)
-    assert not len(rolled.a)
-    assert rolled.waits_for.tolist() == [NOBODY]
+def test_a_rollout_without_robots_is_empty() -> None:
+    result = run_rollout(crowd(EAST), HORIZON_S, CLEARANCE_M)
+    assert not len(result.a)
+    assert result.waits_for.tolist() == [NOBODY]
 
 
 @pytest.mark.parametrize("drawn", [1, 2])

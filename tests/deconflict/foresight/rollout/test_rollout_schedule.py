@@ -1,4 +1,4 @@
-"""Whose turn it is to be driven on, and what came of it."""
+"""Which robots are due to be driven on, and the results that are kept."""
 
 import numpy as np
 import pytest
@@ -12,28 +12,28 @@ NOW_S = 1_790_000_000.0
 KEY = np.array([0, KEYS // 3, KEYS // 2, KEYS // 5, KEYS // 7, 3 * KEYS // 4])
 
 
-def rollouts() -> RolloutSchedule:
-    made = RolloutSchedule()
-    made.grow(len(KEY))
-    return made
+def new_schedule() -> RolloutSchedule:
+    schedule = RolloutSchedule()
+    schedule.grow(len(KEY))
+    return schedule
 
 
 def slots(*numbers: int) -> Ints:
     return np.array(numbers, np.int64)
 
 
-def driven(made: RolloutSchedule, a: int, b: int, now_s: float, waits_for: int = NOBODY) -> None:
-    rolled = RolloutResult(slots(a), slots(b), np.array([[3.0]]), slots(waits_for, NOBODY))
-    made.store(slots(a, b), rolled, codes(slots(a), slots(b)), now_s)
+def driven(schedule: RolloutSchedule, a: int, b: int, now_s: float, waits_for: int = NOBODY) -> None:
+    result = RolloutResult(slots(a), slots(b), np.array([[3.0]]), slots(waits_for, NOBODY))
+    schedule.store(slots(a, b), result, codes(slots(a), slots(b)), now_s)
 
 
 def test_islands_take_turns_and_each_has_one_in_every_period() -> None:
-    made, turns = rollouts(), []
+    schedule, turns = new_schedule(), []
     for tick in range(20):
         now_s = NOW_S + tick * EVERY_S / 10
-        due = made.due(slots(0, 1, 3), slots(1, 2, 4), KEY, now_s)
+        due = schedule.due(slots(0, 1, 3), slots(1, 2, 4), KEY, now_s)
         if len(due):
-            made.store(
+            schedule.store(
                 due, RolloutResult(due[:0], due[:0], np.zeros((0, 1)), np.full(len(due), NOBODY)), due[:0], now_s
             )
         turns.append(due.tolist())
@@ -42,42 +42,42 @@ def test_islands_take_turns_and_each_has_one_in_every_period() -> None:
     assert sorted(map(tuple, filter(None, turns[11:]))) == sorted(map(tuple, filter(None, turns[1:10])))
 
 
-def test_what_came_of_a_pair_stays_until_its_next_turn() -> None:
-    made = rollouts()
-    driven(made, 1, 2, NOW_S)
-    driven(made, 3, 4, NOW_S)
+def test_results_of_a_pair_are_kept_until_its_next_turn() -> None:
+    schedule = new_schedule()
+    driven(schedule, 1, 2, NOW_S)
+    driven(schedule, 3, 4, NOW_S)
     asked = codes(slots(1, 0, 3), slots(2, 5, 4))
-    assert made.features_of(asked).tolist() == [[3.0], NEVER.tolist(), [3.0]]
-    made.store(
+    assert schedule.features_of(asked).tolist() == [[3.0], NEVER.tolist(), [3.0]]
+    schedule.store(
         slots(1, 2), RolloutResult(slots(), slots(), np.zeros((0, 1)), slots(NOBODY, NOBODY)), slots(), NOW_S + 1
     )
-    assert made.features_of(asked).tolist() == [NEVER.tolist(), NEVER.tolist(), [3.0]]
+    assert schedule.features_of(asked).tolist() == [NEVER.tolist(), NEVER.tolist(), [3.0]]
 
 
-def test_one_that_comes_near_nobody_any_more_waits_for_nobody() -> None:
-    made = rollouts()
-    driven(made, 1, 2, NOW_S, waits_for=2)
-    assert made.waits_for[1] == 2
-    made.due(slots(3), slots(4), KEY, NOW_S + 0.1)
-    assert made.waits_for[1] == NOBODY
-    assert made.features_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
+def test_a_robot_that_is_near_nobody_waits_for_nobody() -> None:
+    schedule = new_schedule()
+    driven(schedule, 1, 2, NOW_S, waits_for=2)
+    assert schedule.waits_for[1] == 2
+    schedule.due(slots(3), slots(4), KEY, NOW_S + 0.1)
+    assert schedule.waits_for[1] == NOBODY
+    assert schedule.features_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
 
 
-def test_another_robot_in_a_slot_begins_anew() -> None:
-    made = rollouts()
-    driven(made, 1, 2, NOW_S, waits_for=2)
-    made.forget(slots(2))
-    assert made.features_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
+def test_another_robot_in_a_slot_has_no_results() -> None:
+    schedule = new_schedule()
+    driven(schedule, 1, 2, NOW_S, waits_for=2)
+    schedule.forget(slots(2))
+    assert schedule.features_of(codes(slots(1), slots(2))).tolist() == [NEVER.tolist()]
 
 
-def test_where_many_are_due_some_wait_those_longest_that_were_driven_last(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_if_many_are_due_the_most_recently_driven_wait_longest(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("deconflict.foresight.rollout.rollout_schedule.MOST", 2)
-    made, pairs = rollouts(), (slots(0, 2, 4), slots(1, 3, 5))
+    schedule, pairs = new_schedule(), (slots(0, 2, 4), slots(1, 3, 5))
     driven_slots = []
     for look in range(3):
-        due = made.due(*pairs, KEY, NOW_S + 10 * look)
+        due = schedule.due(*pairs, KEY, NOW_S + 10 * look)
         driven_slots.append(due.tolist())
-        rolled = RolloutResult(slots(), slots(), np.zeros((0, 1)), np.full(len(due), NOBODY))
-        made.store(due, rolled, slots(), NOW_S + 10 * look)
+        result = RolloutResult(slots(), slots(), np.zeros((0, 1)), np.full(len(due), NOBODY))
+        schedule.store(due, result, slots(), NOW_S + 10 * look)
     assert sorted(slot for due in driven_slots for slot in due) == [0, 1, 2, 3, 4, 5]
-    assert made.due(*pairs, KEY, NOW_S + 30).tolist() == driven_slots[0]
+    assert schedule.due(*pairs, KEY, NOW_S + 30).tolist() == driven_slots[0]

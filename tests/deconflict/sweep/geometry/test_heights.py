@@ -44,14 +44,14 @@ def crossing(z_m: float) -> Crossing:
     return Crossing(scene, conflicts, near_misses)
 
 
-def test_at_one_height_they_are_warned_of_and_get_advice_and_nearly_collide() -> None:
+def test_robots_at_one_height_get_warnings_advice_and_near_misses() -> None:
     met = crossing(0.0)
     assert met.conflicts != []
     assert any(one.holds for one in met.advice)
     assert met.near_misses == 1
 
 
-def test_one_above_the_other_neither_is_warned_of_nor_should_wait_and_nothing_is_noticed() -> None:
+def test_robots_above_one_another_get_no_warning_no_advice_and_no_near_miss() -> None:
     met = crossing(5.0)
     assert met.conflicts == []
     assert met.near_misses == 0
@@ -63,12 +63,12 @@ def test_one_above_the_other_neither_is_warned_of_nor_should_wait_and_nothing_is
     ("other", "together"),
     [(Box(1.0, 2.0), True), (Box(1.01, 2.0), False), (Box(-3.0, -0.01), False), (Box(-inf, inf), True)],
 )
-def test_neither_is_above_the_other_where_their_heights_touch_or_are_unknown(other: Box, together: bool) -> None:
+def test_heights_overlap_if_they_touch_or_are_unknown(other: Box, together: bool) -> None:
     one = Box(0.0, 1.0)
     assert heights_overlap(one, other) is heights_overlap(other, one) is together
 
 
-def test_the_most_at_one_height_are_those_that_all_reach_it() -> None:
+def test_the_largest_group_at_one_height_all_reaches_that_height() -> None:
     low, high, tall, unknown = Box(0.0, 1.0), Box(5.0, 6.0), Box(0.0, 6.0), Box(-inf, inf)
     assert largest_group_at_one_height([high, low, unknown]) == [low, unknown]
     assert largest_group_at_one_height([high, low, tall, high]) == [high, tall, high]

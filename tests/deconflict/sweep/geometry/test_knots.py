@@ -28,7 +28,7 @@ def test_knots_go_on_just_as_the_forecast_says(family: str) -> None:
         until = np.append(own["t"][1:], own["t"][-1] + 5.0)
         on_floor, pose0, pose1 = Track(forecasts, row).between(own["t"], until)
         np.testing.assert_array_equal(own["floor"], on_floor)
-        np.testing.assert_array_equal(own["told_yaw"], forecasts.single(row).yaw_rad)
+        np.testing.assert_array_equal(own["reported_yaw"], forecasts.single(row).yaw_rad)
         span = until - own["t"]
         for axis, (at, rate) in enumerate((("x", "vx"), ("y", "vy"))):
             np.testing.assert_allclose(own[at], pose0[:, axis], atol=1e-5)
@@ -58,7 +58,7 @@ def test_robots_have_half_the_sides_of_their_envelopes_and_their_own_knots() -> 
     assert kept.tolist() == list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def test_nothing_is_written_where_there_is_no_room() -> None:
+def test_nothing_is_written_if_there_is_no_room() -> None:
     f = encounters(next(iter(FAMILIES)), 8, 61, 0.25)
     kept, knots = np.zeros(len(f), ROBOT), np.zeros(len(f.t_s) + 4, KNOT)
     assert replace(kept, knots, np.arange(len(f)), 5, f) == len(knots) + 1

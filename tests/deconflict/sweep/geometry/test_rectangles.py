@@ -50,7 +50,7 @@ def test_where_they_overlap_the_gap_is_how_far_one_must_move() -> None:
     assert signed_gap(dx, zero, zero, turned, half, half)[0] == pytest.approx([-0.1, -0.75, 0.2])
 
 
-def test_headings_that_last_from_look_to_look_change_no_gap() -> None:
+def test_constant_headings_do_not_change_the_gap() -> None:
     (dx, dy), half = RNG.uniform(-2, 2, (2, N // 4, 4)), RNG.uniform(0.005, 1.5, (2, 2, N // 4))
     yaw_a, yaw_b = RNG.choice([-1.2, 0.3, 2.0], (2, N // 4, 4))
     together = signed_gap(dx, dy, yaw_a, yaw_b, *half)
