@@ -29,7 +29,8 @@ from deconflict.contention.contention import Contention
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
-from deconflict.settings.site import Site, load
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import load
 from deconflict.simulation.cast import cast
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World

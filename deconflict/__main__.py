@@ -21,7 +21,7 @@ from deconflict.runtime.logging_setup import FORMATS, VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
 from deconflict.runtime.rpc import PortTakenError
 from deconflict.runtime.systemd import Notifier
-from deconflict.settings import site
+from deconflict.settings import site, site_file
 from deconflict.settings.importers import plan_reader
 from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.site_check import check
@@ -151,7 +151,7 @@ def _positive(text: str) -> int:
 
 def _settings(args: argparse.Namespace, path: Path | None) -> site.Site:
     """The settings of the site file and the command line, which takes precedence."""
-    settings = site.load(path) if path else site.DEFAULT
+    settings = site_file.load(path) if path else site.DEFAULT
     receiver = {"host": args.host, "port": args.robots_port}
     operator = {"host": args.host, "port": args.operator_port}
     return settings.model_copy(
@@ -171,7 +171,7 @@ def _serve(args: argparse.Namespace) -> int:
     if args.site is None:
         logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
     if problems := cluster_problems(settings.cluster, args.part or ()):
-        raise site.SiteError(problems)
+        raise site_file.SiteError(problems)
     data = args.data or Path(settings.store.directory)
     data.mkdir(parents=True, exist_ok=True)
     stop = threading.Event()
@@ -188,9 +188,9 @@ def _serve(args: argparse.Namespace) -> int:
 def _checked_settings(args: argparse.Namespace) -> site.Site:
     """The settings, checked. Raises `SiteError`, `SecretError` and `CertificateError`."""
     settings = _settings(args, args.site)
-    problems = site.fit_problems(settings)
+    problems = site_file.fit_problems(settings)
     if problems:
-        raise site.SiteError(problems)
+        raise site_file.SiteError(problems)
     _check_access(settings, args.open)
     return settings
 
@@ -200,7 +200,7 @@ def _check_access(settings: site.Site, allow_open: bool) -> None:
     access.verify_credentials(settings)
     problems = access.exposed_ports(settings)
     if problems and not allow_open:
-        raise site.SiteError([*problems, "or start with --open, if everybody on that network may read and write"])
+        raise site_file.SiteError([*problems, "or start with --open, if everybody on that network may read and write"])
     for problem in problems:
         logging.getLogger("deconflict").warning("%s", problem)
 
@@ -227,7 +227,7 @@ def _site_suggest(args: argparse.Namespace) -> int:
     from deconflict.contention.suggest_resources import suggested  # noqa: PLC0415 - loads numba
 
     logs.files_of(args.logs)
-    sys.stdout.write(suggested(args.logs, site.load(args.site) if args.site else site.DEFAULT))
+    sys.stdout.write(suggested(args.logs, site_file.load(args.site) if args.site else site.DEFAULT))
     return 0
 
 
@@ -266,7 +266,7 @@ def main() -> int:
     try:
         return int(args.run(args))
     except (
-        site.SiteError,
+        site_file.SiteError,
         PlanError,
         PortTakenError,
         DataTakenError,

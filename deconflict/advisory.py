@@ -1,4 +1,4 @@
-"""The advisory as published, from raised to cleared: a conflict, a contention, a deadlock, a blockage or a claim."""
+"""Advisories as published, from raised to cleared: conflicts, contentions, deadlocks, blockages and claims."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -37,7 +37,7 @@ class EncounterClass(StrEnum):
 
 
 class Published(BaseModel):
-    """A part of what is published: frozen, and every number is finite."""
+    """Base of the published models: frozen, and every number is finite."""
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
@@ -45,13 +45,13 @@ class Published(BaseModel):
 class Location(Published):
     """A place on a floor."""
 
-    datum: str = Field(description="UUID of the planar datum whose frame x and y are in")
+    datum: str = Field(description="UUID of the planar datum; x and y are in its frame")
     x: float = Field(description="metres")
     y: float = Field(description="metres")
 
 
 class Hold(Published):
-    """Let a robot wait where it is before it follows its path as forecast."""
+    """A robot is to wait where it is before it follows its forecast path."""
 
     robot: Robot
     hold_s: float = Field(gt=0)
@@ -61,27 +61,27 @@ class Slot(Published):
     """When a robot should have a resource."""
 
     robot: Robot
-    resource: str = Field(description="id of the resource; it may be another one of its group")
+    resource: str = Field(description="id of the resource, which may be another of its group")
     start_at: datetime
     end_at: datetime
-    wait_s: float = Field(ge=0, description="from the robot's arrival to the start of its slot")
+    wait_s: float = Field(ge=0, description="time from the robot's arrival to the start of its slot")
 
 
 class Recommendation(Published):
-    """What would end it at the least cost. Advice is for a site service to take or leave."""
+    """The advice that resolves the advisory at the least cost. A site service may follow it or not."""
 
     holds: tuple[Hold, ...] = ()
-    slots: tuple[Slot, ...] = Field(default=(), description="in the order advised")
-    cost_s: float = Field(ge=0, description="waiting in all, weighted by priority")
-    bound_s: float = Field(ge=0, description="no advice costs less than this")
-    first_come_cost_s: float | None = Field(default=None, ge=0, description="what first come, first served would cost")
-    expected_saving_s: float = Field(default=0.0, description="against first come, first served, or against a stop")
+    slots: tuple[Slot, ...] = Field(default=(), description="in the advised order")
+    cost_s: float = Field(ge=0, description="sum of the waits, weighted by priority")
+    bound_s: float = Field(ge=0, description="lower bound: no advice costs less")
+    first_come_cost_s: float | None = Field(default=None, ge=0, description="cost of first come, first served")
+    expected_saving_s: float = Field(default=0.0, description="compared with first come, first served, or with a stop")
     proven_optimal: bool
-    note: str = Field(default="", description="what else a person should know, such as that no hold works")
+    note: str = Field(default="", description="further information for a person, such as that no hold helps")
 
 
 class Wait(Published):
-    """One robot that waits, or will wait, for another."""
+    """A robot that waits, or will wait, for another."""
 
     waiter: Robot
     holder: Robot
@@ -90,34 +90,34 @@ class Wait(Published):
 
 
 class Acknowledgement(Published):
-    """Somebody has taken an advisory up, or says why nothing is done about it."""
+    """Who has acknowledged an advisory, and what is done about it or why nothing is."""
 
-    name: str = Field(description="who")
+    name: str = Field(description="name of the person")
     reason: str = Field(description="what is done about it, or why nothing is")
     at: datetime
 
 
 class Advisory(Published):
-    """What one revision of every kind of advisory says. It advises; it is not safety rated and moves no robot."""
+    """One revision of an advisory of any kind. It only advises: it is not safety rated and moves no robot."""
 
-    id: str = Field(description="the same from raised to cleared, through every revision and restart")
-    revision: int = Field(ge=1, description="1 when raised, one more with each change")
+    id: str = Field(description="the same in every revision from raised to cleared, also after restarts")
+    revision: int = Field(ge=1, description="1 when raised, then one more with each change")
     seq: int = Field(default=0, ge=0, description="number of this revision in the stream; 0 before it is stored")
     state: AdvisoryState
     severity: Severity
     robots: tuple[Robot, ...] = Field(description="UUIDs, in ascending order")
-    names: tuple[str, ...] = Field(description="what a person calls the robots, in the same order")
-    vendors: tuple[str, ...] = Field(description="of the robots, in the same order")
+    names: tuple[str, ...] = Field(description="names of the robots for people, in the same order")
+    vendors: tuple[str, ...] = Field(description="vendors of the robots, in the same order")
     raised_at: datetime
-    updated_at: datetime = Field(description="when this revision was decided")
+    updated_at: datetime = Field(description="time at which this revision was decided")
     cleared_at: datetime | None = None
-    cleared_because: str | None = Field(default=None, description="why it was cleared, in words")
-    predicted_at: datetime = Field(description="when what it warns of begins")
-    time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 where it has begun")
-    location: Location | None = Field(description="where it begins; null where no place is known")
+    cleared_because: str | None = Field(default=None, description="why it was cleared, as text")
+    predicted_at: datetime = Field(description="when the predicted event begins")
+    time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 if the event has begun")
+    location: Location | None = Field(description="place where the event begins; null if it is not known")
     summary: str = Field(description="one sentence for a person")
     recommendation: Recommendation | None = None
-    acknowledgement: Acknowledgement | None = Field(default=None, description="the newest there is")
+    acknowledgement: Acknowledgement | None = Field(default=None, description="the newest acknowledgement")
     safety_rated: Literal[False] = False
 
     def followed(self, **fields: Any) -> Self:
@@ -135,86 +135,91 @@ class Advisory(Published):
 
 
 class PlacedAdvisory(Advisory):
-    """An advisory on something that happens at a place."""
+    """An advisory on an event at a place."""
 
-    location: Location = Field(description="where it begins")
+    location: Location = Field(description="place where the event begins")
 
 
 class ConflictAdvisory(PlacedAdvisory):
-    """One encounter of two robots: their envelopes come within the clearance."""
+    """A predicted encounter of two robots: their envelopes come within the clearance."""
 
     kind: Literal["conflict"] = "conflict"
     robots: tuple[Robot, Robot] = Field(description="UUIDs, in ascending order")
-    names: tuple[str, str] = Field(description="what a person calls the robots, in the same order")
-    vendors: tuple[str, str] = Field(description="of the robots, in the same order")
-    encounter: int = Field(ge=1, description="ordinal of this encounter of this pair")
+    names: tuple[str, str] = Field(description="names of the robots for people, in the same order")
+    vendors: tuple[str, str] = Field(description="vendors of the robots, in the same order")
+    encounter: int = Field(ge=1, description="number of this encounter among those of this pair")
     encounter_class: EncounterClass
     basis: tuple[str, str] = Field(
-        description="what each forecast rests on: path, velocity, ...; (distrusted) where it contradicts the motion, "
-        "(silent) where the robot is"
+        description="basis of each forecast: path, velocity, ...; with (distrusted) if it contradicts the motion, "
+        "with (silent) if the robot is silent"
     )
     probability: float | None = Field(
         default=None,
         ge=0,
         le=1,
-        description="that the two get in each other's way in the horizon: they meet, or one gives way to the other",
+        description="probability that the two get in each other's way in the horizon: they meet, or one gives way",
     )
     probability_interval: tuple[float, float] | None = Field(
-        default=None, description="holds the probability with 90 %; where evidence is thin"
+        default=None, description="90 % interval of the probability; null if there is enough evidence"
     )
     contact_probability: float | None = Field(
-        default=None, ge=0, le=1, description="that the envelopes come within the clearance in the horizon"
+        default=None, ge=0, le=1, description="probability that the envelopes come within the clearance in the horizon"
     )
     clearance_m: float = Field(ge=0)
-    min_separation_m: float = Field(ge=0, description="smallest distance of the envelopes; 0 where they overlap")
-    closing_speed_mps: float = Field(description="at predicted_at; negative where they draw apart")
+    min_separation_m: float = Field(ge=0, description="smallest distance of the envelopes; 0 if they overlap")
+    closing_speed_mps: float = Field(description="at predicted_at; negative if they move apart")
 
 
 class ContentionAdvisory(PlacedAdvisory):
-    """More robots than a resource or zone holds: soon (contention), or now (double occupancy)."""
+    """More robots than a resource or zone can hold, soon (contention) or now (double occupancy)."""
 
     kind: Literal["contention", "double_occupancy"]
     resource: str = Field(description="id of the resource or zone")
     resource_name: str
     capacity: int = Field(ge=1)
-    demand: int = Field(ge=0, description="robots that want it or have it at predicted_at")
-    queue_length: int = Field(ge=0, description="longest queue expected")
-    wait_s: float = Field(ge=0, description="longest wait expected")
+    demand: int = Field(ge=0, description="robots that need it or occupy it at predicted_at")
+    queue_length: int = Field(ge=0, description="longest expected queue")
+    wait_s: float = Field(ge=0, description="longest expected wait")
     resources: tuple[str, ...] = Field(
-        default=(), description="ids of all chargers that will be full, the resource among them; empty of one place"
+        default=(), description="ids of all chargers that will be full, with the resource; empty for one place"
     )
     expected: int = Field(
-        default=0, ge=0, description="robots of the demand that have not said that they come, by their batteries"
+        default=0, ge=0, description="robots of the demand that are expected only because of their batteries"
     )
     probability: float | None = Field(
-        default=None, ge=0, le=1, description="that it comes to that, where some are expected by their batteries"
+        default=None,
+        ge=0,
+        le=1,
+        description="probability of the event; only if some robots are expected by their batteries",
     )
 
 
 class DeadlockAdvisory(PlacedAdvisory):
-    """Robots that wait for each other in a ring, or will."""
+    """Robots that wait, or will wait, for each other in a ring."""
 
     kind: Literal["deadlock"] = "deadlock"
-    cycle: tuple[Wait, ...] = Field(min_length=1, description="the evidence; each holder is the next one's waiter")
+    cycle: tuple[Wait, ...] = Field(
+        min_length=1, description="the ring of waits; the holder of each is the waiter of the next"
+    )
 
 
 class BlockageAdvisory(PlacedAdvisory):
-    """A robot that stands where others will pass."""
+    """A robot that stands in the way of others."""
 
     kind: Literal["blockage"] = "blockage"
     blocker: Robot
     since_at: datetime
-    holds_up: tuple[Robot, ...] = Field(description="the robots that it will hold up, soonest first")
+    holds_up: tuple[Robot, ...] = Field(description="the robots that it will delay, soonest first")
 
 
 class ClaimAdvisory(Advisory):
-    """Robots that another vendor reports (foreign claim), or that are reported from two places at once."""
+    """Robots that another vendor reports (foreign claim), or that are reported at two places at once."""
 
     kind: Literal["foreign_claim", "two_places"]
-    robots: tuple[Robot, ...] = Field(description="UUIDs of the first ten of them, in ascending order")
+    robots: tuple[Robot, ...] = Field(description="UUIDs of the first ten robots, in ascending order")
     owner: str = Field(description="the vendor whose robots they are")
-    claimant: str = Field(description="the vendor that reports them; the owner where they are in two places")
-    claimed: int = Field(ge=1, description="how many robots there are in all, counted up to a thousand")
+    claimant: str = Field(description="the vendor that reports them; the owner if they are at two places")
+    claimed: int = Field(ge=1, description="number of robots in all, at most a thousand")
 
 
 AnyAdvisory = Annotated[

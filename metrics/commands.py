@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from deconflict.operator.blackbox.start_state import StartState, head_of, site_of, start_of
-from deconflict.settings import overrides, site
+from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
 from metrics.scoring import compare
@@ -171,7 +171,7 @@ def _head(args: argparse.Namespace) -> dict[str, Any] | None:
 
 def _settings(args: argparse.Namespace) -> site.Site:
     head = None if args.site else _head(args)
-    settings = site_of(head) if head else site.load(args.site) if args.site else site.DEFAULT
+    settings = site_of(head) if head else site_file.load(args.site) if args.site else site.DEFAULT
     return overrides.with_overrides(settings, args.changes) if args.changes else settings
 
 

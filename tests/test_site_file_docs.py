@@ -8,7 +8,7 @@ import pytest
 from pydantic_core import to_jsonable_python
 
 from deconflict.settings import outlet_settings as outlets
-from deconflict.settings import shared_places, site
+from deconflict.settings import shared_places, site, site_file
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site_check import site_report
 from ingest import settings
@@ -71,7 +71,7 @@ def test_every_section_of_the_site_is_there() -> None:
 def test_the_example_loads_and_its_map_fits(tmp_path: Path) -> None:
     example = tmp_path / "site.toml"
     example.write_text(DOC.split("```toml\n", 1)[1].split("```", 1)[0], encoding="utf-8")
-    judged = site_report(site.load(example))
+    judged = site_report(site_file.load(example))
     assert judged.problems == ()
     (birch,) = judged.maps
     assert birch.fit

@@ -10,7 +10,7 @@ from benchmarks.watch_demo.floor import STEP_S, Floor, Post
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fast_fleet_of
-from deconflict.settings.site import load
+from deconflict.settings.site_file import load
 from deconflict.simulation.demo_site import demo_site
 from ingest.measures.measures import Measures
 

@@ -1,1 +1,1 @@
-"""The site file: what a person sets, how it is checked, and what is derived from it."""
+"""The site file: its settings, its checks, and what is created from it."""

@@ -1,4 +1,4 @@
-"""What the site file says of a cluster."""
+"""The section of the site file for a cluster."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -14,38 +14,38 @@ class Cluster(Section):
     """Several machines that share the work over a NATS server with JetStream."""
 
     nats: tuple[str, ...] = Field(min_length=1)
-    """Addresses of its servers, nats://HOST:PORT or tls://HOST:PORT."""
+    """Addresses of the NATS servers, nats://HOST:PORT or tls://HOST:PORT."""
     token: SecretSource = ""
-    """Where the token is that the servers ask for, `file:PATH` or `env:NAME`; read again with every connection."""
+    """Source of the servers' token, `file:PATH` or `env:NAME`. It is read again at every connect."""
     user: str = ""
-    """Name to sign in with instead, if any."""
+    """User name, if the servers ask for one instead."""
     password: SecretSource = ""
-    """Where its password is, `file:PATH` or `env:NAME`; read again with every connection."""
+    """Source of the user's password, `file:PATH` or `env:NAME`. It is read again at every connect."""
     ca: str = ""
-    """PEM file of the authority that signed the servers' certificates, if it is not one that this machine trusts."""
+    """PEM file of the authority of the servers' certificates; empty for those that this machine trusts."""
     certificate: str = ""
-    """PEM file of a certificate to show them, and its key, where they ask for one."""
+    """PEM file of a client certificate and its key, if the servers ask for one."""
     name: Name = "deconflict"
-    """Whoever uses the same name on the same server is one cluster."""
+    """Name of the cluster. All machines with the same name on the same servers form one cluster."""
     share_port: bool = False
-    """Whether ingests of one machine share the robots' port. Else the second is refused it, as any other service is."""
+    """Whether several ingests on one machine share the robots' port. If not, only the first can open it."""
     tile_m: Annotated[float, Field(ge=10, allow_inf_nan=False)] = 64.0
-    """Side of the tiles that floors are shared out in. Small ones overlap more, large ones share less well."""
+    """Side of a tile. Small tiles overlap more, large tiles divide the load less evenly."""
     fastest_mps: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 2.0
-    """Speed of the fastest robot, for how far around its tiles an engine listens. What is quicker is told its floor."""
+    """Speed of the fastest robot. It sets how far around its tiles an engine listens. Faster robots load the floor."""
     hot_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 2000.0
-    """A tile with more statuses a second is split in four."""
+    """A tile with more statuses a second is split into four."""
     copies: Annotated[int, Field(ge=1, le=5)] = 1
-    """How many servers keep each advisory, and the last rows; 3 survives the loss of one."""
+    """Number of servers that store each advisory and the last parcels. 3 survives the loss of one."""
 
 
 def cluster_contradictions(settings: Cluster | None) -> Iterator[str]:
-    """What no key shows alone, a sentence each."""
+    """A sentence for each contradiction between keys."""
     if settings is None:
         return
     if settings.token and (settings.user or settings.password):
-        yield "cluster.token: is told beside a user or password; servers ask for one or the other"
+        yield "cluster.token: is set beside a user or password; servers ask for one or the other"
     if bool(settings.user) != bool(settings.password):
         yield f"cluster.{'password' if settings.user else 'user'}: is missing; user and password go together"
-    if settings.certificate and not (settings.ca or any(one.startswith("tls://") for one in settings.nats)):
-        yield "cluster.certificate: is shown over TLS alone; expected tls:// addresses, or cluster.ca"
+    if settings.certificate and not (settings.ca or any(address.startswith("tls://") for address in settings.nats)):
+        yield "cluster.certificate: is used over TLS alone; expected tls:// addresses, or cluster.ca"

@@ -1,4 +1,4 @@
-"""The fleet of a site: empty, and read by its settings."""
+"""Creates the fleet of a site."""
 
 from typing import Any
 
@@ -12,13 +12,13 @@ from ingest.measures.measures import Measures
 
 
 def fleet_of(site: Site, measures: Measures) -> Fleet:
-    """An empty fleet that reads messages as the site says."""
+    """An empty fleet with the site's settings."""
     frames = FrameRegistry(site.datums, site.vendors)
     return Fleet(VendorRegistry(site.vendors), frames, site.reading, measures, Quarantine())
 
 
 def fast_fleet_of(site: Site, measures: Measures) -> Fleet:
-    """A fleet with the fast path, where that is installed."""
+    """The same with the fast path, if it is installed."""
     fleet = fleet_of(site, measures)
     if fast_path := load_fast_path():
         fleet.use(fast_path)
@@ -26,12 +26,12 @@ def fast_fleet_of(site: Site, measures: Measures) -> Fleet:
 
 
 def load_fast_path() -> FastPath[Any] | None:
-    """The compiled shortcuts; None where `ingest/fast_path` is not installed.
+    """The compiled fast path; None if `ingest/fast_path` is not installed.
 
-    Loading takes half a second, and compiles what is not on disk yet.
+    Loading takes half a second, and more if numba has to compile.
     """
     try:
-        from ingest.fast_path.loader import load  # noqa: PLC0415 - brings numba
+        from ingest.fast_path.loader import load  # noqa: PLC0415 - loads numba
     except ModuleNotFoundError:
         return None
     return load()

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from deconflict.settings.site import Site, SiteError, site_from_document
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import SiteError, site_from_document
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 

@@ -1,4 +1,4 @@
-"""Sections of the site file about outlets."""
+"""Sections of the site file for outlets: webhooks and an MQTT broker."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -12,49 +12,49 @@ Backoff = tuple[Seconds, Seconds]
 
 
 class Webhook(Section):
-    """One address that every revision of every advisory is posted to."""
+    """An address that receives every revision of every advisory."""
 
     name: str
-    """Labels metrics and the place in the store; a new name begins with the next revision."""
+    """Label in metrics, and name of the position in the store. A new name begins with the next revision."""
     url: Annotated[str, Field(pattern=r"^https?://")]
-    """Receives `POST` with one revision as JSON; any answer of 200 to 299 takes it."""
+    """Receives a `POST` with one revision as JSON. An answer of 200 to 299 accepts it."""
     secret: SecretSource
-    """Where the secret is that signs each request, `file:PATH` or `env:NAME`."""
+    """Source of the secret that signs each request, `file:PATH` or `env:NAME`."""
     timeout_s: Seconds = 10.0
-    """A request that is not answered for this long has failed."""
+    """A request without an answer for this long has failed."""
     retry_s: Backoff = (1.0, 60.0)
-    """First and longest wait before a failed request is tried again."""
+    """First and longest wait before a failed request is sent again."""
 
 
 class Mqtt(Section):
-    """An MQTT broker that holds the open advisories as retained messages."""
+    """An MQTT broker that has the open advisories as retained messages."""
 
     host: str
     """The broker."""
     port: Annotated[int, Field(gt=0, le=65535)] = 1883
     """Its port; brokers use 8883 for TLS."""
     topic: Annotated[str, Field(pattern=r"^[^#+$]+$")] = "deconflict"
-    """Advisories are at `TOPIC/advisories/ID`, and whether the service is there at `TOPIC/service`."""
+    """Advisories are at `TOPIC/advisories/ID`, the state of the service is at `TOPIC/service`."""
     user: str = ""
-    """Name to sign in with, if any."""
+    """User name, if the broker needs one."""
     password: SecretSource = ""
-    """Where the password is, `file:PATH` or `env:NAME`."""
+    """Source of the password, `file:PATH` or `env:NAME`."""
     tls: bool = False
-    """Speak TLS, and trust the certificates that this machine trusts."""
+    """Use TLS, with the authorities that this machine trusts."""
     retry_s: Backoff = (1.0, 60.0)
-    """First and longest wait before the broker is sought again."""
+    """First and longest wait before connecting again."""
 
 
 def outlet_problems(webhooks: Iterable[Webhook], mqtt: Mqtt | None) -> Iterator[str]:
-    """What no key shows alone, a sentence each."""
+    """A sentence for each contradiction between keys."""
     hooks = list(webhooks)
-    names = Counter(one.name for one in hooks)
-    for row, one in enumerate(hooks):
-        if names[one.name] > 1 or one.name == "mqtt":
-            yield f"webhooks[{row}].name: {one.name!r} is taken; give each outlet a name of its own"
-        if not one.secret:
+    names = Counter(webhook.name for webhook in hooks)
+    for row, webhook in enumerate(hooks):
+        if names[webhook.name] > 1 or webhook.name == "mqtt":
+            yield f"webhooks[{row}].name: {webhook.name!r} is taken; give each outlet a name of its own"
+        if not webhook.secret:
             yield f"webhooks[{row}].secret: is empty; expected env:NAME or file:PATH"
-    waits = [(f"webhooks[{row}]", one.retry_s) for row, one in enumerate(hooks)]
+    waits = [(f"webhooks[{row}]", webhook.retry_s) for row, webhook in enumerate(hooks)]
     for key, (first_s, longest_s) in [*waits, *([("mqtt", mqtt.retry_s)] if mqtt else [])]:
         if first_s > longest_s:
             yield f"{key}.retry_s: found {[first_s, longest_s]}; expected the first wait not above the longest"

@@ -1,31 +1,32 @@
-"""A site with some of its settings changed: `clearance=0.4`, `conflict.warning_s=6`, `reading.forget_after_s=120`."""
+"""Overrides of single settings: `clearance=0.4`, `conflict.warning_s=6`, `reading.forget_after_s=120`."""
 
 import tomllib
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from deconflict.settings.site import Site, SiteError, site_from_document
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import SiteError, site_from_document
 
 UNITS = ("_m", "_s", "_mps", "_rad", "_pct", "_bytes", "_days")
 
 
 def with_overrides(site: Site, changes: Iterable[str]) -> Site:
-    """The site with each `KEY=VALUE` in place of what it says.
+    """The site with each `KEY=VALUE` applied.
 
-    A key is a path as in the site file, or its last part, with or without the unit, where only one key ends so; a
-    value is TOML. Raises `SiteError` that says what to change.
+    A key is a path as in the site file. If only one key ends so, its last part is enough, with or without the unit. A
+    value is TOML. Raises `SiteError`.
     """
-    told = site.model_dump(mode="json", exclude_unset=True)
+    document = site.model_dump(mode="json", exclude_unset=True)
     for change in changes:
         name, equals, text = (part.strip() for part in change.partition("="))
         if not equals:
             raise SiteError([f"{change!r}: expected KEY=VALUE, such as clearance=0.4"])
         path = _path(name)
-        inner = told
+        section = document
         for part in path[:-1]:
-            inner = inner.setdefault(part, {})
-        inner[path[-1]] = _value(name, text)
-    return site_from_document(told)
+            section = section.setdefault(part, {})
+        section[path[-1]] = _value(name, text)
+    return site_from_document(document)
 
 
 def _path(name: str) -> tuple[str, ...]:
@@ -38,11 +39,11 @@ def _path(name: str) -> tuple[str, ...]:
         return found[0]
     if found:
         raise SiteError([f"{name}: may be {' or '.join('.'.join(key) for key in found)}; give the whole key"])
-    raise SiteError([f"{name}: no setting is called so; docs/site-file.md lists every key"])
+    raise SiteError([f"{name}: there is no such setting; docs/site-file.md lists every key"])
 
 
 def _keys() -> Iterator[tuple[str, str]]:
-    """Section and key of every setting that a section holds."""
+    """Section and key of every setting in a section."""
     for section, field in Site.model_fields.items():
         for key in getattr(field.annotation, "model_fields", {}):
             yield section, key
@@ -56,4 +57,4 @@ def _value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError as error:
-        raise SiteError([f"{name}: {text!r} is no TOML value ({error}); texts take quotes"]) from error
+        raise SiteError([f"{name}: {text!r} is not a TOML value ({error}); texts need quotes"]) from error

@@ -1,4 +1,4 @@
-"""What robots share, as the site file says it: resources that they go to, and zones that they pass."""
+"""The places that robots share: resources, which they go to, and zones, which they pass."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Literal
@@ -12,31 +12,31 @@ Point = tuple[Coordinate, Coordinate]
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
 
 PRIOR_SERVICE_S = {"dock": 45.0, "charger": 900.0, "station": 60.0, "lift": 45.0, "parking": 600.0}
-"""How long a resource is kept, until its own dwells have been seen."""
+"""Service times that are assumed until dwells have been observed."""
 
 
 class Landing(Section):
-    """Where a lift opens on another floor."""
+    """The door of a lift on another floor."""
 
     datum: DatumId
     """The floor."""
     polygon: Polygon
-    """Its outline there, metres in that floor's frame."""
+    """Outline of the cabin there, metres in that floor's frame."""
 
 
 class Place(Section):
     """A part of a floor that robots share."""
 
     id: str
-    """Names it in advisories and metrics."""
+    """Identifies the place in advisories and metrics."""
     name: str = ""
-    """What a person calls it; its id if absent."""
+    """Name for people; the id if absent."""
     datum: DatumId
     """The floor it is on."""
     polygon: Polygon
-    """Its outline, metres in the floor's frame."""
+    """Outline, metres in the floor's frame."""
     capacity: Annotated[int, Field(ge=1)] = 1
-    """How many robots it takes at once."""
+    """Number of robots that it holds at once."""
 
     @property
     def label(self) -> str:
@@ -44,50 +44,50 @@ class Place(Section):
 
 
 class Resource(Place):
-    """A place that robots go to and keep for a while: a robot has it while the middle of its envelope is inside."""
+    """A place that robots go to and occupy for a while: as long as the centre of the envelope is inside."""
 
     kind: Literal["dock", "charger", "station", "lift", "parking"]
-    """What it is for; it sets the service time that is assumed at first."""
+    """Use of the resource; it sets the service time that is assumed at first."""
     service_s: Seconds | None = None
-    """How long a robot keeps it; learned from what is seen if absent."""
+    """How long a robot occupies it; learned from observed dwells if absent."""
     group: str = ""
-    """Resources of one group can stand in for each other, as either of two lifts."""
+    """Resources of one group can replace each other, such as two lifts."""
     floors: tuple[Landing, ...] = ()
-    """Of a lift, where it opens on other floors."""
+    """The doors of a lift on other floors."""
 
 
 class Zone(Place):
-    """A place that robots pass through: a robot is in it while its envelope touches it."""
+    """A place that robots pass through: a robot is in it as long as its envelope touches it."""
 
     kind: Literal["crossing", "aisle", "door"]
-    """An aisle is a single lane: two that enter it from both ends lock each other."""
+    """An aisle is a single lane: two robots that enter it from both ends block each other."""
     axis: tuple[Point, Point] | None = None
-    """Of an aisle, from one end to the other."""
+    """The two ends of an aisle."""
 
 
 class ContentionSettings(Section):
-    """What of contention is worth a person's attention."""
+    """When queues, deadlocks and blockages are published."""
 
     least_wait_s: Seconds = 10.0
-    """A queue whose longest wait is shorter raises no advisory. Too short and every crossing raises one."""
+    """A queue with a shorter longest wait raises no advisory. If too short, every crossing raises one."""
     stand_s: Seconds = 5.0
-    """A robot that has stood this long where others will pass is a blockage. Too short names robots that only pause."""
+    """A robot that stands this long where others will pass is a blockage. If too short, pausing robots are reported."""
     clear_after_s: Seconds = 3.0
-    """An advisory is cleared when it has not held for this long. Too short makes advisories flicker."""
+    """An advisory is cleared once it has not held for this long. If too short, advisories flicker."""
 
 
 def outlines(place: Place) -> list[tuple[str, Sequence[Point]]]:
-    """Each floor that the place is on, by datum, and its outline there."""
+    """The datum of each floor that the place is on, and its outline there."""
     landings = place.floors if isinstance(place, Resource) else ()
-    return [(place.datum, place.polygon), *((one.datum, one.polygon) for one in landings)]
+    return [(place.datum, place.polygon), *((landing.datum, landing.polygon) for landing in landings)]
 
 
 def place_problems(resources: Iterable[Resource], zones: Iterable[Zone], datums: Iterable[str]) -> Iterator[str]:
-    """What no key of `[[resources]]` and `[[zones]]` shows alone, a sentence each."""
+    """A sentence for each contradiction between keys of `[[resources]]` and `[[zones]]`."""
     known, seen = set(datums), dict[str, str]()
-    resourced = [(f"resources[{row}]", one) for row, one in enumerate(resources)]
-    zoned = [(f"zones[{row}]", one) for row, one in enumerate(zones)]
-    places: list[tuple[str, Place]] = [*resourced, *zoned]
+    keyed_resources = [(f"resources[{row}]", resource) for row, resource in enumerate(resources)]
+    keyed_zones = [(f"zones[{row}]", zone) for row, zone in enumerate(zones)]
+    places: list[tuple[str, Place]] = [*keyed_resources, *keyed_zones]
     choices = ", ".join(sorted(known)) or "none"
     for key, place in places:
         if place.id in seen:
@@ -96,12 +96,12 @@ def place_problems(resources: Iterable[Resource], zones: Iterable[Zone], datums:
         for datum, outline in outlines(place):
             if datum not in known:
                 yield f"{key}.datum: no datum has the id {datum!r}; expected one of {choices}"
-            if fault := _outline_fault(outline):
-                yield f"{key}.polygon: {fault}"
-    for key, resource in resourced:
+            if problem := _outline_problem(outline):
+                yield f"{key}.polygon: {problem}"
+    for key, resource in keyed_resources:
         if resource.floors and resource.kind != "lift":
             yield f"{key}.floors: a {resource.kind} is on one floor; only a lift has others"
-    for key, zone in zoned:
+    for key, zone in keyed_zones:
         if zone.kind == "aisle" and zone.axis is None:
             yield f"{key}.axis: is missing; an aisle needs [[x, y], [x, y]] from one end to the other"
         elif zone.kind != "aisle" and zone.axis is not None:
@@ -110,7 +110,8 @@ def place_problems(resources: Iterable[Resource], zones: Iterable[Zone], datums:
             yield f"{key}.axis: both ends are at {list(zone.axis[0])}; expected the two ends of the aisle"
 
 
-def _outline_fault(outline: Sequence[Point]) -> str:
+def _outline_problem(outline: Sequence[Point]) -> str:
+    """What is wrong with an outline; empty if nothing is."""
     shape = shapely.Polygon(outline)
     if not shape.is_valid:
         return f"{shapely.is_valid_reason(shape).lower()}; expected corners in order around the place"

@@ -1,4 +1,4 @@
-// The open advisories: read once, then followed; and the list that shows them.
+// The open advisories, read once and then kept up to date by the stream, and the list that shows them.
 
 import { SIGNS, advice, countdown, urgency, what } from "./words.js";
 
@@ -17,7 +17,7 @@ export class Advisories {
       const answer = await fetch("advisories?limit=1000");
       if (!answer.ok) throw new Error(answer.statusText);
       const { seq, advisories } = await answer.json();
-      this.open = new Map(advisories.map((one) => [one.id, one]));
+      this.open = new Map(advisories.map((advisory) => [advisory.id, advisory]));
       this.loaded = true;
       this.changed();
       this.follow(seq);
@@ -31,11 +31,11 @@ export class Advisories {
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(address);
     socket.onmessage = (message) => {
-      const one = JSON.parse(message.data);
-      seq = one.seq;
-      if (one.state === "cleared") this.open.delete(one.id);
-      else this.open.set(one.id, one);
-      this.changed(one);
+      const advisory = JSON.parse(message.data);
+      seq = advisory.seq;
+      if (advisory.state === "cleared") this.open.delete(advisory.id);
+      else this.open.set(advisory.id, advisory);
+      this.changed(advisory);
     };
     socket.onclose = (end) => setTimeout(() => (end.code === 4416 ? this.start() : this.follow(seq)), RETRY_MS);
   }
@@ -51,19 +51,19 @@ export class List {
 
   show(advisories, { nowS, chosen, nameOf, floorName, past }) {
     const sorted = [...advisories].sort(urgency);
-    const ids = new Set(sorted.map((one) => one.id));
+    const ids = new Set(sorted.map((advisory) => advisory.id));
     for (const [id, item] of this.items) if (!ids.has(id)) { item.remove(); this.items.delete(id); }
     const focused = document.activeElement;
-    sorted.forEach((one, i) => {
-      const item = this.items.get(one.id) ?? this.made(one.id);
+    sorted.forEach((advisory, i) => {
+      const item = this.items.get(advisory.id) ?? this.newItem(advisory.id);
       if (this.list.children[i] !== item) this.list.insertBefore(item, this.list.children[i] ?? null);
-      this.fill(item, one, { nowS, nameOf, floorName, past });
-      item.classList.toggle("chosen", one.id === chosen);
+      this.fill(item, advisory, { nowS, nameOf, floorName, past });
+      item.classList.toggle("chosen", advisory.id === chosen);
     });
     if (focused !== document.activeElement && this.list.contains(focused)) focused.focus();
   }
 
-  made(id) {
+  newItem(id) {
     const item = document.createElement("li"), part = (tag, kind) => Object.assign(document.createElement(tag), { className: kind });
     const top = part("div", "top"), acts = part("div", "acts");
     item.dataset.id = id;
@@ -84,26 +84,27 @@ export class List {
     return item;
   }
 
-  fill(item, one, { nowS, nameOf, floorName, past }) {
-    const said = advice(one, nameOf), answer = one.acknowledgement, { parts } = item;
+  fill(item, advisory, { nowS, nameOf, floorName, past }) {
+    const advised = advice(advisory, nameOf), answer = advisory.acknowledgement, { parts } = item;
     item.classList.remove("critical", "warning", "caution");
-    item.classList.add(one.severity);
-    say(parts.severity, `${SIGNS[one.severity]} ${one.severity}`);
-    say(parts.when, countdown(one, nowS));
-    say(parts.what, what(one));
-    say(parts.advice, said ? `Advised: ${said}` : one.claimant ? "" : "No advice yet");
-    parts.advice.classList.toggle("none", !said);
-    say(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
+    item.classList.add(advisory.severity);
+    setText(parts.severity, `${SIGNS[advisory.severity]} ${advisory.severity}`);
+    setText(parts.when, countdown(advisory, nowS));
+    setText(parts.what, what(advisory));
+    setText(parts.advice, advised ? `Advised: ${advised}` : advisory.claimant ? "" : "No advice yet");
+    parts.advice.classList.toggle("none", !advised);
+    setText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
     parts.answer.hidden = !answer;
-    parts.show.setAttribute("aria-label", `Show on the map: ${what(one)}`);
-    parts.take.setAttribute("aria-label", `Acknowledge: ${what(one)}`);
+    parts.show.setAttribute("aria-label", `Show on the map: ${what(advisory)}`);
+    parts.take.setAttribute("aria-label", `Acknowledge: ${what(advisory)}`);
     parts.take.disabled = past;
-    item.dataset.floor = one.location ? floorName(one.location.datum) : "";
-    item.dataset.kind = one.kind;
-    parts.show.hidden = !one.location;
+    item.dataset.floor = advisory.location ? floorName(advisory.location.datum) : "";
+    item.dataset.kind = advisory.kind;
+    parts.show.hidden = !advisory.location;
   }
 }
 
-function say(element, text) {
+// Changes an element only if its text differs, so that a focused or selected text stays.
+function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

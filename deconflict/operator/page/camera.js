@@ -1,4 +1,4 @@
-// From metres on a floor to pixels on the canvas, y upwards; moved by pointer, wheel and keys.
+// Maps metres on a floor (y upwards) to pixels on the canvas. Moved by pointer, wheel and keys.
 
 const SMALLEST = 2, LARGEST = 400;
 
@@ -33,7 +33,7 @@ export class Camera {
     this.changed();
   }
 
-  look(x, y) {
+  centreOn(x, y) {
     [this.x, this.y] = [x, y];
     this.changed();
   }
@@ -81,7 +81,7 @@ export class Camera {
   key(event) {
     const step = 60 / this.scale;
     const moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
-    if (moves) this.look(this.x + moves[0], this.y + moves[1]);
+    if (moves) this.centreOn(this.x + moves[0], this.y + moves[1]);
     else if (event.key === "+" || event.key === "=") this.zoom(1.25);
     else if (event.key === "-") this.zoom(0.8);
     else return;

@@ -1,4 +1,4 @@
-// The live picture: frames over a WebSocket that connects again by itself, and the service's clock.
+// The live floor: frames over a WebSocket that reconnects by itself, and the service's clock.
 
 const RETRY_MS = [300, 5000];
 const QUIET_MS = 6000;
@@ -26,7 +26,7 @@ export class Live {
     this.connect();
   }
 
-  // The service's time: frames only ever come late, so the quickest of the last ones tells it best.
+  // The service's time. Frames are only ever delayed, so the least delayed of the last frames gives the best estimate.
   nowS() {
     return Date.now() / 1000 - (this.behindS.length ? Math.min(...this.behindS) : 0);
   }
@@ -37,7 +37,7 @@ export class Live {
     const socket = new WebSocket(address);
     const watch = () => { clearTimeout(this.quiet); this.quiet = setTimeout(() => socket.close(), QUIET_MS); };
     watch();
-    socket.onmessage = (message) => { watch(); this.take(JSON.parse(message.data)); };
+    socket.onmessage = (message) => { watch(); this.receive(JSON.parse(message.data)); };
     socket.onclose = () => {
       clearTimeout(this.quiet);
       this.connected = false;
@@ -48,14 +48,14 @@ export class Live {
     };
   }
 
-  take(told) {
+  receive(message) {
     this.connected = this.everConnected = true;
     this.retryMs = RETRY_MS[0];
-    this.behindS.push(Date.now() / 1000 - told.sent_s);
+    this.behindS.push(Date.now() / 1000 - message.sent_s);
     if (this.behindS.length > 50) this.behindS.shift();
-    this.health = told.health;
+    this.health = message.health;
     this.frames += 1;
-    const frame = told.floor;
+    const frame = message.floor;
     if (frame.whole) this.robots = robotsOf(frame);
     else for (const row of frame.robots) this.robots.set(row[0], robotOf(row, frame.floors));
     for (const uuid of frame.gone) this.robots.delete(uuid);

@@ -1,4 +1,4 @@
-// Puts the page together: what is shown follows from the live picture, or from the past where the slider is there.
+// Puts the page together: shows the live floor, or the recorded floor if the slider is at a time in the past.
 
 import { Advisories, List } from "./advisories.js";
 import { Camera } from "./camera.js";
@@ -27,10 +27,10 @@ const cards = new List($("advisories"), { choose, acknowledge });
 let site = { name: "", floors: [], places: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
 let floor = null, chosen = null, robotShown = null, heat = null, exits = [], framesDrawn = 0, drawn = 0;
 
-// Which floors there are: the site's, then any other that robots are on.
+// The site's floors, then any others with robots.
 function floors() {
-  const known = site.floors.map((one) => one.id);
-  const others = new Set([...robots().values()].map((one) => one.floor).filter((id) => id !== null && !known.includes(id)));
+  const known = site.floors.map((siteFloor) => siteFloor.id);
+  const others = new Set([...robots().values()].map((robot) => robot.floor).filter((id) => id !== null && !known.includes(id)));
   return [...site.floors, ...[...others].sort().map((id) => ({ id, name: `Floor ${id.slice(0, 8)}`, marks: [] }))];
 }
 
@@ -38,33 +38,34 @@ function robots() { return past.floor ? past.floor.robots : live.robots; }
 function open() { return past.atS === null ? [...advisories.open.values()] : past.floor?.advisories ?? []; }
 function nowS() { return past.floor ? past.floor.atS : frozenS() ?? live.nowS(); }
 function frozenS() { return root.dataset.state === "lost" || root.dataset.state === "stale" ? live.tickS : null; }
-function floorName(id) { return floors().find((one) => one.id === id)?.name ?? id; }
+function floorName(id) { return floors().find((known) => known.id === id)?.name ?? id; }
 
 function nameOf(uuid) {
   const known = robots().get(uuid);
   if (known) return known.name;
-  const told = open().find((one) => one.robots.includes(uuid));
-  return told ? told.names[told.robots.indexOf(uuid)] : uuid.slice(0, 8);
+  const advisory = open().find((each) => each.robots.includes(uuid));
+  return advisory ? advisory.names[advisory.robots.indexOf(uuid)] : uuid.slice(0, 8);
 }
 
 function state() {
   if (past.atS !== null) return ["past", past.problem || `Showing ${clock(past.atS)}, ${ago(live.nowS() - past.atS)}${past.floor?.atS === past.atS ? "" : ", reading…"}`];
   if (!live.connected) return live.everConnected
     ? ["lost", `Connection to the service lost: this is the floor at ${clock(live.tickS)}`] : ["loading", "Connecting to the service…"];
-  const late = live.nowS() - live.tickS, down = Object.entries(live.health.roles ?? {}).filter(([, one]) => one !== "up").map(([role]) => role);
+  const late = live.nowS() - live.tickS, down = Object.entries(live.health.roles ?? {}).filter(([, status]) => status !== "up").map(([role]) => role);
   if (!live.tickS) return ["loading", down.length ? `Waiting for the ${down.join(" and the ")}…` : "Loading the floor…"];
   if (late > STALE_S) return ["stale", `Nothing new since ${clock(live.tickS)}: ${down.length ? `the ${down.join(" and the ")} is down` : "predictions have stopped"}`];
-  const short = { coarse: "how near is told roughly", near: "only what is near is told" }[live.health.effort];
-  if (short) return ["live", `Live, but the service can't keep up: ${short}`];
+  const reduced = { coarse: "separations are rough", near: "only near conflicts are shown" }[live.health.effort];
+  if (reduced) return ["live", `Live, but the service can't keep up: ${reduced}`];
   return ["live", `Live: ${live.robots.size} robots`];
 }
 
-// Whether another robot has driven through its place since it was heard; such a robot is not drawn until it reports again.
+// Whether another robot has driven through its place since its last report. Such a robot is not drawn until it reports again.
 function isTakenOff(robot) { return !past.floor && robot.arrivalS <= (live.health.taken_off?.[robot.uuid] ?? -1) + 0.01; }
 
-function onFloor() { return [...robots().values()].filter((one) => one.floor === floor); }
+function onFloor() { return [...robots().values()].filter((robot) => robot.floor === floor); }
 
-function mark(robot, atS, unidentified) {
+// Sets how a robot is drawn: `there` is the probability that it is still there, `away` why it is drawn differently.
+function setPresence(robot, atS, unidentified) {
   const silence = atS - robot.arrivalS;
   robot.there = past.floor ? 1 : live.health.fading?.[robot.uuid] ?? 1;
   robot.away = robot.there < 1 || silence > site.silent_after_s ? "silent" : silence > site.quiet_after_s ? "quiet" : unidentified.has(robot.uuid) ? "unidentified" : "";
@@ -73,27 +74,28 @@ function mark(robot, atS, unidentified) {
 
 function scene() {
   const atS = nowS(), unidentified = new Set(past.floor ? [] : live.health.unidentified ?? []);
-  const here = onFloor().filter((one) => !isTakenOff(one));
-  for (const robot of here) mark(robot, atS, unidentified);
-  const told = open().filter((one) => one.location?.datum === floor).sort(urgency), involved = new Map(), contended = new Map();
-  for (const one of [...told].reverse()) {
-    for (const uuid of one.robots) involved.set(uuid, one.severity);
-    if (one.resource) contended.set(one.resource, one);
+  const here = onFloor().filter((robot) => !isTakenOff(robot));
+  for (const robot of here) setPresence(robot, atS, unidentified);
+  const listed = open().filter((advisory) => advisory.location?.datum === floor).sort(urgency), involved = new Map(), contended = new Map();
+  for (const advisory of [...listed].reverse()) {
+    for (const uuid of advisory.robots) involved.set(uuid, advisory.severity);
+    if (advisory.resource) contended.set(advisory.resource, advisory);
   }
+  const known = floors().find((each) => each.id === floor);
   return {
-    floor, theme: root.dataset.theme, nowS: atS, robots: here, advisories: told, involved, contended, chosen, robot: robotShown, horizonS: site.horizon_s,
+    floor, theme: root.dataset.theme, nowS: atS, robots: here, advisories: listed, involved, contended, chosen, robot: robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
-    places: site.places.filter((one) => one.floor === floor), marks: floors().find((one) => one.id === floor)?.marks ?? [],
-    exits: past.floor ? [] : exits.filter((one) => one.datum === floor),
-    plan: floors().find((one) => one.id === floor)?.plan,
+    places: site.places.filter((place) => place.floor === floor), marks: known?.marks ?? [],
+    exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),
+    plan: known?.plan,
     poseS: () => atS,
   };
 }
 
 function bounds(shown) {
-  const points = [...shown.marks.map((one) => [one.x, one.y]), ...shown.places.flatMap((one) => one.polygon), ...shown.robots.map((one) => one.knots.slice(1, 3))];
+  const points = [...shown.marks.map((mark) => [mark.x, mark.y]), ...shown.places.flatMap((place) => place.polygon), ...shown.robots.map((robot) => robot.knots.slice(1, 3))];
   if (!points.length) return [-10, -10, 10, 10];
-  const xs = points.map((one) => one[0]).sort((a, b) => a - b), ys = points.map((one) => one[1]).sort((a, b) => a - b);
+  const xs = points.map((point) => point[0]).sort((a, b) => a - b), ys = points.map((point) => point[1]).sort((a, b) => a - b);
   return [xs[0] - 1, ys[0] - 3, xs.at(-1) + 1, ys.at(-1) + 2];
 }
 
@@ -101,9 +103,9 @@ function draw(at) {
   requestAnimationFrame(draw);
   if (at - drawn < FRAME_MS) return;
   drawn = at;
-  const [now, words] = state();
-  if (root.dataset.state !== now) root.dataset.state = now;
-  if ($("status").textContent !== words) $("status").textContent = words;
+  const [name, text] = state();
+  if (root.dataset.state !== name) root.dataset.state = name;
+  if ($("status").textContent !== text) $("status").textContent = text;
   floor ??= floors()[0]?.id ?? null;
   const shown = scene();
   if (!moved && shown.robots.length + shown.marks.length) camera.fit(bounds(shown));
@@ -113,22 +115,22 @@ function draw(at) {
 }
 
 function tabs() {
-  const told = floors(), counts = new Map();
-  for (const one of open()) counts.set(one.location?.datum, (counts.get(one.location?.datum) ?? 0) + 1);
-  const key = JSON.stringify([told.map((one) => [one.id, one.name, counts.get(one.id)]), floor]);
+  const known = floors(), counts = new Map();
+  for (const { location } of open()) counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
+  const key = JSON.stringify([known.map(({ id, name }) => [id, name, counts.get(id)]), floor]);
   if ($("tabs").dataset.key === key) return;
   $("tabs").dataset.key = key;
   const focused = $("tabs").contains(document.activeElement);
-  $("tabs").replaceChildren(...told.map((one) => {
-    const tab = document.createElement("button"), count = counts.get(one.id);
+  $("tabs").replaceChildren(...known.map(({ id, name }) => {
+    const tab = document.createElement("button"), count = counts.get(id);
     tab.type = "button";
     tab.setAttribute("role", "tab");
     tab.setAttribute("aria-controls", "stage");
-    tab.setAttribute("aria-selected", String(one.id === floor));
-    tab.tabIndex = one.id === floor ? 0 : -1;
-    tab.append(one.name);
+    tab.setAttribute("aria-selected", String(id === floor));
+    tab.tabIndex = id === floor ? 0 : -1;
+    tab.append(name);
     if (count) tab.append(Object.assign(document.createElement("span"), { className: "open", textContent: count, ariaLabel: `${count} open advisories` }));
-    tab.onclick = () => show(one.id);
+    tab.onclick = () => show(id);
     return tab;
   }));
   if (focused) $("tabs").querySelector('[aria-selected="true"]')?.focus();
@@ -141,18 +143,18 @@ function show(id) {
 }
 
 function list() {
-  const told = open(), past_ = past.atS !== null;
+  const listed = open(), inPast = past.atS !== null;
   tabs();
-  cards.show(told, { nowS: nowS(), chosen, nameOf, floorName, past: past_ });
-  $("count").textContent = told.length ? `(${told.length})` : "";
-  $("none").hidden = told.length > 0;
-  $("none").textContent = past_ ? "Nothing was predicted at that moment." : advisories.loaded ? "Nothing is predicted." : "Loading…";
+  cards.show(listed, { nowS: nowS(), chosen, nameOf, floorName, past: inPast });
+  $("count").textContent = listed.length ? `(${listed.length})` : "";
+  $("none").hidden = listed.length > 0;
+  $("none").textContent = inPast ? "Nothing was predicted at that moment." : advisories.loaded ? "Nothing is predicted." : "Loading…";
   const known = [...robots().values()], here = onFloor();
-  for (const one of known) vendors.know(one.vendor);
+  for (const robot of known) vendors.indexOf(robot.vendor);
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
-  $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Point the robots at the service; they appear by themselves.";
-  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${told.filter((one) => one.location?.datum === floor).length} open advisories. Arrow keys move, plus and minus zoom, 0 shows all.`);
+  $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
+  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${listed.filter((advisory) => advisory.location?.datum === floor).length} open advisories. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
   vendors.table($("vendors").tBodies[0], live.health);
   if ($("robots").open) table(here);
@@ -160,13 +162,13 @@ function list() {
 }
 
 function table(here) {
-  const rows = here.sort((a, b) => (a.name < b.name ? -1 : 1)).slice(0, LISTED).map((one) => {
+  const rows = here.sort((a, b) => (a.name < b.name ? -1 : 1)).slice(0, LISTED).map((robot) => {
     const row = document.createElement("tr"), head = document.createElement("th");
     head.scope = "row";
-    head.textContent = `${one.unidentified ? "? " : ""}${one.name}`;
-    row.append(head, ...[presence(one), `${one.knots[1].toFixed(1)}, ${one.knots[2].toFixed(1)}`, ago(nowS() - one.arrivalS)].map((said) => {
+    head.textContent = `${robot.unidentified ? "? " : ""}${robot.name}`;
+    row.append(head, ...[presence(robot), `${robot.knots[1].toFixed(1)}, ${robot.knots[2].toFixed(1)}`, ago(nowS() - robot.arrivalS)].map((text) => {
       const cell = document.createElement("td");
-      cell.textContent = said;
+      cell.textContent = text;
       return cell;
     }));
     return row;
@@ -185,28 +187,30 @@ function detail() {
   if (!robot) return;
   const title = document.createElement("strong"), facts = document.createElement("dl");
   title.textContent = robot.name;
-  const told = [["state", isTakenOff(robot) || robot.away === "silent" ? presence(robot) : robot.state], ["heard", ago(nowS() - robot.arrivalS)], ["forecast", `from its ${robot.basis}`], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
-  if (robot.unidentified) told.push(["identity", "not told yet: size and name are assumed"]);
-  for (const [term, fact] of told) {
+  const rows = [["state", isTakenOff(robot) || robot.away === "silent" ? presence(robot) : robot.state], ["heard", ago(nowS() - robot.arrivalS)], ["forecast", `from its ${robot.basis}`], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
+  if (robot.unidentified) rows.push(["identity", "not received yet: size and name are assumed"]);
+  for (const [term, fact] of rows) {
     facts.append(Object.assign(document.createElement("dt"), { textContent: term }), Object.assign(document.createElement("dd"), { textContent: fact }));
   }
   $("detail").replaceChildren(title, facts);
 }
 
-function announce(one) {
-  if (one && one.state === "raised" && one.severity !== "caution" && !one.acknowledgement && past.atS === null) $("say").textContent = `${what(one)}, in ${countdown(one, nowS())}`;
+function announce(advisory) {
+  if (advisory && advisory.state === "raised" && advisory.severity !== "caution" && !advisory.acknowledgement && past.atS === null) {
+    $("say").textContent = `${what(advisory)}, in ${countdown(advisory, nowS())}`;
+  }
   list();
 }
 
 function choose(id) {
   chosen = id;
-  const one = open().find((other) => other.id === id);
-  if (!one) return;
-  if (one.location) {
-    floor = one.location.datum;
+  const advisory = open().find((each) => each.id === id);
+  if (!advisory) return;
+  if (advisory.location) {
+    floor = advisory.location.datum;
     moved = true;
     camera.scale = Math.max(camera.scale, 28);
-    camera.look(one.location.x, one.location.y);
+    camera.centreOn(advisory.location.x, advisory.location.y);
   }
   $("map").scrollIntoView({ block: "nearest" });
   list();
@@ -214,21 +218,21 @@ function choose(id) {
 
 function press(px, py) {
   const [x, y] = camera.metres(px, py), shown = scene();
-  const pointed = shown.advisories.find((one) => Math.hypot(camera.px(one.location.x) - px, camera.py(one.location.y) - py) < 14);
+  const pointed = shown.advisories.find(({ location }) => Math.hypot(camera.px(location.x) - px, camera.py(location.y) - py) < 14);
   if (pointed) {
     chosen = pointed.id;
     list();
     document.querySelector("#advisories .chosen").scrollIntoView({ block: "nearest" });
     return;
   }
-  const near = shown.robots.map((one) => [Math.hypot(one.x - x, one.y - y), one.uuid]).sort((a, b) => a[0] - b[0])[0];
+  const near = shown.robots.map((robot) => [Math.hypot(robot.x - x, robot.y - y), robot.uuid]).sort((a, b) => a[0] - b[0])[0];
   robotShown = near && near[0] < Math.max(1.5, 16 / camera.scale) ? near[1] : null;
   list();
 }
 
 function acknowledge(id) {
-  const one = open().find((other) => other.id === id), dialog = $("acknowledge");
-  $("acknowledge-what").textContent = one.summary;
+  const advisory = open().find((each) => each.id === id), dialog = $("acknowledge");
+  $("acknowledge-what").textContent = advisory.summary;
   $("refused").textContent = "";
   $("why").value = "";
   $("who").required = !site.sign_in;
@@ -248,7 +252,7 @@ async function send(id, name, reason) {
     const answer = await fetch(`advisories/${encodeURIComponent(id)}/acknowledgement`, {
       method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ name, reason }),
     });
-    if (!answer.ok) throw new Error(told((await answer.json()).detail));
+    if (!answer.ok) throw new Error(problem((await answer.json()).detail));
     remember("name", name);
     $("acknowledge").close();
   } catch (error) {
@@ -256,37 +260,37 @@ async function send(id, name, reason) {
   }
 }
 
-function told(detail) { return Array.isArray(detail) ? detail.map((one) => one.msg).join("; ") : String(detail); }
+function problem(detail) { return Array.isArray(detail) ? detail.map((error) => error.msg).join("; ") : String(detail); }
 
 function remembered(key) { try { return localStorage.getItem(key); } catch { return null; } }
-function remember(key, value) { try { localStorage.setItem(key, value); } catch { /* a private window keeps nothing */ } }
+function remember(key, value) { try { localStorage.setItem(key, value); } catch { /* a private window stores nothing */ } }
 
-function dress(theme) {
+function setTheme(theme) {
   root.dataset.theme = theme;
   $("theme").textContent = theme === "dark" ? "Light" : "Dark";
 }
 
-$("theme").onclick = () => { const next = root.dataset.theme === "dark" ? "light" : "dark"; dress(next); remember("theme", next); list(); };
+$("theme").onclick = () => { const next = root.dataset.theme === "dark" ? "light" : "dark"; setTheme(next); remember("theme", next); list(); };
 $("fit").onclick = () => { moved = false; };
 $("closer").onclick = () => camera.zoom(1.3);
 $("wider").onclick = () => camera.zoom(1 / 1.3);
 $("map").addEventListener("keydown", (event) => { if (event.key === "0") moved = false; });
 $("tabs").addEventListener("keydown", (event) => {
-  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key], ids = floors().map((one) => one.id);
+  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key], ids = floors().map(({ id }) => id);
   if (step) show(ids[(ids.indexOf(floor) + step + ids.length) % ids.length]);
 });
 $("heat").onclick = () => {
   $("heat").setAttribute("aria-pressed", String($("heat").ariaPressed !== "true"));
-  warm();
+  readHeat();
 };
 
-async function warm() {
+async function readHeat() {
   if ($("heat").ariaPressed !== "true") return;
   const until = past.atS === null ? "" : `?until_s=${past.atS}`;
   try { heat = await (await fetch(`heat${until}`)).json(); } catch { /* the live stream says that the service is lost */ }
 }
 
-async function leavings() {
+async function readExits() {
   try { ({ exits } = await (await fetch("presence")).json()); } catch { /* the live stream says that the service is lost */ }
 }
 
@@ -298,18 +302,18 @@ async function begin() {
     return;
   }
   $("site").textContent = document.title = site.name;
-  vendors.order(site.vendors.map((one) => one.name));
-  vendors.people = new Set(site.vendors.filter((one) => one.participant === "person").map((one) => one.name));
+  vendors.order(site.vendors.map((vendor) => vendor.name));
+  vendors.people = new Set(site.vendors.filter((vendor) => vendor.participant === "person").map((vendor) => vendor.name));
   list();
 }
 
 const darkness = matchMedia("(prefers-color-scheme: dark)");
-const settled = () => remembered("theme") ?? (darkness.matches ? "dark" : "light");
-darkness.onchange = () => { dress(settled()); list(); };
-dress(settled());
+const preferredTheme = () => remembered("theme") ?? (darkness.matches ? "dark" : "light");
+darkness.onchange = () => { setTheme(preferredTheme()); list(); };
+setTheme(preferredTheme());
 begin();
 setInterval(list, 250);
-setInterval(warm, HEAT_MS);
-leavings();
-setInterval(leavings, EXITS_MS);
+setInterval(readHeat, HEAT_MS);
+readExits();
+setInterval(readExits, EXITS_MS);
 requestAnimationFrame(draw);

@@ -1,18 +1,18 @@
-// Draws one floor: marks, places, heat, ribbons, robots, and where advisories say that something will happen.
+// Draws one floor: marks, places, heat map, ribbons of motion, robots, and the places of the advisories.
 
 import { exits } from "./exits.js";
 import { envelope, movesFor, poseAt } from "./motion.js";
 import { holds } from "./places.js";
 import { SIGNS, countdown, likely, short } from "./words.js";
 
-const FADES = 5;
+const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
-const EXACT = 100; // ribbons of more robots than this are drawn as lines of the robot's width
-const LABELLED = 120;
-const MOVED = 2;
-const RIBBONED = 3000;
-const TURNED = 4; // pixels a metre: below, envelopes are specks
-const SPECK = 5;
+const MOST_EXACT = 100; // with more robots, ribbons are drawn as lines of the robot's width
+const MOST_LABELLED = 120; // with more robots, only involved and chosen robots have a label
+const MOST_MOVES = 2; // a label that would have to move up more often is left out if it is not urgent
+const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
+const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
+const SPECK_PX = 5;
 
 export class FloorMap {
   constructor(canvas, camera, vendors) {
@@ -36,7 +36,7 @@ export class FloorMap {
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     pen.setTransform(dense, 0, 0, dense, 0, 0);
     this.unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
-    this.said = [];
+    this.pills = []; // the labels drawn in this frame
     if (this.theme !== scene.theme) [this.theme, this.ink] = [scene.theme, this.colours()];
     pen.fillStyle = this.ink.floor;
     pen.fillRect(0, 0, camera.width, camera.height);
@@ -47,10 +47,10 @@ export class FloorMap {
     exits(this, scene);
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
-    if (robots.length <= RIBBONED) this.ribbons(robots, scene);
+    if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
     this.links(scene);
     this.robots(robots, scene);
-    for (const one of scene.advisories) this.advisory(one, scene);
+    for (const advisory of scene.advisories) this.advisory(advisory, scene);
     return robots.length;
   }
 
@@ -65,7 +65,7 @@ export class FloorMap {
     return out;
   }
 
-  // The image of the floor: its matrix takes pixels to metres, and the camera those to the canvas.
+  // The image of the floor: its matrix maps pixels to metres, and the camera maps metres to the canvas.
   plan({ image: address, matrix }) {
     const { pen, camera, images } = this;
     if (!images.has(address)) images.set(address, Object.assign(new Image(), { src: address }));
@@ -131,7 +131,7 @@ export class FloorMap {
 
   heat(scene) {
     const { pen, camera } = this, { cell_m: cell, floors } = scene.heat, cells = floors[scene.floor] ?? [];
-    const most = Math.max(1, ...cells.map((one) => one[2]));
+    const most = Math.max(1, ...cells.map((cellCount) => cellCount[2]));
     for (const [x, y, count] of cells) {
       pen.fillStyle = this.theme === "dark" ? "#ff8a5c" : "#d1380a";
       pen.globalAlpha = 0.12 + 0.55 * (count / most);
@@ -140,22 +140,22 @@ export class FloorMap {
     pen.globalAlpha = 1;
   }
 
-  // What each envelope sweeps in the horizon, fainter the later: exactly, in bands that each begin now and lie one over the
-  // other; as lines, in bands that follow each other. Within a band overlaps don't add up.
+  // The area that each envelope sweeps in the horizon, fainter for later times. Exact ribbons consist of bands that all begin
+  // now and overlap; lines consist of bands one after the other. Overlaps within a band do not add up.
   ribbons(robots, scene) {
-    const exact = robots.length <= EXACT, bands = new Map();
+    const exact = robots.length <= MOST_EXACT, bands = new Map();
     for (const robot of robots) {
       const for_s = Math.min(movesFor(robot, scene.poseS(robot)), scene.horizonS);
       if (for_s <= 0 || robot.away) continue;
-      for (let band = 0; band < FADES; band += 1) {
-        const before = (band * scene.horizonS) / FADES, from = exact ? 0 : before, to = Math.min(((band + 1) * scene.horizonS) / FADES, for_s);
+      for (let band = 0; band < BANDS; band += 1) {
+        const before = (band * scene.horizonS) / BANDS, from = exact ? 0 : before, to = Math.min(((band + 1) * scene.horizonS) / BANDS, for_s);
         if (before >= to) break;
         const width = exact ? 0 : Math.max(1, Math.round((robot.widthM * this.camera.scale) / 2) * 2), key = `${robot.vendor} ${band} ${width}`;
         if (!bands.has(key)) bands.set(key, { path: new Path2D(), vendor: robot.vendor, band, width });
         this.swept(bands.get(key).path, robot, scene.poseS(robot), from, to, exact);
       }
     }
-    for (const { path, vendor, band, width } of bands.values()) this.band(path, vendor, exact ? 0.11 : 0.4 * (1 - band / FADES), width);
+    for (const { path, vendor, band, width } of bands.values()) this.band(path, vendor, exact ? 0.11 : 0.4 * (1 - band / BANDS), width);
     this.pen.globalAlpha = 1;
   }
 
@@ -193,19 +193,19 @@ export class FloorMap {
       const [{ vendor, away }] = group;
       pen.fillStyle = away === "silent" ? ink.faint : this.vendors.colour(vendor, this.theme);
       pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
-      if (camera.scale < TURNED) this.specks(group);
+      if (camera.scale < SPECK_SCALE) this.specks(group);
       else this.envelopes(group, vendor, away);
       pen.globalAlpha = 1;
     }
-    for (const robot of robots) this.remarks(robot, scene, robots.length <= LABELLED && camera.scale > 7);
+    for (const robot of robots) this.decorations(robot, scene, robots.length <= MOST_LABELLED && camera.scale > 7);
   }
 
-  // Where an envelope is a few pixels, a square as large: its heading couldn't be seen, and a thousand squares cost what a
-  // hundred outlines do.
+  // Draws an envelope of a few pixels as a square of the same area: its heading could not be seen, and a thousand squares take
+  // as long as a hundred outlines.
   specks(group) {
     const { pen, camera } = this;
     for (const robot of group) {
-      const side = Math.max(SPECK, Math.sqrt(robot.lengthM * robot.widthM) * camera.scale);
+      const side = Math.max(SPECK_PX, Math.sqrt(robot.lengthM * robot.widthM) * camera.scale);
       pen.fillRect(camera.px(robot.x) - side / 2, camera.py(robot.y) - side / 2, side, side);
     }
   }
@@ -227,7 +227,8 @@ export class FloorMap {
     pen.fill(noses);
   }
 
-  remarks(robot, scene, labelled) {
+  // A robot's outline if it is involved or chosen, the circle of its uncertainty, and its label.
+  decorations(robot, scene, labelled) {
     const { pen, camera, ink } = this, involved = scene.involved.get(robot.uuid), chosen = robot.uuid === scene.robot;
     if (involved || chosen) {
       const path = new Path2D();
@@ -253,44 +254,44 @@ export class FloorMap {
 
   links(scene) {
     const { pen, camera, ink } = this, here = new Map(scene.robots.map((robot) => [robot.uuid, robot]));
-    for (const one of scene.advisories) {
-      if (one.severity === "caution" && one.id !== scene.chosen) continue;
-      pen.strokeStyle = ink[one.severity];
-      pen.lineWidth = one.id === scene.chosen ? 2.5 : 1.2;
+    for (const { id, severity, robots, location } of scene.advisories) {
+      if (severity === "caution" && id !== scene.chosen) continue;
+      pen.strokeStyle = ink[severity];
+      pen.lineWidth = id === scene.chosen ? 2.5 : 1.2;
       pen.setLineDash([6, 4]);
-      for (const robot of one.robots.map((uuid) => here.get(uuid)).filter(Boolean)) {
+      for (const robot of robots.map((uuid) => here.get(uuid)).filter(Boolean)) {
         pen.beginPath();
-        line(pen, camera.px(robot.x), camera.py(robot.y), camera.px(one.location.x), camera.py(one.location.y));
+        line(pen, camera.px(robot.x), camera.py(robot.y), camera.px(location.x), camera.py(location.y));
         pen.stroke();
       }
       pen.setLineDash([]);
     }
   }
 
-  advisory(one, scene) {
-    const { pen, camera, ink } = this, chosen = one.id === scene.chosen;
-    const x = camera.px(one.location.x), y = camera.py(one.location.y), r = (chosen ? 15 : 11) * this.unit;
+  advisory(advisory, scene) {
+    const { pen, camera, ink } = this, { severity, location, acknowledgement } = advisory, chosen = advisory.id === scene.chosen;
+    const x = camera.px(location.x), y = camera.py(location.y), r = (chosen ? 15 : 11) * this.unit;
     pen.beginPath();
     pen.arc(x, y, r, 0, 2 * Math.PI);
     pen.lineWidth = chosen ? 5 : 3;
-    pen.strokeStyle = ink[one.severity];
-    pen.globalAlpha = one.acknowledgement ? 0.6 : 1;
+    pen.strokeStyle = ink[severity];
+    pen.globalAlpha = acknowledgement ? 0.6 : 1;
     pen.stroke();
-    const said = `${SIGNS[one.severity]} ${one.acknowledgement ? "✓ " : ""}${countdown(one, scene.nowS)}`;
-    this.pill(said, x, y - r - 15 * this.unit, ink[one.severity], one.severity !== "caution" || chosen);
+    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${countdown(advisory, scene.nowS)}`;
+    this.pill(text, x, y - r - 15 * this.unit, ink[severity], severity !== "caution" || chosen);
     pen.globalAlpha = 1;
   }
 
-  // A filled or outlined pill with text, moved up until it hides no other.
-  pill(said, x, y, colour, filled) {
+  // A filled or outlined pill with text, moved up until it overlaps no other.
+  pill(text, x, y, colour, filled) {
     const { pen, ink, unit } = this, high = 20 * unit;
     pen.font = `700 ${13 * unit}px system-ui, sans-serif`;
-    const wide = pen.measureText(said).width + 12 * unit;
-    const hidden = () => this.said.find((one) => Math.abs(one.x - x) < (one.wide + wide) / 2 && Math.abs(one.y - y) < high);
+    const wide = pen.measureText(text).width + 12 * unit;
+    const hidden = () => this.pills.find((pill) => Math.abs(pill.x - x) < (pill.wide + wide) / 2 && Math.abs(pill.y - y) < high);
     let moves = 0;
-    for (let other = hidden(); other; other = hidden()) [y, moves] = [other.y - high - 2, moves + 1];
-    if (!filled && moves > MOVED) return; // where it is crowded, what is not urgent is left to its ring and the list
-    this.said.push({ x, y, wide });
+    for (let pill = hidden(); pill; pill = hidden()) [y, moves] = [pill.y - high - 2, moves + 1];
+    if (!filled && moves > MOST_MOVES) return; // in a crowd, an advisory that is not urgent has only its ring and its list entry
+    this.pills.push({ x, y, wide });
     pen.beginPath();
     pen.roundRect(x - wide / 2, y - high / 2, wide, high, 6 * unit);
     pen.fillStyle = filled ? colour : ink.halo;
@@ -300,19 +301,19 @@ export class FloorMap {
     pen.stroke();
     pen.fillStyle = filled ? ink.halo : colour;
     pen.textAlign = "center";
-    pen.fillText(said, x, y + 4.5 * unit);
+    pen.fillText(text, x, y + 4.5 * unit);
   }
 
-  text(said, x, y, size, colour, weight = "") {
+  text(text, x, y, size, colour, weight = "") {
     const { pen, ink } = this;
     pen.font = `${weight}${size * this.unit}px system-ui, sans-serif`;
     pen.textAlign = "center";
     pen.lineWidth = 3 * this.unit;
     pen.lineJoin = "round";
     pen.strokeStyle = ink.halo;
-    pen.strokeText(said, x, y);
+    pen.strokeText(text, x, y);
     pen.fillStyle = colour;
-    pen.fillText(said, x, y);
+    pen.fillText(text, x, y);
   }
 }
 
@@ -325,7 +326,7 @@ export function swatch(pen, colour, mark) {
   pen.fill(path);
 }
 
-// A vendor's sign, which points where the robot heads: arrow, chevron, tee, notched arrow; a person's is a dot.
+// A vendor's sign, which points in the robot's heading: arrow, chevron, tee, notched arrow. The sign of a person is a dot.
 function sign(path, x, y, yaw, size, mark) {
   const s = size * 0.34, cos = Math.cos(yaw) * s, sin = Math.sin(yaw) * s;
   const shapes = [

@@ -1,6 +1,7 @@
-// Where a forecast puts a robot at a time, and the corners of its envelope there.
+// The pose of a robot at a time by its forecast, and the corners of its envelope there.
 
-// Into `pose` as x, y, yaw: linear between knots, yaw along the shorter arc; it stands before the first and after the last.
+// Writes x, y, yaw into `pose`: linear between knots, yaw along the shorter arc. The robot stands before the first knot and
+// after the last.
 export function poseAt(robot, atS, pose) {
   const { knots } = robot, after = atS - robot.eventS, last = knots.length - 4;
   let k = 0;
@@ -21,7 +22,7 @@ function set(pose, x, y, yaw) {
   return pose;
 }
 
-// How long the robot goes on moving after a time, seconds.
+// How long the robot keeps moving after a time, seconds.
 export function movesFor(robot, atS) {
   const { knots } = robot, last = knots.length - 4;
   let k = last;

@@ -1,4 +1,4 @@
-// The slider: which moment is shown, and the floor as it was then, read from the recording one moment at a time.
+// The time slider: the moment that is shown, and the recorded floor at that moment, read one moment at a time.
 
 import { robotsOf } from "./live.js";
 import { clock } from "./words.js";
@@ -11,21 +11,21 @@ export class Past {
     Object.assign(this, elements);
     this.nowS = nowS;
     this.changed = changed;
-    this.atS = null; // null is live
+    this.atS = null; // null while live
     this.floor = null;
     this.problem = "";
     this.moment.oninput = () => this.go(Number(this.moment.value));
     this.back.onclick = () => this.go((this.atS ?? this.nowS()) - STEP_S);
     this.forth.onclick = () => this.go((this.atS ?? this.nowS()) + STEP_S);
     this.live.onclick = () => this.goLive();
-    this.span();
-    setInterval(() => this.span(), SPAN_MS);
+    this.readSpan();
+    setInterval(() => this.readSpan(), SPAN_MS);
   }
 
-  async span() {
+  async readSpan() {
     try {
       const { from_s: fromS } = await (await fetch("recorded")).json();
-      for (const one of [this.moment, this.back, this.forth]) one.disabled = fromS === null;
+      for (const control of [this.moment, this.back, this.forth]) control.disabled = fromS === null;
       if (fromS !== null) this.moment.min = Math.ceil(fromS);
     } catch { /* the live stream says that the service is lost */ }
     this.moment.max = Math.floor(this.nowS());
@@ -36,18 +36,18 @@ export class Past {
     if (atS >= this.nowS() - 1) return this.goLive();
     this.atS = Math.max(atS, Number(this.moment.min));
     this.moment.value = this.atS;
-    this.say();
-    return this.read();
+    this.showMoment();
+    return this.readFloor();
   }
 
   goLive() {
     [this.atS, this.floor, this.problem] = [null, null, ""];
     this.moment.value = this.moment.max;
-    this.say();
+    this.showMoment();
     this.changed();
   }
 
-  async read() {
+  async readFloor() {
     if (this.reading) return;
     this.reading = true;
     while (this.atS !== null && this.floor?.atS !== this.atS) {
@@ -67,10 +67,10 @@ export class Past {
     this.changed();
   }
 
-  say() {
-    const told = this.atS === null ? "live" : clock(this.atS);
-    this.shown.textContent = told;
-    this.moment.setAttribute("aria-valuetext", told);
+  showMoment() {
+    const text = this.atS === null ? "live" : clock(this.atS);
+    this.shown.textContent = text;
+    this.moment.setAttribute("aria-valuetext", text);
     this.live.setAttribute("aria-pressed", String(this.atS === null));
   }
 }

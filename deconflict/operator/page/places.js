@@ -1,4 +1,5 @@
-// Who is in a place, as the service counts it: a zone has whoever touches it, a resource whoever's middle is inside.
+// Whether a robot is in a place, by the service's rule: a zone holds robots that touch it, a resource those with their
+// centre inside.
 
 const ZONES = new Set(["crossing", "aisle", "door"]);
 
@@ -12,9 +13,9 @@ function corners(robot) {
   return [[long, wide], [-long, wide], [-long, -wide], [long, -wide]].map(([a, b]) => [robot.x + a * cos - b * sin, robot.y + a * sin + b * cos]);
 }
 
-function touches(one, other) {
-  return one.some(([x, y]) => inside(other, x, y)) || other.some(([x, y]) => inside(one, x, y))
-    || edges(one).some(([a, b]) => edges(other).some(([c, d]) => cross(a, b, c, d)));
+function touches(p, q) {
+  return p.some(([x, y]) => inside(q, x, y)) || q.some(([x, y]) => inside(p, x, y))
+    || edges(p).some(([a, b]) => edges(q).some(([c, d]) => cross(a, b, c, d)));
 }
 
 function edges(polygon) {

@@ -1,4 +1,4 @@
-// What is said to people: times, names, severities, advice.
+// Texts for people: times, names, severities, advice.
 
 export const SEVERITIES = ["critical", "warning", "caution"];
 export const SIGNS = { critical: "▲", warning: "◆", caution: "●" };
@@ -17,15 +17,15 @@ export function countdown(advisory, nowS) {
   return left < 0.5 ? "now" : `${Math.ceil(left)} s`;
 }
 
-// The summary without its own count of seconds, which was true when it was written: the countdown beside it runs on. Nor the
-// advice that ends it, which has a line of its own.
+// The summary, without its number of seconds, which only was right when it was written (the countdown beside it is current),
+// and without the advice at its end, which has a line of its own.
 export function what(advisory) {
   const note = advisory.recommendation?.note;
   const parts = advisory.summary.replace(/,? in \d+ s\b/, "").split("; ");
   return parts.filter((part, i) => i === 0 || !(part.includes(" should wait ") || note?.split("; ").includes(part))).join("; ");
 }
 
-// How likely a silent robot is still there, where that is not sure.
+// The probability that a silent robot is still there; empty if it is certain.
 export function likely(robot) {
   if (!(robot.there < 0.995)) return "";
   return robot.there < 0.5 ? ", has probably left" : `, ${Math.round(100 * robot.there)} % likely still there`;
@@ -36,12 +36,12 @@ export function short(name, vendor) {
 }
 
 export function advice(advisory, nameOf) {
-  const told = advisory.recommendation;
-  if (!told) return "";
-  const holds = told.holds.map((one) => `${nameOf(one.robot)} should wait ${+one.hold_s.toFixed(1)} s`);
-  const slots = told.slots.map((one, i) => `${i + 1}. ${nameOf(one.robot)}${one.wait_s >= 1 ? ` (waits ${Math.round(one.wait_s)} s)` : ""}`);
+  const { recommendation } = advisory;
+  if (!recommendation) return "";
+  const holds = recommendation.holds.map((hold) => `${nameOf(hold.robot)} should wait ${+hold.hold_s.toFixed(1)} s`);
+  const slots = recommendation.slots.map((slot, i) => `${i + 1}. ${nameOf(slot.robot)}${slot.wait_s >= 1 ? ` (waits ${Math.round(slot.wait_s)} s)` : ""}`);
   const order = slots.length ? [`order: ${slots.join(", ")}`] : [];
-  return [...holds, ...order, ...(told.note ? [told.note] : [])].join("; ");
+  return [...holds, ...order, ...(recommendation.note ? [recommendation.note] : [])].join("; ");
 }
 
 export function urgency(a, b) {

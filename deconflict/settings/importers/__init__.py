@@ -1,1 +1,1 @@
-"""Plans that other software has of a site, as the datums, resources and zones of a site file."""
+"""Imports plans of other software as datums, resources and zones of a site file."""

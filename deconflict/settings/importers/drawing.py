@@ -1,7 +1,7 @@
-"""From a plan to the datums, resources and zones of a site file.
+"""Draws a plan as datums, resources and zones of a site file.
 
-A resource is a square around its point; a two-way lane is an aisle, since two robots on it can't pass each other; lanes
-of which only one robot may use any are a crossing. One-way lanes need no section: nobody meets on them head-on.
+A resource is a square around its point. A two-way lane is an aisle, in which two robots can't pass each other. A block
+of lanes that only one robot may use is a crossing. One-way lanes need no section: no robots meet head-on there.
 """
 
 import re
@@ -35,7 +35,7 @@ class DrawnSite:
 
 @dataclass(slots=True)
 class Names:
-    """Ids that are given once: a name that is taken gets a number."""
+    """Unique ids: a name that is taken gets a number."""
 
     given: Counter[str] = field(default_factory=Counter)
 
@@ -46,13 +46,13 @@ class Names:
 
 
 def drawn_site(plan: Plan, width_m: float) -> DrawnSite:
-    """`width_m` is the side of a resource's square and the width of a lane, metres."""
+    """The sections of a plan. `width_m` is the side of a resource's square and the width of a lane, metres."""
     names = Names()
     ids = {level.name: str(uuid5(IMPORTED, f"{plan.name} {level.name}")) for level in plan.levels}
     datums = tuple(Datum(id=ids[level.name], name=level.name, level=row) for row, level in enumerate(plan.levels))
-    resources = [one for level in plan.levels for one in _resources(level, ids[level.name], width_m, names)]
+    resources = [resource for level in plan.levels for resource in _resources(level, ids[level.name], width_m, names)]
     resources += [_lift(lift, plan.levels, ids, names) for lift in plan.lifts]
-    zones = [one for level in plan.levels for one in _zones(level, ids[level.name], width_m, names)]
+    zones = [zone for level in plan.levels for zone in _zones(level, ids[level.name], width_m, names)]
     return DrawnSite(plan.name, datums, tuple(resources), tuple(zones))
 
 
@@ -69,8 +69,8 @@ def _resources(level: Level, datum: str, width_m: float, names: Names) -> Iterat
 
 
 def _lift(lift: Lift, levels: tuple[Level, ...], ids: dict[str, str], names: Names) -> Resource:
-    """On its own floor where its cabin is; on others around the point that lies in the cabin."""
-    middles = {level.name: _cabin(level.nodes, lift.name) for level in levels} | {lift.level: lift.at}
+    """A lift: its cabin on its own floor, and on each other floor a cabin around the node that lies in it."""
+    centres = {level.name: _cabin(level.nodes, lift.name) for level in levels} | {lift.level: lift.at}
     return Resource(
         kind="lift",
         id=names.new(lift.name),
@@ -79,7 +79,7 @@ def _lift(lift: Lift, levels: tuple[Level, ...], ids: dict[str, str], names: Nam
         polygon=_turned(lift.at, lift.yaw_rad, lift.size_m),
         floors=tuple(
             Landing(datum=ids[level], polygon=_turned(at, lift.yaw_rad, lift.size_m))
-            for level, at in middles.items()
+            for level, at in centres.items()
             if at is not None and level != lift.level
         ),
     )
@@ -97,13 +97,13 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
     for block in level.blocks:
         corners = shapely.MultiPoint([at[end] for lane in block.lanes for end in lane if end in at])
         if corners.is_empty:
-            continue  # it is on another floor
+            continue  # the block is on another floor
         outline = _corners(corners.convex_hull.buffer(width_m / 2, cap_style="square", join_style="mitre"))
         yield Zone(kind="crossing", id=names.new(level.name, block.name), name=block.name, datum=datum, polygon=outline)
     for lane in level.lanes:
         ends = (at[lane.start], at[lane.end])
         if not lane.two_way or dist(*ends) <= 2 * width_m:
-            continue  # two robots do not fit between its ends
+            continue  # the lane is too short for two robots
         yield Zone(
             kind="aisle",
             id=names.new(level.name, "lane", lane.start, lane.end),
@@ -118,14 +118,14 @@ def _square(at: Spot, side_m: float) -> Polygon:
 
 
 def _turned(at: Spot, yaw_rad: float, size_m: tuple[float, float]) -> Polygon:
-    """A rectangle around a point, its first side along the yaw."""
+    """A rectangle around a point, with its first side along the yaw."""
     ahead, aside = (cos(yaw_rad), sin(yaw_rad)), (-sin(yaw_rad), cos(yaw_rad))
     half = [(size_m[0] / 2 * along, size_m[1] / 2 * across) for along, across in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     return tuple(_rounded((at[0] + a * ahead[0] + b * aside[0], at[1] + a * ahead[1] + b * aside[1])) for a, b in half)
 
 
 def _along(ends: tuple[Spot, Spot], width_m: float) -> Polygon:
-    """The band along a line, ending where the line ends."""
+    """The band along a line, with flat ends."""
     return _corners(shapely.LineString(ends).buffer(width_m / 2, cap_style="flat"))
 
 

@@ -1,4 +1,4 @@
-"""Layouts in JSON that are in metres already: `levels` of `nodes`, `lanes` and `doors`, as published with test data."""
+"""Reads layouts in JSON that are in metres: `levels` with `nodes`, `lanes` and `doors`, as published with test data."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,49 +10,49 @@ SEPARATOR = " --- "
 """Between the ends of a block's member."""
 
 
-def read_layout(told: Mapping[str, Any]) -> Plan:
-    stations = {point: one for one in told.get("stations", ()) for point in one["points"]}
+def read_layout(document: Mapping[str, Any]) -> Plan:
+    stations = {point: station for station in document.get("stations", ()) for point in station["points"]}
     blocks = tuple(
-        Block(one["name"], tuple(tuple(member.split(SEPARATOR, 1)) for member in one["members"]))
-        for one in told.get("single_vehicle_blocks", ())
+        Block(block["name"], tuple(tuple(member.split(SEPARATOR, 1)) for member in block["members"]))
+        for block in document.get("single_vehicle_blocks", ())
     )
     return Plan(
-        str(told["name"]),
-        tuple(_level(one, stations, blocks) for one in told["levels"]),
-        tuple(
-            Lift(
-                one["name"], one["reference_level"], (one["x"], one["y"]), one["yaw"], (one["width_m"], one["depth_m"])
-            )
-            for one in told.get("lifts", ())
-        ),
+        str(document["name"]),
+        tuple(_level(level, stations, blocks) for level in document["levels"]),
+        tuple(map(_lift, document.get("lifts", ()))),
     )
 
 
-def _level(told: Mapping[str, Any], stations: Mapping[str, Mapping[str, Any]], blocks: tuple[Block, ...]) -> Level:
+def _lift(lift: Mapping[str, Any]) -> Lift:
+    at, size_m = (lift["x"], lift["y"]), (lift["width_m"], lift["depth_m"])
+    return Lift(lift["name"], lift["reference_level"], at, lift["yaw"], size_m)
+
+
+def _level(level: Mapping[str, Any], stations: Mapping[str, Mapping[str, Any]], blocks: tuple[Block, ...]) -> Level:
     return Level(
-        str(told["name"]),
-        tuple(_node(one, stations) for one in told["nodes"]),
-        tuple(Lane(str(one["from"]), str(one["to"]), one["bidirectional"]) for one in told["lanes"]),
-        tuple(Door(one["name"], (_spot(one["from"]), _spot(one["to"]))) for one in told.get("doors", ())),
+        str(level["name"]),
+        tuple(_node(node, stations) for node in level["nodes"]),
+        tuple(Lane(str(lane["from"]), str(lane["to"]), lane["bidirectional"]) for lane in level["lanes"]),
+        tuple(Door(door["name"], (_spot(door["from"]), _spot(door["to"]))) for door in level.get("doors", ())),
         blocks,
     )
 
 
-def _node(told: Mapping[str, Any], stations: Mapping[str, Mapping[str, Any]]) -> Node:
-    station = stations.get(str(told["id"]))
+def _node(node: Mapping[str, Any], stations: Mapping[str, Mapping[str, Any]]) -> Node:
+    station = stations.get(str(node["id"]))
     use: Use | None = None
-    if told.get("charger"):
+    if node.get("charger"):
         use = "charger"
     elif station:
         use = use_of(station["type"])
-    elif told.get("pickup_dispenser") or told.get("dropoff_ingestor"):
+    elif node.get("pickup_dispenser") or node.get("dropoff_ingestor"):
         use = "dock"
-    elif told.get("parking"):
+    elif node.get("parking"):
         use = "parking"
-    name = station["name"] if station else str(told.get("name", ""))
-    return Node(str(told["id"]), (told["x"], told["y"]), name, use, str(told.get("lift", "")))
+    name = station["name"] if station else str(node.get("name", ""))
+    return Node(str(node["id"]), (node["x"], node["y"]), name, use, str(node.get("lift", "")))
 
 
-def _spot(told: Sequence[float]) -> tuple[float, float]:
-    x, y = told
+def _spot(point: Sequence[float]) -> tuple[float, float]:
+    x, y = point
     return x, y

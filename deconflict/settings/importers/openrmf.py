@@ -1,7 +1,7 @@
-"""Open-RMF building files, as its traffic editor writes them (`NAME.building.yaml`, or the same as JSON).
+"""Reads Open-RMF building files, as the traffic editor writes them (`NAME.building.yaml`, or the same as JSON).
 
-Vertices are in pixels of the floor's drawing, y down; `measurements` give the metres of a pixel, as the traffic
-editor's own export takes them: the mean over all. A property is `[type, value]`.
+Vertices are in pixels of the floor's drawing, with y downwards. The metres of a pixel are the mean over `measurements`,
+as in the traffic editor's own export. A property is `[type, value]`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,26 +14,28 @@ from deconflict.settings.importers.plan import Door, Lane, Level, Lift, Node, Pl
 METRES = "cartesian_meters"
 
 
-def read_building(told: Mapping[str, Any]) -> Plan:
+def read_building(document: Mapping[str, Any]) -> Plan:
     """Raises `PlanError`, also for a floor without measurements."""
-    metric = told.get("coordinate_system") == METRES
-    levels = told["levels"]
+    metric = document.get("coordinate_system") == METRES
+    levels = document["levels"]
     scales = {name: 1.0 if metric else _metres_per_pixel(name, level) for name, level in levels.items()}
-    turns = {name: (scale, scale if metric else -scale) for name, scale in scales.items()}
+    scale_of = {name: (scale, scale if metric else -scale) for name, scale in scales.items()}
     ordered = sorted(levels, key=lambda name: float(levels[name].get("elevation", 0)))
-    lifts = told.get("lifts") or {}
+    lifts = document.get("lifts") or {}
     return Plan(
-        str(told.get("name", "site")),
-        tuple(_level(name, levels[name], turns[name]) for name in ordered),
-        tuple(_lift(name, one, turns) for name, one in lifts.items() if one.get("reference_floor_name") in turns),
+        str(document.get("name", "site")),
+        tuple(_level(name, levels[name], scale_of[name]) for name in ordered),
+        tuple(
+            _lift(name, lift, scale_of) for name, lift in lifts.items() if lift.get("reference_floor_name") in scale_of
+        ),
     )
 
 
 def _metres_per_pixel(name: str, level: Mapping[str, Any]) -> float:
     vertices = level["vertices"]
     scales = [
-        float(told["distance"][1]) / pixels
-        for start, end, told in level.get("measurements") or ()
+        float(measurement["distance"][1]) / pixels
+        for start, end, measurement in level.get("measurements") or ()
         if (pixels := dist(vertices[start][:2], vertices[end][:2])) > 0
     ]
     if not scales:
@@ -41,8 +43,8 @@ def _metres_per_pixel(name: str, level: Mapping[str, Any]) -> float:
     return fmean(scales)
 
 
-def _level(name: str, level: Mapping[str, Any], turn: Spot) -> Level:
-    nodes = tuple(_node(str(row), vertex, turn) for row, vertex in enumerate(level["vertices"]))
+def _level(name: str, level: Mapping[str, Any], scale: Spot) -> Level:
+    nodes = tuple(_node(str(row), vertex, scale) for row, vertex in enumerate(level["vertices"]))
     lanes = tuple(
         Lane(str(start), str(end), bool(_property(rest, "bidirectional")))
         for start, end, *rest in level.get("lanes") or ()
@@ -55,11 +57,11 @@ def _level(name: str, level: Mapping[str, Any], turn: Spot) -> Level:
     return Level(name, tuple(node for node in nodes if node.id in used or node.use or node.lift), lanes, doors)
 
 
-def _node(number: str, vertex: Sequence[Any], turn: Spot) -> Node:
+def _node(number: str, vertex: Sequence[Any], scale: Spot) -> Node:
     x, y, _, name, *rest = vertex
     return Node(
         number,
-        (float(x) * turn[0], float(y) * turn[1]),
+        (float(x) * scale[0], float(y) * scale[1]),
         str(name),
         _use(rest),
         str(_property(rest, "lift_cabin") or ""),
@@ -79,8 +81,8 @@ def _property(rest: Sequence[Any], key: str) -> Any:
     return found[1] if found else None
 
 
-def _lift(name: str, told: Mapping[str, Any], turns: Mapping[str, Spot]) -> Lift:
-    level = str(told["reference_floor_name"])
-    turn = turns[level]
-    at = (float(told["x"]) * turn[0], float(told["y"]) * turn[1])
-    return Lift(name, level, at, float(told.get("yaw", 0)), (float(told["width"]), float(told["depth"])))
+def _lift(name: str, lift: Mapping[str, Any], scale_of: Mapping[str, Spot]) -> Lift:
+    level = str(lift["reference_floor_name"])
+    scale = scale_of[level]
+    at = (float(lift["x"]) * scale[0], float(lift["y"]) * scale[1])
+    return Lift(name, level, at, float(lift.get("yaw", 0)), (float(lift["width"]), float(lift["depth"])))

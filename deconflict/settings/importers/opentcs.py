@@ -1,6 +1,6 @@
-"""openTCS plant models (`NAME.xml`), coordinates in millimetres.
+"""Reads openTCS plant models (`NAME.xml`), with coordinates in millimetres.
 
-Written to the plant model's schema of releases 4 to 6: positions are `positionX` or, before release 6, `xPosition`.
+Follows the plant model's schema of releases 4 to 6: positions are `positionX` or, before release 6, `xPosition`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -10,12 +10,12 @@ from deconflict.settings.importers.plan import Block, Lane, Level, Node, Plan, P
 
 SINGLE = "SINGLE_VEHICLE_ONLY"
 CHARGING = ("charg", "recharg")
-"""Parts of the operations and location types that mean energy."""
+"""Parts of operations and location types that mean charging."""
 LOADING = ("load", "transfer", "goods", "storage", "drop", "pick")
 
 
 def read_plant(model: Element) -> Plan:
-    """Raises `PlanError` where a position is missing."""
+    """Raises `PlanError` if a position is missing."""
     uses = dict(_uses(model))
     nodes = tuple(_node(point, uses) for point in model.iter("point"))
     ends = {
@@ -26,7 +26,7 @@ def read_plant(model: Element) -> Plan:
     blocks = (
         Block(
             block.attrib["name"],
-            tuple(ends[name] for one in block.iter("member") if (name := one.get("name", "")) in ends),
+            tuple(ends[name] for member in block.iter("member") if (name := member.get("name", "")) in ends),
         )
         for block in model.iter("block")
         if block.get("type", SINGLE) == SINGLE
@@ -36,30 +36,30 @@ def read_plant(model: Element) -> Plan:
 
 
 def _lanes(model: Element) -> tuple[Lane, ...]:
-    """A path that may be driven backwards, or has another one against it, is two-way."""
-    ways = {
+    """The lanes. A path is two-way if it may be driven backwards, or if another path leads in the other direction."""
+    paths = {
         (path.attrib["sourcePoint"], path.attrib["destinationPoint"]): float(path.get("maxReverseVelocity", 0)) > 0
         for path in model.iter("path")
     }
     return tuple(
-        Lane(start, end, back or (end, start) in ways)
-        for (start, end), back in ways.items()
-        if start <= end or (end, start) not in ways
+        Lane(start, end, reversible or (end, start) in paths)
+        for (start, end), reversible in paths.items()
+        if start <= end or (end, start) not in paths
     )
 
 
-def use_of(words: str) -> Use:
-    """What robots do at a location whose type and operations are so called."""
-    words = words.casefold()
-    if any(part in words for part in CHARGING):
+def use_of(description: str) -> Use:
+    """The use of a location. `description` has the names of its type and operations."""
+    description = description.casefold()
+    if any(part in description for part in CHARGING):
         return "charger"
-    return "dock" if any(part in words for part in LOADING) else "station"
+    return "dock" if any(part in description for part in LOADING) else "station"
 
 
 def _uses(model: Element) -> Iterator[tuple[str, tuple[Use, str]]]:
-    """Each point that a location is reached from: what for, and the location's name."""
+    """For each point from which a location is reached: the location's use and name."""
     operations = {
-        kind.attrib["name"]: " ".join(one.get("name", "") for one in kind.iter("allowedOperation"))
+        kind.attrib["name"]: " ".join(operation.get("name", "") for operation in kind.iter("allowedOperation"))
         for kind in model.iter("locationType")
     }
     for location in model.iter("location"):

@@ -1,4 +1,4 @@
-"""What the importers read, before it becomes a site file: points, lanes, doors and lifts, metres, y left of x."""
+"""A plan as the importers read it: points, lanes, doors and lifts, in metres, with y to the left of x."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +8,7 @@ Use = Literal["charger", "parking", "dock", "station"]
 
 
 class PlanError(ValueError):
-    """A file that can't be read as a plan; the message says what to change."""
+    """The file can't be read as a plan; the message says what to change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,14 +19,14 @@ class Node:
     at: Spot
     name: str = ""
     use: Use | None = None
-    """What robots do there; None where they only pass."""
+    """What robots do there; None if they only pass."""
     lift: str = ""
-    """The lift whose cabin it lies in."""
+    """The lift in whose cabin it lies; empty if in none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """A straight way between two nodes, by their ids."""
+    """A straight lane between two nodes, given by their ids."""
 
     start: str
     end: str
@@ -43,7 +43,7 @@ class Door:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Lanes of which one robot at a time may use any, by pairs of node ids; a node alone is paired with itself."""
+    """Lanes that only one robot at a time may use, as pairs of node ids. A single node is paired with itself."""
 
     name: str
     lanes: tuple[tuple[str, str], ...]
@@ -51,7 +51,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """A cabin. Where it opens on other floors, a node of that floor lies in it."""
+    """A cabin. It opens on each other floor that has a node in it."""
 
     name: str
     level: str
@@ -76,5 +76,5 @@ class Level:
 class Plan:
     name: str
     levels: tuple[Level, ...]
-    """From the ground up."""
+    """Ordered from the lowest."""
     lifts: tuple[Lift, ...] = ()

@@ -1,4 +1,4 @@
-"""A file of any kind that is known, as the TOML of a site file."""
+"""Reads a plan of any supported format, and writes it as sections of a site file."""
 
 import json
 from collections.abc import Iterator
@@ -18,11 +18,11 @@ from ingest.settings import Section
 WIDTH_M = 1.2
 
 HEAD = """\
-# From {file}. Set right what the plan could not say:
+# From {file}. Complete what the plan does not contain:
 # - the id of each datum: the UUID that your robots send, and its reference points;
-# - the outlines, which are squares and bands {width} m wide around points and lanes;
-# - which two-way lanes are aisles that two robots can't pass each other in; delete the others.
-# `deconflict check` tells whether it holds.
+# - the outlines: they are squares and bands {width} m wide around points and lanes;
+# - the aisles: delete each two-way lane in which two robots can pass each other.
+# Then run `deconflict check`.
 """
 
 
@@ -33,38 +33,38 @@ def imported_toml(path: Path, width_m: float) -> str:
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, PlanError):
             raise
-        raise PlanError(f"{path}: does not have the form of its kind: {type(error).__name__} {error}") from error
+        raise PlanError(f"{path}: does not have the structure of its format: {type(error).__name__} {error}") from error
     return toml(drawn_site(plan, width_m), HEAD.format(file=path.name, width=width_m))
 
 
 def read_plan(path: Path) -> Plan:
-    """Told apart by the content: XML is openTCS; `levels` that are a table are Open-RMF, that are a list, metres."""
+    """The plan in a file. XML is openTCS; `levels` is a table in Open-RMF files, and a list in layouts in metres."""
     try:
         text = path.read_text(encoding="utf-8")
         if text.lstrip().startswith("<"):
             model = ElementTree.fromstring(text)  # noqa: S314 - a file of the site's own; expat bounds expansion
             return read_plant(model)
-        told = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+        document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
     except (OSError, UnicodeDecodeError, ElementTree.ParseError, json.JSONDecodeError, yaml.YAMLError) as error:
         raise PlanError(f"{path}: can't be read: {error}") from error
-    if not isinstance(told, dict) or "levels" not in told:
+    if not isinstance(document, dict) or "levels" not in document:
         raise PlanError(f"{path}: has no levels; expected an Open-RMF building file or an openTCS plant model")
-    return read_building(told) if isinstance(told["levels"], dict) else read_layout(told)
+    return read_building(document) if isinstance(document["levels"], dict) else read_layout(document)
 
 
-def toml(one: DrawnSite, head: str) -> str:
-    """The sections as text, keys with their default left out."""
-    return "\n".join([head, f"name = {_value(one.name)}", *_sections(one)]) + "\n"
+def toml(site: DrawnSite, head: str) -> str:
+    """The sections as TOML, without keys that have their default."""
+    return "\n".join([head, f"name = {_value(site.name)}", *_sections(site)]) + "\n"
 
 
-def _sections(one: DrawnSite) -> Iterator[str]:
-    for heading, sections in (("datums", one.datums), ("resources", one.resources), ("zones", one.zones)):
+def _sections(site: DrawnSite) -> Iterator[str]:
+    for heading, sections in (("datums", site.datums), ("resources", site.resources), ("zones", site.zones)):
         for section in sections:
             yield from section_lines(heading, section)
 
 
 def section_lines(heading: str, section: Section) -> Iterator[str]:
-    """One section as TOML, keys with their default left out."""
+    """One section as TOML, without keys that have their default."""
     yield f"\n[[{heading}]]"
     for key, value in section.model_dump(mode="json", exclude_defaults=True).items():
         yield f"{key} = {_value(value)}"
@@ -72,7 +72,7 @@ def section_lines(heading: str, section: Section) -> Iterator[str]:
 
 def _value(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_value(one)}" for key, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(one) for one in value) + "]"
+        return "[" + ", ".join(_value(item) for item in value) + "]"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from deconflict.advisory import Kind
 from deconflict.settings.shared_places import Resource, Zone
-from deconflict.settings.site import Site, load
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import load
 from deconflict.simulation.cast import ALDER, BASALT, CORVID, WALKER, CastMember, Make
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit

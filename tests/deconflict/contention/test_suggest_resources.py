@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from deconflict.contention.suggest_resources import suggested
-from deconflict.settings.site import Site, load
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import load
 from tests.deconflict.contention.scenes import NOW_S, Script, resource, site
 from tests.helpers.saying import HALL, identity, stamp
 

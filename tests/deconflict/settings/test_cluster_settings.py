@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.roles.service import cluster_problems
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.site import SiteError, site_from_document
+from deconflict.settings.site_file import SiteError, site_from_document
 
 
 def test_without_the_setting_the_service_brings_nothing_of_a_cluster() -> None:

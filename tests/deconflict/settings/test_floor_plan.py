@@ -8,7 +8,8 @@ import pytest
 
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.floor_plan import image_matrix
-from deconflict.settings.site import Site, fit_problems, load
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import fit_problems, load
 from metrics.monitoring.exposition import render
 from tests.helpers.made_site import HALL, MARKS, put, sound, written
 from tests.helpers.patience import PATIENCE_S

@@ -24,7 +24,8 @@ from deconflict.settings.hot_reload import (
     Reloader,
     merged_settings,
 )
-from deconflict.settings.site import Conflict, Operator, Site, SiteError
+from deconflict.settings.site import Conflict, Operator, Site
+from deconflict.settings.site_file import SiteError
 from ingest.settings import Receiver, Vendor
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
 from tests.deconflict.roles.made_service import Served, healthy

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.settings.site import SiteError, load
+from deconflict.settings.site_file import SiteError, load
 from tests.helpers.made_site import put, sound, written
 
 HOOK = {"name": "mes", "url": "http://mes.example/", "secret": "env:MES"}

@@ -1,7 +1,8 @@
 import pytest
 
 from deconflict.settings.overrides import with_overrides
-from deconflict.settings.site import DEFAULT, Conflict, Site, SiteError
+from deconflict.settings.site import DEFAULT, Conflict, Site
+from deconflict.settings.site_file import SiteError
 
 
 def test_a_setting_is_changed_and_the_others_stay() -> None:

@@ -4,7 +4,8 @@ from typing import Any
 import jsonschema
 import pytest
 
-from deconflict.settings.site import DEFAULT, Site, SiteError, fit_problems, load
+from deconflict.settings.site import DEFAULT, Site
+from deconflict.settings.site_file import SiteError, fit_problems, load
 from tests.helpers.made_site import HALL, put, sound, written
 
 NIL = "00000000-0000-0000-0000-000000000000"

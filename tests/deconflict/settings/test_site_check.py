@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deconflict.settings.site import load
 from deconflict.settings.site_check import check, site_report
+from deconflict.settings.site_file import load
 from ingest.frames.fitting import Method
 from tests.helpers.made_site import HALL, MARKS, put, sound, written
 

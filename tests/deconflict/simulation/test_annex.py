@@ -9,7 +9,7 @@ import pytest
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
-from deconflict.settings.site import load
+from deconflict.settings.site_file import load
 from deconflict.simulation.annex import CHARGER, FEWEST, ROLES, split
 from deconflict.simulation.cast import cast
 from deconflict.simulation.demo_site import demo_site

@@ -3,7 +3,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from deconflict.settings.site import fit_problems, load
+from deconflict.settings.site_file import fit_problems, load
 from deconflict.simulation.demo_site import demo_site
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from benchmarks.replay import write_log
-from deconflict.settings.site import Site, load
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import load
 from deconflict.simulation.demo_site import demo_site
 from ingest.recording.log_reader import LogReader
 from metrics.replay import replay

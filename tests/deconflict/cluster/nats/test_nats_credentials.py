@@ -10,7 +10,7 @@ import trustme
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.settings.cluster_settings import Cluster
-from deconflict.settings.site import SiteError, site_from_document
+from deconflict.settings.site_file import SiteError, site_from_document
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from tests.deconflict.cluster.made_cluster import Broker, needs_server

@@ -11,7 +11,8 @@ import shapely
 
 from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.importers.plan_reader import imported_toml
-from deconflict.settings.site import Site, fit_problems, load
+from deconflict.settings.site import Site
+from deconflict.settings.site_file import fit_problems, load
 from tests.deconflict.settings.importers.made_plans import BUILDING, PLANT
 
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")

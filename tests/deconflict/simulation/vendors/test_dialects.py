@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deconflict.settings import site
+from deconflict.settings import site, site_file
 from deconflict.simulation.cast import MAKES, VendorName, cast
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
@@ -106,7 +106,7 @@ def test_corvid_speaks_as_the_sample_sender_does(told: list[RobotState]) -> None
 
 
 def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[RobotState]) -> None:
-    bundled = site.load(demo_site())
+    bundled = site_file.load(demo_site())
     frames = FrameRegistry(bundled.datums, bundled.vendors)
     for robot in of(told, VendorName.BASALT):
         reading = read(DIALECTS[VendorName.BASALT].messages(robot, NOW_S)[-1])
@@ -139,8 +139,8 @@ def test_a_path_to_the_other_floor_names_its_datum(told: list[RobotState], vendo
 
 
 def test_the_bundled_site_knows_every_vendor_and_fits() -> None:
-    bundled = site.load(demo_site())
-    assert not site.fit_problems(bundled)
+    bundled = site_file.load(demo_site())
+    assert not site_file.fit_problems(bundled)
     assert {vendor.name for vendor in bundled.vendors} == set(VendorName)
     assert [datum.id for datum in bundled.datums] == [one.datum for one in SITE_MAPS]
     for make in MAKES:
