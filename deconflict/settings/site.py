@@ -57,7 +57,7 @@ class Advice(Section):
     """Advice changes to another robot only if it saves so much. With 0, advice flickers."""
 
 
-class Engine(Section):
+class EngineSettings(Section):
     """The pace of the engine."""
 
     tick_s: Seconds = 0.1
@@ -137,7 +137,7 @@ class Site(Section):
     conflict: Conflict = Conflict()
     advice: Advice = Advice()
     contention: ContentionSettings = ContentionSettings()
-    engine: Engine = Engine()
+    engine: EngineSettings = EngineSettings()
     operator: Operator = Operator()
     webhooks: tuple[Webhook, ...] = ()
     """Addresses that advisories are posted to."""

@@ -37,7 +37,7 @@ async def first(one: Client, after: int, count: int) -> list[AnyAdvisory]:
     return told
 
 
-async def test_what_is_open_and_all_that_follows_is_told_without_a_gap(tmp_path: Path) -> None:
+async def test_the_client_gets_open_advisories_and_every_later_revision_without_a_gap(tmp_path: Path) -> None:
     async with served(tmp_path) as service, client(service) as one:
         published = await service.publish(made(1), made(2), cleared(2))
         listing = await one.open()
@@ -48,7 +48,7 @@ async def test_what_is_open_and_all_that_follows_is_told_without_a_gap(tmp_path:
         assert await one.revisions("advisory-2") == published[1:]
 
 
-async def test_how_each_vendor_does_is_told(tmp_path: Path) -> None:
+async def test_the_client_gets_the_state_of_each_vendor(tmp_path: Path) -> None:
     async with served(tmp_path) as service, client(service) as one:
         (acme,) = await one.vendors()
         assert (acme.name, acme.messages, acme.grade, acme.flags) == ("Acme", 7, None, [])
@@ -57,7 +57,7 @@ async def test_how_each_vendor_does_is_told(tmp_path: Path) -> None:
             await one.vendors()
 
 
-async def test_an_advisory_is_acknowledged_and_the_stream_says_so(tmp_path: Path) -> None:
+async def test_an_acknowledgement_comes_back_in_the_stream(tmp_path: Path) -> None:
     async with served(tmp_path) as service, client(service) as one:
         await service.publish(made(1))
         answered = await one.acknowledge("advisory-1", name="Kim", reason="A-7 is called back")
@@ -70,7 +70,7 @@ async def test_an_advisory_is_acknowledged_and_the_stream_says_so(tmp_path: Path
             await one.acknowledge("advisory-1", name="", reason="none")
 
 
-async def test_a_stream_that_is_lost_is_resumed(tmp_path: Path) -> None:
+async def test_a_lost_stream_is_resumed(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as probe:
         address = f"127.0.0.1:{probe.getsockname()[1]}"
     told: list[int] = []
@@ -93,13 +93,13 @@ async def test_a_stream_that_is_lost_is_resumed(tmp_path: Path) -> None:
     assert told == [1, 2, 3, 4]
 
 
-async def test_a_place_beyond_the_store_is_an_error_and_not_waited_for(tmp_path: Path) -> None:
+async def test_a_position_beyond_the_store_is_an_error_without_a_wait(tmp_path: Path) -> None:
     async with served(tmp_path) as service, client(service) as one:
         with pytest.raises(PositionLostError, match="beyond the last seq 0"):
             await first(one, 7, 1)
 
 
-async def test_who_may_not_is_told_so(tmp_path: Path) -> None:
+async def test_a_missing_permission_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "token").write_text("kim-has-a-long-token")
     people = (Person(name="Kim", role="read", token=f"file:{tmp_path / 'token'}"),)
     async with served(tmp_path, people=people) as service:
@@ -115,7 +115,7 @@ async def test_who_may_not_is_told_so(tmp_path: Path) -> None:
                 await kim.acknowledge("advisory-1", name="Kim", reason="none")
 
 
-async def test_a_service_of_the_sites_own_authority_is_trusted_and_no_other(tmp_path: Path) -> None:
+async def test_only_a_service_with_a_certificate_of_the_given_authority_is_trusted(tmp_path: Path) -> None:
     site, foreign = trustme.CA(), trustme.CA()
     site.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(str(tmp_path / "site.pem"))
     for name, authority in (("site", site), ("foreign", foreign)):
@@ -138,7 +138,7 @@ async def test_a_service_of_the_sites_own_authority_is_trusted_and_no_other(tmp_
                 await first(fooled, 0, 1)
 
 
-async def test_a_service_that_is_not_there_is_an_error_when_asked() -> None:
+async def test_an_unreachable_service_is_an_error() -> None:
     async with Client("http://127.0.0.1:1") as one:
         with pytest.raises(httpx.ConnectError):
             await one.open()

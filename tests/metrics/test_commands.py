@@ -51,7 +51,7 @@ def test_a_clearance_that_is_not_a_distance_is_refused(
 def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(
     tmp_path: Path, log: Path, command: str, option: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("metrics.commands.Reader.read", lambda *_: pytest.fail("it was read"))
+    monkeypatch.setattr("metrics.commands.LogReader.read", lambda *_: pytest.fail("it was read"))
     for out in (tmp_path / "none" / "out", tmp_path, log / "out"):
         with pytest.raises(LogError, match="can't be written: give a file in an existing directory"):
             run(command, log, option, out)

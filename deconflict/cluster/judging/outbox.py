@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable
 from deconflict.advisory import AnyAdvisory
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.stream_records import StreamRecord
-from deconflict.cluster.tiles.tiles import Place
+from deconflict.cluster.tiles.tiles import FloorPosition
 
 MOST_WAITING = 20_000
 """Most revisions, and passes that decided them, that wait for a server that accepts none: some 40 MB."""
-HomedRevision = tuple[Place | None, AnyAdvisory]
+HomedRevision = tuple[FloorPosition | None, AnyAdvisory]
 
 
 class UnwrittenError(Exception):

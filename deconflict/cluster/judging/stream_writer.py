@@ -11,7 +11,7 @@ from deconflict.cluster.judging.shard import REMEMBERED
 from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream
 from deconflict.cluster.nats.stream_records import StreamRecord, key_of
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.tiles import Place
+from deconflict.cluster.tiles.tiles import FloorPosition
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ class StreamWriter:
         """The newest revision of every open advisory."""
         return [record.advisory for record in self._newest.values() if record.advisory and _is_open(record)]
 
-    async def write(self, home: Place | None, advisory: AnyAdvisory) -> StreamRecord | None:
+    async def write(self, home: FloorPosition | None, advisory: AnyAdvisory) -> StreamRecord | None:
         """Write a revision, and retry as long as it takes.
 
         Returns None, or the record of another engine that stands in its place.
@@ -59,7 +59,7 @@ class StreamWriter:
             await asyncio.sleep(RETRY_S)
 
     async def _try_write(
-        self, key: str, home: Place | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False
+        self, key: str, home: FloorPosition | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False
     ) -> bool:
         """Whether the stream accepted it after number `last_seq`; if not, notes the record that the stream has.
 

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from deconflict.cluster.tiles.tiles import Grid, Place, Tile
+from deconflict.cluster.tiles.tiles import FloorPosition, Grid, Tile
 from deconflict.settings.site import Conflict
 from ingest.batch import Batch, Bools, Floats, Ints
 
@@ -137,7 +137,7 @@ class ChannelSorter:
             self._forget(uuid)
             if floor >= 0:
                 datum = batch.floors[floor]
-                tile = self._last[uuid] = self.grid.root(Place(datum, x_m, y_m))
+                tile = self._last[uuid] = self.grid.root(FloorPosition(datum, x_m, y_m))
                 west, south, east, north = spans[row]
                 self._spans[uuid] = TileSpan(datum, range(west, east + 1), range(south, north + 1))
                 channels |= {channel(tile), *([wide_channel(datum)] if is_wide else [])}

@@ -13,7 +13,7 @@ from uuid import UUID, uuid5
 
 import shapely
 
-from deconflict.settings.importers.plan import Level, Lift, Node, Plan, Spot
+from deconflict.settings.importers.plan import ImportedPlan, Level, Lift, Node, Spot
 from deconflict.settings.shared_places import Landing, Point, Polygon, Resource, Zone
 from ingest.settings import Datum
 
@@ -45,7 +45,7 @@ class Names:
         return slug if self.given[slug] == 1 else self.new(slug, str(self.given[slug]))
 
 
-def drawn_site(plan: Plan, width_m: float) -> DrawnSite:
+def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
     """The sections of a plan. `width_m` is the side of a resource's square and the width of a lane, metres."""
     names = Names()
     ids = {level.name: str(uuid5(IMPORTED, f"{plan.name} {level.name}")) for level in plan.levels}

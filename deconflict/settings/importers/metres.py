@@ -4,19 +4,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from deconflict.settings.importers.opentcs import use_of
-from deconflict.settings.importers.plan import Block, Door, Lane, Level, Lift, Node, Plan, Use
+from deconflict.settings.importers.plan import Block, Door, ImportedPlan, Lane, Level, Lift, Node, Use
 
 SEPARATOR = " --- "
 """Between the ends of a block's member."""
 
 
-def read_layout(document: Mapping[str, Any]) -> Plan:
+def read_layout(document: Mapping[str, Any]) -> ImportedPlan:
     stations = {point: station for station in document.get("stations", ()) for point in station["points"]}
     blocks = tuple(
         Block(block["name"], tuple(tuple(member.split(SEPARATOR, 1)) for member in block["members"]))
         for block in document.get("single_vehicle_blocks", ())
     )
-    return Plan(
+    return ImportedPlan(
         str(document["name"]),
         tuple(_level(level, stations, blocks) for level in document["levels"]),
         tuple(map(_lift, document.get("lifts", ()))),

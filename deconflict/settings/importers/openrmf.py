@@ -9,12 +9,12 @@ from math import dist
 from statistics import fmean
 from typing import Any
 
-from deconflict.settings.importers.plan import Door, Lane, Level, Lift, Node, Plan, PlanError, Spot, Use
+from deconflict.settings.importers.plan import Door, ImportedPlan, Lane, Level, Lift, Node, PlanError, Spot, Use
 
 METRES = "cartesian_meters"
 
 
-def read_building(document: Mapping[str, Any]) -> Plan:
+def read_building(document: Mapping[str, Any]) -> ImportedPlan:
     """Raises `PlanError`, also for a floor without measurements."""
     metric = document.get("coordinate_system") == METRES
     levels = document["levels"]
@@ -22,7 +22,7 @@ def read_building(document: Mapping[str, Any]) -> Plan:
     scale_of = {name: (scale, scale if metric else -scale) for name, scale in scales.items()}
     ordered = sorted(levels, key=lambda name: float(levels[name].get("elevation", 0)))
     lifts = document.get("lifts") or {}
-    return Plan(
+    return ImportedPlan(
         str(document.get("name", "site")),
         tuple(_level(name, levels[name], scale_of[name]) for name in ordered),
         tuple(

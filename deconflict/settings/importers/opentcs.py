@@ -6,7 +6,7 @@ Follows the plant model's schema of releases 4 to 6: positions are `positionX` o
 from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element
 
-from deconflict.settings.importers.plan import Block, Lane, Level, Node, Plan, PlanError, Use
+from deconflict.settings.importers.plan import Block, ImportedPlan, Lane, Level, Node, PlanError, Use
 
 SINGLE = "SINGLE_VEHICLE_ONLY"
 CHARGING = ("charg", "recharg")
@@ -14,7 +14,7 @@ CHARGING = ("charg", "recharg")
 LOADING = ("load", "transfer", "goods", "storage", "drop", "pick")
 
 
-def read_plant(model: Element) -> Plan:
+def read_plant(model: Element) -> ImportedPlan:
     """Raises `PlanError` if a position is missing."""
     uses = dict(_uses(model))
     nodes = tuple(_node(point, uses) for point in model.iter("point"))
@@ -32,7 +32,7 @@ def read_plant(model: Element) -> Plan:
         if block.get("type", SINGLE) == SINGLE
     )
     level = Level("0", nodes, _lanes(model), blocks=tuple(block for block in blocks if block.lanes))
-    return Plan(model.get("name", "site"), (level,))
+    return ImportedPlan(model.get("name", "site"), (level,))
 
 
 def _lanes(model: Element) -> tuple[Lane, ...]:

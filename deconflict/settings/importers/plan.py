@@ -73,7 +73,7 @@ class Level:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ImportedPlan:
     name: str
     levels: tuple[Level, ...]
     """Ordered from the lowest."""

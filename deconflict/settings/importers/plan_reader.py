@@ -12,7 +12,7 @@ from deconflict.settings.importers.drawing import DrawnSite, drawn_site
 from deconflict.settings.importers.metres import read_layout
 from deconflict.settings.importers.openrmf import read_building
 from deconflict.settings.importers.opentcs import read_plant
-from deconflict.settings.importers.plan import Plan, PlanError
+from deconflict.settings.importers.plan import ImportedPlan, PlanError
 from ingest.settings import Section
 
 WIDTH_M = 1.2
@@ -37,7 +37,7 @@ def imported_toml(path: Path, width_m: float) -> str:
     return toml(drawn_site(plan, width_m), HEAD.format(file=path.name, width=width_m))
 
 
-def read_plan(path: Path) -> Plan:
+def read_plan(path: Path) -> ImportedPlan:
     """The plan in a file. XML is openTCS; `levels` is a table in Open-RMF files, and a list in layouts in metres."""
     try:
         text = path.read_text(encoding="utf-8")

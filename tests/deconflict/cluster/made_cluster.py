@@ -21,7 +21,7 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.tasks import open_bus
 from deconflict.cluster.store_follower import StoreFollower
 from deconflict.cluster.tiles.tile_owners import OwnerTable
-from deconflict.cluster.tiles.tiles import Place
+from deconflict.cluster.tiles.tiles import FloorPosition
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.service import Role, runtime_directory
@@ -222,4 +222,4 @@ async def lives(base: str) -> list[list[AnyAdvisory]]:
     return [[ADVISORY.validate_python(each) for each in life] for life in told]
 
 
-HOME = Place(HALL, 1.0, 2.0)
+HOME = FloorPosition(HALL, 1.0, 2.0)

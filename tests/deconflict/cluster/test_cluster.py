@@ -31,7 +31,7 @@ def crossings() -> tuple[dict[str, Course], dict[str, Course]]:
     )
 
 
-async def test_no_advisory_is_lost_or_doubled_where_an_engine_is_killed(tmp_path: Path) -> None:
+async def test_no_advisory_is_lost_or_doubled_if_an_engine_is_killed(tmp_path: Path) -> None:
     async with cluster(tmp_path) as (machines, operator):
         base = f"http://127.0.0.1:{operator.port}"
         urls = [f"ws://127.0.0.1:{machines.start(name, 'receiver', 'feed')}" for name in ("west", "east")]

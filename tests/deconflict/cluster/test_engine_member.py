@@ -50,7 +50,7 @@ async def measured(machines: Machines, member: EngineMember, name: str) -> dict[
             await asyncio.sleep(0.2)
 
 
-async def test_a_new_engine_knows_what_one_that_ended_has_learned(tmp_path: Path) -> None:
+async def test_a_new_engine_resumes_with_the_learned_state_of_an_earlier_one(tmp_path: Path) -> None:
     name = "deconflict_forecast_error_metres"
     async with cluster(tmp_path) as (machines, _):
         first, second = (EngineMember(machines.site(), machines.settings, tmp_path) for _ in range(2))
@@ -63,7 +63,7 @@ async def test_a_new_engine_knows_what_one_that_ended_has_learned(tmp_path: Path
     assert again.keys() == learned.keys()
 
 
-async def test_a_changed_site_file_is_taken_up_by_an_engine_that_runs(tmp_path: Path) -> None:
+async def test_a_running_engine_applies_a_changed_site_file(tmp_path: Path) -> None:
     async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
         base, site = f"http://127.0.0.1:{operator.port}", machines.site()
         url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))
@@ -79,7 +79,7 @@ async def test_a_changed_site_file_is_taken_up_by_an_engine_that_runs(tmp_path: 
     assert {one["clearance_m"] for one in listed["advisories"]} == {1.6}
 
 
-async def test_channels_are_heard_once_each_though_one_of_those_that_were_begun_with_them_is_refused(
+async def test_each_channel_is_subscribed_once_though_one_of_a_group_is_refused(
     tmp_path: Path,
 ) -> None:
     broker = Broker(tmp_path)

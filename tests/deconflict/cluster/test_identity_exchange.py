@@ -50,7 +50,7 @@ def sized(**lengths_m: float) -> Callable[[dict[str, Any]], bool]:
     return found
 
 
-async def test_what_a_robot_says_of_itself_to_one_ingest_holds_where_its_statuses_come_to_another(
+async def test_an_identity_report_to_one_ingest_applies_to_statuses_at_another(
     tmp_path: Path,
 ) -> None:
     async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:

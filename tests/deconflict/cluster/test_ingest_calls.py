@@ -23,7 +23,7 @@ from tests.helpers.saying import robot
 pytestmark = needs_server
 
 
-async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
+async def test_an_operator_role_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
     async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
         base = f"http://127.0.0.1:{operator.port}"
         urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
@@ -48,7 +48,7 @@ async def test_a_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
             each.cancel()
 
 
-async def test_the_floor_is_heard_once_though_who_asks_asks_again_before_it_is(tmp_path: Path) -> None:
+async def test_the_floor_is_subscribed_once_though_calls_repeat_before_it_has_begun(tmp_path: Path) -> None:
     broker = Broker(tmp_path)
     bus = Faltering(Cluster(nats=(broker.address,)))
     try:
@@ -61,7 +61,7 @@ async def test_the_floor_is_heard_once_though_who_asks_asks_again_before_it_is(t
     assert bus.begun == {EVERY: 1}
 
 
-async def test_health_says_that_no_ingest_is_there_and_then_that_no_server_is(tmp_path: Path) -> None:
+async def test_health_shows_a_missing_ingest_and_then_a_missing_server(tmp_path: Path) -> None:
     async with cluster(tmp_path) as (machines, operator):
         base = f"http://127.0.0.1:{operator.port}"
         async with ingest(machines, tmp_path / "ingest"):

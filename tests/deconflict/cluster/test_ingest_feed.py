@@ -8,7 +8,7 @@ from deconflict.cluster.nats.tasks import run_until
 from tests.helpers.patience import PATIENCE_S
 
 
-async def test_a_chore_that_takes_one_cancellation_for_its_own_ends_all_the_same() -> None:
+async def test_a_task_that_swallows_one_cancellation_still_ends() -> None:
     cancelled = 0
 
     async def stubborn() -> None:
@@ -26,7 +26,7 @@ async def test_a_chore_that_takes_one_cancellation_for_its_own_ends_all_the_same
     assert cancelled == 2
 
 
-async def test_a_chore_that_fails_ends_the_others_and_raises() -> None:
+async def test_a_task_that_fails_ends_the_others_and_raises() -> None:
     async def fails() -> None:
         raise ValueError("no more")
 

@@ -73,7 +73,7 @@ async def test_a_server_that_is_killed_and_comes_back_with_its_store_costs_no_ad
         told_once(await lives(base))
 
 
-async def test_an_engine_that_stood_still_tells_nothing_twice_when_it_goes_on(tmp_path: Path) -> None:
+async def test_an_engine_that_was_stopped_publishes_nothing_twice_when_it_continues(tmp_path: Path) -> None:
     async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
         base, courses = f"http://127.0.0.1:{operator.port}", pairs(10.0)
         first = {name: courses.pop(name) for name in ("A-0", "B-0")}
@@ -111,7 +111,7 @@ def crowd() -> dict[str, Course]:
     }
 
 
-async def test_a_tile_that_is_too_hot_is_split_among_engines_and_no_advisory_is_lost(tmp_path: Path) -> None:
+async def test_a_hot_tile_is_split_among_engines_and_no_advisory_is_lost(tmp_path: Path) -> None:
     async with cluster(tmp_path, hot_per_s=6.0) as (machines, operator), AsyncExitStack() as stack:
         base = f"http://127.0.0.1:{operator.port}"
         url = await stack.enter_async_context(ingest(machines, tmp_path / "ingest"))

@@ -43,7 +43,7 @@ async def set_aside(data: Path) -> Store:
     return Store(data / "aside")
 
 
-async def test_a_face_whose_server_lost_its_store_begins_anew_and_keeps_the_old_one(tmp_path: Path) -> None:
+async def test_an_operator_role_whose_server_lost_its_store_restarts_and_keeps_the_old_file(tmp_path: Path) -> None:
     broker, data = Broker(tmp_path / "nats"), tmp_path / "face"
     machines = Machines(tmp_path, broker)
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
@@ -67,7 +67,7 @@ async def test_a_face_whose_server_lost_its_store_begins_anew_and_keeps_the_old_
         await stored(machines, data, [cleared(2), made(3)])
 
 
-async def test_a_face_does_not_take_the_numbers_of_a_single_machine_for_those_of_a_stream(tmp_path: Path) -> None:
+async def test_stored_numbers_of_a_single_machine_are_not_those_of_a_stream(tmp_path: Path) -> None:
     broker, data = Broker(tmp_path / "nats"), tmp_path / "face"
     machines = Machines(tmp_path, broker)
     single = Store(data)
@@ -85,7 +85,7 @@ async def test_a_face_does_not_take_the_numbers_of_a_single_machine_for_those_of
         await stored(machines, data, [cleared(number) for number in range(3, 8)])
 
 
-async def test_what_is_open_is_shown_again_after_a_server_lost_its_store(tmp_path: Path) -> None:
+async def test_open_advisories_are_shown_again_after_a_server_lost_its_store(tmp_path: Path) -> None:
     broker, site = Broker(tmp_path / "nats"), tmp_path / "site.toml"
     site.write_text(f'[cluster]\nnats = ["{broker.address}"]\n')
     service, data = Served(tmp_path / "data", site), tmp_path / "data"
@@ -105,7 +105,7 @@ async def test_what_is_open_is_shown_again_after_a_server_lost_its_store(tmp_pat
     assert after["advisories"][0]["id"] == before["advisories"][0]["id"]
 
 
-async def test_what_was_seen_shows_whether_a_stream_goes_on_from_it(tmp_path: Path) -> None:
+async def test_a_position_shows_whether_a_stream_continues_from_it(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 1) as (bus,):
         writer = StreamWriter(bus.revisions)

@@ -170,9 +170,7 @@ def test_a_floor_without_robots_says_so(browser: "Browser", service: Service) ->
         keep(page, "empty")
 
 
-def test_a_claim_on_a_robot_that_has_no_place_is_in_the_list_without_a_way_to_it(
-    browser: "Browser", service: Service
-) -> None:
+def test_a_claim_without_a_place_is_in_the_list_without_a_map_button(browser: "Browser", service: Service) -> None:
     with opened(browser, service) as page:
         with connect(f"{service.robots_url}/Alder") as alder, connect(f"{service.robots_url}/Corvid") as corvid:
             alder.send(identity("A-1", time.time()))
@@ -185,7 +183,7 @@ def test_a_claim_on_a_robot_that_has_no_place_is_in_the_list_without_a_way_to_it
         assert not page.is_visible('#advisories li[data-kind="foreign_claim"] .show')
 
 
-def test_the_page_counts_who_is_in_a_place_as_the_service_does(browser: "Browser", service: Service) -> None:
+def test_the_page_counts_the_robots_in_a_place_as_the_service_does(browser: "Browser", service: Service) -> None:
     """A zone has whoever touches it, corner or edge; a resource whoever's middle is inside."""
     script = """async () => {
         const { holds } = await import("/page/places.js");
@@ -308,7 +306,7 @@ def test_the_slider_goes_back_to_what_was_recorded_and_live_returns(browser: "Br
         ("wall", 2560, 1440, "dark"),
     ],
 )
-def test_it_fits_each_screen(
+def test_the_page_fits_each_screen(
     browser: "Browser", floor: Service, name: str, width: int, height: int, scheme: "Scheme"
 ) -> None:
     with opened(browser, floor, width, height, scheme) as page:
@@ -324,7 +322,9 @@ def test_it_fits_each_screen(
         keep(page, name, full_page=name == "phone")
 
 
-def test_losing_the_service_is_said_and_greys_and_it_comes_back_by_itself(browser: "Browser", floor: Service) -> None:
+def test_a_lost_connection_is_shown_and_greys_the_map_and_the_page_reconnects(
+    browser: "Browser", floor: Service
+) -> None:
     with opened(browser, floor) as page:
         until(page, "document.querySelectorAll('#advisories li').length > 2")
         floor.stop("serve")
@@ -338,7 +338,7 @@ def test_losing_the_service_is_said_and_greys_and_it_comes_back_by_itself(browse
         until(page, "getComputedStyle(document.getElementById('stage')).filter === 'none'")
 
 
-def test_an_engine_that_stands_is_said_and_greys_while_the_page_stays_connected(
+def test_a_stopped_engine_is_shown_and_greys_the_map_while_the_page_stays_connected(
     browser: "Browser", floor: Service
 ) -> None:
     with opened(browser, floor) as page:
@@ -353,7 +353,7 @@ def test_an_engine_that_stands_is_said_and_greys_while_the_page_stays_connected(
         page.wait_for_selector('[data-state="live"]')
 
 
-def test_the_page_follows_the_system_into_the_dark(browser: "Browser", floor: Service) -> None:
+def test_the_page_follows_the_dark_theme_of_the_system(browser: "Browser", floor: Service) -> None:
     with opened(browser, floor, scheme="light") as page:
         page.emulate_media(color_scheme="dark")
         page.wait_for_selector('[data-theme="dark"]')

@@ -36,7 +36,7 @@ def test_each_vendor_is_summed_over_states_outcomes_rules_and_roles() -> None:
     assert acme.grade_words == "80 % of forecasts 3 s ahead were within 0.25 m"
 
 
-def test_what_several_machines_tell_of_a_vendor_adds_up_or_is_the_worst_by_what_it_means() -> None:
+def test_values_of_several_machines_are_summed_or_the_worst_is_taken() -> None:
     machines = [Measures(), Measures()]
     for one, robots, per_s, offset_s, p80_m, grade in zip(
         machines, (3, 4), (2.5, 4.0), (-3.0, 0.1), (0.2, 0.7), "BD", strict=True
@@ -52,7 +52,7 @@ def test_what_several_machines_tell_of_a_vendor_adds_up_or_is_the_worst_by_what_
         assert acme.forecast_error[0].p80_m == 0.7
 
 
-def test_errors_are_told_by_how_far_ahead() -> None:
+def test_errors_are_given_by_horizon() -> None:
     told = Measures()
     told.count("deconflict_messages_total", "Acme", "accepted")
     sizes: dict[Labels, float]
@@ -68,7 +68,7 @@ def test_errors_are_told_by_how_far_ahead() -> None:
     assert [(one.ahead_up_to_s, one.p50_s, one.p90_s, one.late) for one in acme.arrivals] == [(60.0, 4.0, 9.0, 0.25)]
 
 
-def test_what_has_changed_is_told_in_words_with_since_when() -> None:
+def test_a_change_is_described_with_its_start() -> None:
     receiver, engine = Measures(), Measures()
     receiver.count("deconflict_messages_total", "Acme", "accepted")
     clock_changes.publish(receiver, {"clock": {"Acme": LevelChange(SINCE_S, -3.04099)}})

@@ -81,7 +81,7 @@ def by_revision(told: list[AnyAdvisory]) -> dict[tuple[str, int], dict[str, Any]
     return {(one.id, one.revision): json.loads(one.model_dump_json()) for one in told}
 
 
-async def test_a_deadlock_and_a_queue_are_told_ahead_and_keep_their_ids_over_a_restart(tmp_path: Path) -> None:
+async def test_a_deadlock_and_a_queue_are_predicted_and_keep_their_ids_over_a_restart(tmp_path: Path) -> None:
     start_s = time.time()
     async with running(tmp_path) as (robots, operator):
         driving = asyncio.create_task(drive(robots, start_s))

@@ -55,7 +55,7 @@ def stores(tmp_path: Path) -> Iterator[tuple[Store, Store]]:
 
 
 @pytest.mark.parametrize("on_disk", range(len(LIFE)))
-def test_what_waits_for_the_disk_is_read_as_if_it_were_there_and_kept_under_its_numbers(
+def test_pending_revisions_are_read_like_stored_ones_and_keep_their_numbers(
     stores: tuple[Store, Store], on_disk: int
 ) -> None:
     prompt, behind = stores
@@ -71,7 +71,7 @@ def test_what_waits_for_the_disk_is_read_as_if_it_were_there_and_kept_under_its_
     again.close()
 
 
-async def test_a_disk_that_stalls_delays_nobody_and_loses_nothing(tmp_path: Path) -> None:
+async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Path) -> None:
     """Another connection that holds the file stands in for a disk that does not answer."""
     store, measures = Store(tmp_path), Measures()
     publisher = Publisher(store, measures)
@@ -99,7 +99,7 @@ async def test_a_disk_that_stalls_delays_nobody_and_loses_nothing(tmp_path: Path
     again.close()
 
 
-async def test_a_read_only_file_is_told_of_counted_and_written_once_it_can_be(
+async def test_a_read_only_file_is_logged_and_counted_and_written_once_possible(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     store, measures = Store(tmp_path), Measures()
@@ -120,7 +120,9 @@ async def test_a_read_only_file_is_told_of_counted_and_written_once_it_can_be(
     store.close()
 
 
-def test_what_waits_is_bounded_and_what_is_beyond_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pending_revisions_are_bounded_and_further_ones_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("deconflict.operator.store.store.MOST_PENDING", 5)
     store = Store(tmp_path)
     store.accept([made(number) for number in range(5)])
@@ -142,7 +144,7 @@ async def measured(service: Running, name: str) -> float:
     return float(next((line.split()[-1] for line in lines if line.startswith(name)), "nan"))
 
 
-async def test_a_full_disk_silences_nobody_is_told_of_and_is_made_good_when_there_is_room(small_disk: Path) -> None:
+async def test_a_full_disk_delays_no_advisory_and_shows_and_is_filled_up_later(small_disk: Path) -> None:
     async with running(small_disk) as service:
         await service.until("/healthz", lambda health: health["status"] == "ok")
         ballast = fill(small_disk)
@@ -168,7 +170,7 @@ async def test_a_full_disk_silences_nobody_is_told_of_and_is_made_good_when_ther
     assert any(isinstance(event, Tick) and event.now_s > resumed_s for event in events), "recording resumed"
 
 
-async def test_a_log_on_a_read_only_disk_is_told_of_and_recording_resumes(
+async def test_a_log_on_a_read_only_disk_shows_and_recording_resumes(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     log = tmp_path / "log"

@@ -41,14 +41,14 @@ def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_th
     assert waited == {"Acme": [0.0, 0.0, 2.0], "Bolt": [1.5]}
 
 
-def test_arrivals_are_told_by_the_hosts_clock_also_after_it_was_set() -> None:
+def test_arrivals_are_times_of_the_host_clock_also_after_it_was_set() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Acme"))
     told = arrivals_s(one.next_batch(NOW_S + 0.1), NOW_S + 7200.1)
     assert told["Acme"].tolist() == pytest.approx([NOW_S + 7200.0])
 
 
-def test_a_floor_that_is_told_again_to_a_new_engine_counts_no_message_twice() -> None:
+def test_a_new_engine_counts_no_message_twice() -> None:
     one, acme = fleet(), Connection(1, vendor="Acme")
     one.receive(status("A-1", NOW_S), NOW_S, acme)
     one.next_batch(NOW_S + 0.1)
@@ -56,7 +56,7 @@ def test_a_floor_that_is_told_again_to_a_new_engine_counts_no_message_twice() ->
     assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}
 
 
-def test_what_the_face_does_not_take_is_bounded_and_the_engine_begins_anew(
+def test_undelivered_passes_are_bounded_and_the_engine_restarts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engine_role, "MOST_WAITING_BYTES", 1 << 20)
@@ -69,7 +69,9 @@ def test_what_the_face_does_not_take_is_bounded_and_the_engine_begins_anew(
     outbox.stop()
 
 
-async def test_any_amount_is_delivered_to_a_face_that_takes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_any_amount_is_delivered_to_an_operator_role_that_answers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(engine_role, "MOST_WAITING_BYTES", 1 << 20)
     taken = 0
 

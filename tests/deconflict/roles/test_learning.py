@@ -15,7 +15,7 @@ from tests.deconflict.roles.made_service import drive, running
 from tests.helpers.patience import PATIENCE_S
 
 
-def test_an_engine_that_goes_on_foretells_as_one_that_never_stopped() -> None:
+def test_a_resumed_engine_predicts_like_one_that_never_stopped() -> None:
     def stage() -> Stage:
         return Stage({"a": Walk((0.0, -20.0), (0.0, 1.0), says=(0.2, 1.1)), "b": Walk((-20.0, 0.0), (1.0, 0.0))})
 
@@ -29,7 +29,7 @@ def test_an_engine_that_goes_on_foretells_as_one_that_never_stopped() -> None:
     assert resumed.foresight.calibration.of_all.weights.tolist() == steady.foresight.calibration.of_all.weights.tolist()
 
 
-def test_what_was_learned_at_another_clearance_is_no_probability_here() -> None:
+def test_probabilities_learned_at_another_clearance_are_not_used() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 0.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
     stage.run(30)
     learned = stage.foresight.learned()
@@ -38,7 +38,7 @@ def test_what_was_learned_at_another_clearance_is_no_probability_here() -> None:
     assert wider.foresight.ledger.kinds
 
 
-async def test_what_was_learned_of_a_vendor_is_there_after_a_restart(tmp_path: Path) -> None:
+async def test_learned_state_of_a_vendor_survives_a_restart(tmp_path: Path) -> None:
     covered = 'deconflict_forecast_band_coverage_ratio{share="0.8",vendor="Alder"}'
     async with running(tmp_path) as service:
         await drive(service.robots_url, {"A-1": lambda t: (0.8 * t, 0.0, 0.0)}, 5)
@@ -54,7 +54,7 @@ def _kept(data: Path) -> list[list[str | int]]:
     return unpacked(file.read_bytes())["ledger"]["kinds"] if file.exists() else []
 
 
-async def test_an_engine_that_is_killed_loses_a_minute_of_learning_at_most(
+async def test_a_killed_engine_loses_at_most_a_minute_of_learned_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("deconflict.roles.engine_role.LEARNED_EVERY_S", 0.2)
@@ -67,7 +67,7 @@ async def test_an_engine_that_is_killed_loses_a_minute_of_learning_at_most(
 
 
 @pytest.mark.parametrize("damaged", [b"", b"no such file", packed({"ledger": {"kinds": "none"}})])
-async def test_a_damaged_file_of_learning_is_set_aside_and_the_service_runs(tmp_path: Path, damaged: bytes) -> None:
+async def test_a_damaged_learned_file_is_set_aside_and_the_service_runs(tmp_path: Path, damaged: bytes) -> None:
     (tmp_path / FILE_NAME).write_bytes(damaged)
     async with running(tmp_path) as service:
         text = await service.metrics_with("deconflict_sweep_duration_seconds")

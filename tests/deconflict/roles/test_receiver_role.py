@@ -37,7 +37,7 @@ async def serving(directory: Path) -> AsyncIterator[ReceiverRole]:
         await running
 
 
-async def test_what_the_engine_is_told_is_recorded_before(tmp_path: Path) -> None:
+async def test_messages_are_recorded_before_the_engine_receives_them(tmp_path: Path) -> None:
     async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
         await socket.send(status("A-1", time.time()))
         engine, told = AsyncCaller(tmp_path, "receiver"), 0
@@ -57,7 +57,7 @@ async def test_no_two_connections_of_a_log_have_the_same_number(tmp_path: Path) 
     assert numbers == [1, 2, 3, 4, 5, 6]
 
 
-async def test_messages_get_through_while_all_the_robots_are_told(tmp_path: Path) -> None:
+async def test_messages_are_read_while_all_robot_documents_are_written(tmp_path: Path) -> None:
     async with serving(tmp_path) as role:
         for number in range(10 * DOCUMENTS_AT_ONCE):
             role.fleet.receive(status(f"R-{number:03}", time.time()), time.time(), Connection(1))
@@ -74,7 +74,7 @@ async def test_messages_get_through_while_all_the_robots_are_told(tmp_path: Path
         assert turns > 10
 
 
-async def test_a_disk_that_stalls_delays_no_batch_and_loses_nothing(
+async def test_a_stalled_disk_delays_no_batch_and_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     go_on, write = threading.Event(), RotatingLog.write

@@ -15,7 +15,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from deconflict.advice import hold_desk
 from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.roles.service import run_in_one_process
-from deconflict.settings.site import Engine as EngineSettings
+from deconflict.settings.site import EngineSettings
 from ingest.recording.log_reader import LogReader, Tick
 from ingest.settings import Vendor
 from metrics.monitoring.exposition import combine, render
@@ -25,7 +25,7 @@ from tests.helpers.replayed import replayed
 from tests.helpers.saying import HALL, identity, status
 
 
-async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Path) -> None:
+async def test_crossing_robots_have_an_advisory_from_raised_to_cleared(tmp_path: Path) -> None:
     async with running(tmp_path) as service, connect(f"ws://{service.face}/advisories/stream?after=0") as stream:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
         told = []
@@ -48,7 +48,7 @@ async def test_robots_that_cross_are_told_of_from_raised_to_cleared(tmp_path: Pa
         assert float(text.split("\ndeconflict_advice_solve_seconds_count ")[1].split()[0]) > 0
 
 
-async def test_conflicts_are_told_where_advice_on_them_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_conflicts_are_published_even_if_advice_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hold_desk, "advise_holds", broken)
     async with running(tmp_path) as service:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
@@ -123,7 +123,7 @@ async def test_an_open_advisory_survives_a_restart_with_its_id(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("step_s", [-7200.0, 7200.0])
-async def test_a_step_of_the_hosts_clock_ends_no_advisory_and_hides_no_robot(tmp_path: Path, step_s: float) -> None:
+async def test_a_step_of_the_host_clock_clears_no_advisory_and_hides_no_robot(tmp_path: Path, step_s: float) -> None:
     stepped_s = [0.0]
     async with running(tmp_path, wall=lambda: time.time() + stepped_s[0]) as service:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 9))
@@ -151,7 +151,7 @@ async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> N
     assert [again | {"seq": 0} for again in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
 
 
-async def test_a_service_that_can_not_keep_up_says_so_still_warns_and_replays_to_the_same(tmp_path: Path) -> None:
+async def test_an_overloaded_service_shows_it_still_warns_and_replays_to_the_same_advisories(tmp_path: Path) -> None:
     hurried = SITE.model_copy(update={"engine": EngineSettings(deadline_s=1e-9)})
     async with running(tmp_path, hurried) as service:
         await drive(service.robots_url, CROSSING, 9)
@@ -186,7 +186,7 @@ async def test_the_floor_is_as_it_was_after_a_restart(tmp_path: Path) -> None:
         assert 'deconflict_messages_total{result="accepted",vendor="Alder"}' not in text
 
 
-async def test_a_fleet_manager_that_waits_to_be_dialled_is_heard(tmp_path: Path) -> None:
+async def test_the_service_dials_a_fleet_manager_and_receives_its_robots(tmp_path: Path) -> None:
     async def speak(socket: ServerConnection) -> None:
         await socket.send(status("B-1", time.time(), 3.0))
         await socket.wait_closed()

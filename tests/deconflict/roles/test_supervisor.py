@@ -19,7 +19,7 @@ from tests.helpers.patience import PATIENCE_S
 pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
 
 
-async def test_an_engine_that_is_killed_is_told_of_and_goes_on_with_its_advisory(tmp_path: Path) -> None:
+async def test_a_killed_engine_shows_in_health_and_resumes_its_advisory(tmp_path: Path) -> None:
     service = Served(tmp_path)
     with service.running() as pid:
         await service.until("/healthz", healthy)
@@ -36,7 +36,7 @@ async def test_an_engine_that_is_killed_is_told_of_and_goes_on_with_its_advisory
         assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
 
 
-def test_a_role_is_restarted_at_once_and_ever_more_slowly_where_it_keeps_dying() -> None:
+def test_a_role_restarts_at_once_and_with_growing_waits_if_it_keeps_ending() -> None:
     role, now_s, waits_s = RoleProcess("engine", [sys.executable, "-c", ""]), 0.0, []
     for ran_for_s in (0.0, 0.0, 0.0, STEADY_S + 1.0, 0.0):
         if role.process is None:
@@ -104,7 +104,7 @@ def test_a_role_that_hangs_is_killed_and_restarted() -> None:
     role.stop()
 
 
-async def test_roles_that_hang_are_told_of_and_go_on_with_their_advisory(tmp_path: Path) -> None:
+async def test_hanging_roles_show_in_health_and_resume_their_advisory(tmp_path: Path) -> None:
     """Stopped processes: their sockets are open and nobody answers at them."""
     service = Served(tmp_path)
     with service.running() as pid:

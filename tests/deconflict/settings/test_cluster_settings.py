@@ -10,7 +10,7 @@ from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site_file import SiteError, site_from_document
 
 
-def test_without_the_setting_the_service_brings_nothing_of_a_cluster() -> None:
+def test_without_the_section_the_service_loads_nothing_of_a_cluster() -> None:
     unwanted = "{'nats', 'deconflict.cluster.nats.bus'} & set(sys.modules)"
     asked = f"import sys, deconflict.__main__; sys.exit(bool({unwanted}))"
     assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0
@@ -23,6 +23,6 @@ def test_a_part_needs_a_cluster() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"nats": []}, {"nats": ["nats://a"], "name": "a.b"}, {"nats": ["a"], "tile_m": 1.0}])
-def test_a_cluster_that_cannot_be_names_the_key(wrong: dict[str, object]) -> None:
+def test_an_invalid_cluster_names_the_key(wrong: dict[str, object]) -> None:
     with pytest.raises(SiteError, match="cluster"):
         site_from_document({"cluster": wrong})

@@ -41,10 +41,10 @@ def test_the_image_is_placed_by_its_reference_points(marks: tuple[str, ...], tmp
         assert (a * column + c * row + e, b * column + d * row + f) == pytest.approx((x_m, y_m))
 
 
-def test_rows_that_are_counted_upwards_are_found_out(tmp_path: Path) -> None:
+def test_rows_counted_upwards_are_a_problem(tmp_path: Path) -> None:
     site = planned(tmp_path, {one: [20 * x, 20 * y] for one, (x, y) in MARKS.items()})
     assert fit_problems(site) == [
-        "datums[0].plan.readings: are turned over; count rows downwards from the image's upper left corner"
+        "datums[0].plan.readings: are upside down; count rows downwards from the image's upper left corner"
     ]
 
 
@@ -57,7 +57,7 @@ def test_a_wrong_reading_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("image", "message"), [("no.png", "there is no file"), ("plan.tiff", "expected a file named")])
-def test_an_image_that_can_not_be_shown_is_named(image: str, message: str, tmp_path: Path) -> None:
+def test_an_unusable_image_is_named(image: str, message: str, tmp_path: Path) -> None:
     site = planned(tmp_path, {one: pixel(*at) for one, at in MARKS.items()}, image)
     assert [message in one for one in fit_problems(site)] == [True]
 
@@ -96,7 +96,7 @@ def quarters(folder: Path) -> Site:
 
 
 @pytest.mark.skipif(not shutil.which("chromium"), reason="chromium is not installed")
-async def test_the_image_lies_under_the_map_the_right_way_up(tmp_path: Path) -> None:
+async def test_the_image_lies_below_the_map_the_right_way_up(tmp_path: Path) -> None:
     playwright = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
     async with run_in_one_process(quarters(tmp_path), tmp_path / "data", render) as (_, operator):
         address = f"http://127.0.0.1:{operator.port}"

@@ -51,7 +51,7 @@ def dock(place: str) -> dict[str, Any]:
     return {"id": place, "kind": "dock", "datum": HALL, "polygon": [[20, 20], [22, 20], [22, 22]]}
 
 
-def test_what_can_change_holds_and_what_can_not_waits() -> None:
+def test_most_settings_change_at_once_and_some_need_a_restart() -> None:
     before = Site(receiver=Receiver(port=1), operator=Operator(port=2))
     wanted = Site(
         receiver=Receiver(port=5),
@@ -65,7 +65,7 @@ def test_what_can_change_holds_and_what_can_not_waits() -> None:
     assert waiting == ("receiver.port", "operator.port")
 
 
-def test_the_docs_say_of_every_section_when_it_holds() -> None:
+def test_the_docs_state_for_every_section_when_it_takes_effect() -> None:
     (row,) = re.findall(r"^\| (`name`.+?) \| (.+?) \|$", DOCS.read_text(encoding="utf-8"), re.M)
     at_once, later = ({name.split(".")[0] for name in re.findall(r"`([\w.]+)`", cell)} for cell in row)
     assert later == NEEDS_RESTART.keys()
@@ -73,7 +73,7 @@ def test_the_docs_say_of_every_section_when_it_holds() -> None:
     assert at_once & later == {section for section, keys in NEEDS_RESTART.items() if keys}
 
 
-def test_a_change_that_needs_another_that_waits_is_refused() -> None:
+def test_a_change_that_contradicts_one_that_needs_a_restart_is_refused() -> None:
     secured = Site.model_validate(
         {"receiver": {"tls": {"certificate": "a.pem", "clients": "b.pem"}}, "vendors": [{"name": "Alder"}]}
     )
@@ -83,13 +83,13 @@ def test_a_change_that_needs_another_that_waits_is_refused() -> None:
     assert merged_settings(secured, named) == (named, ())
 
 
-def test_the_cluster_itself_waits_for_a_restart() -> None:
+def test_the_cluster_section_needs_a_restart() -> None:
     cluster = Cluster(nats=("nats://127.0.0.1:4222",))
     site, waiting = merged_settings(Site(cluster=cluster), Site(conflict=Conflict(clearance_m=0.7)))
     assert (site.cluster, site.conflict.clearance_m, waiting) == (cluster, 0.7, ("cluster",))
 
 
-def test_a_file_that_can_not_be_used_leaves_what_holds(tmp_path: Path) -> None:
+def test_an_unusable_file_changes_nothing(tmp_path: Path) -> None:
     answers: list[Site | SiteError] = [SiteError(["conflict: is wrong"]), Site(name="new")]
 
     def read() -> Site:
@@ -113,7 +113,7 @@ def test_a_file_that_can_not_be_used_leaves_what_holds(tmp_path: Path) -> None:
     assert json.loads((tmp_path / SITE_FILE).read_text())["name"] == "new"
 
 
-def test_the_log_says_which_changed_keys_wait_and_no_other(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_log_names_the_changed_keys_that_need_a_restart(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     told = {"recorder": {"enabled": False, "keep_days": 2.0}, "operator": {"port": 81, "stream_send_timeout_s": 2.0}}
     reloader, role = Reloader(Site(), lambda: Site.model_validate(told), tmp_path), CurrentSite(tmp_path, Site())
     reloader.request()
@@ -149,7 +149,7 @@ async def reloads(service: Served) -> dict[str, float]:
     return {row.split('"')[1]: float(row.split()[-1]) for row in rows}
 
 
-async def test_a_changed_file_is_taken_up_with_every_connection_open(tmp_path: Path) -> None:
+async def test_a_changed_file_takes_effect_without_closing_a_connection(tmp_path: Path) -> None:
     file = tmp_path / "site.toml"
     file.write_text(toml(told("Alder", "Corvid")))
     service = Served(tmp_path / "data", file)
@@ -189,7 +189,7 @@ async def test_a_changed_file_is_taken_up_with_every_connection_open(tmp_path: P
             await socket.close()
 
 
-async def test_limits_and_outlets_hold_at_once_with_every_connection_open(tmp_path: Path) -> None:
+async def test_limits_and_outlets_take_effect_without_closing_a_connection(tmp_path: Path) -> None:
     file, secret = tmp_path / "site.toml", tmp_path / "secret"
     secret.write_text(SECRET)
     file.write_text(toml(told("Alder", "Basalt")))
@@ -232,7 +232,7 @@ async def ended(socket: ClientConnection, reason: str) -> None:
             await socket.recv()
 
 
-async def test_an_open_advisory_goes_on_under_other_settings(tmp_path: Path) -> None:
+async def test_an_open_advisory_continues_under_other_settings(tmp_path: Path) -> None:
     file = tmp_path / "site.toml"
     file.write_text(toml({"conflict": {"clearance_m": 0.3}}))
     service = Served(tmp_path / "data", file)

@@ -22,19 +22,19 @@ def turned(count: int, *, scale: float = 1.0, mirrored: bool = False) -> dict[st
 @pytest.mark.parametrize("count", [2, 3, 4])
 @pytest.mark.parametrize("scale", [1.0, 20.0, 1000.0, 39.37])
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_a_map_in_any_unit_and_of_either_hand_is_sound_if_said_so(count: int, scale: float, mirrored: bool) -> None:
+def test_a_map_in_any_unit_passes_and_a_mirrored_one_if_declared(count: int, scale: float, mirrored: bool) -> None:
     assert told(turned(count, scale=scale, mirrored=mirrored), mirrored=mirrored) == []
 
 
 @pytest.mark.parametrize("count", [3, 4])
-def test_a_mirrored_map_must_say_so_and_only_that(count: int) -> None:
+def test_only_a_mirrored_map_is_to_be_declared_mirrored(count: int) -> None:
     (silent,) = told(turned(count, mirrored=True))
     assert silent.startswith("mirrored: the readings are mirrored; set mirrored = true")
     (false,) = told(turned(count), mirrored=True)
     assert false == "mirrored: found true, but the readings are not mirrored"
 
 
-def test_the_global_residual_counts_though_adjust_would_hide_it() -> None:
+def test_the_residual_of_the_global_fit_counts_though_adjust_would_hide_it() -> None:
     readings = turned(4)
     readings["gate"] = readings["gate"][0] + 1.6, readings["gate"][1]
     (problem,) = told(readings)
@@ -43,7 +43,7 @@ def test_the_global_residual_counts_though_adjust_would_hide_it() -> None:
     assert told(readings, tolerance_m=0.6) == []
 
 
-def test_three_points_that_stretch_the_map_are_a_misreading_until_a_fourth_shows_it() -> None:
+def test_a_stretch_by_three_points_is_a_wrong_reading_until_a_fourth_confirms_it() -> None:
     stretched = {one: (1.05 * x, y) for one, (x, y) in MARKS.items()}
     three = dict(list(stretched.items())[:3])
     (problem,) = told(three)
@@ -62,17 +62,17 @@ def test_points_too_near_each_other_for_their_residuals_are_named() -> None:
     assert "bends the map" in problem
 
 
-def test_a_collinear_set_is_told_by_the_names_of_its_points() -> None:
+def test_collinear_points_are_named() -> None:
     (problem,) = told({"door": (0.0, 0.0), "dock": (10.0, 0.0), "pillar": (20.0, 0.0)})
     assert problem.startswith("readings: the readings of door, dock, pillar lie on one line")
 
 
-def test_reference_points_of_metres_and_near_ones_in_degrees_are_sound() -> None:
+def test_reference_points_in_metres_and_near_ones_in_degrees_pass() -> None:
     assert list(datum_problems(DATUM)) == []
     assert list(datum_problems(Datum.model_validate(sound()["datums"][1]))) == []
 
 
-def test_absolute_degrees_in_a_relative_datum_are_told() -> None:
+def test_absolute_degrees_in_a_relative_datum_are_a_problem() -> None:
     yard = Datum.model_validate({**sound()["datums"][1], "coordinates": "latlon-relative"})
     (problem,) = datum_problems(yard)
     assert problem.startswith("reference_points[0]: lies more than 20 km from reference_location")

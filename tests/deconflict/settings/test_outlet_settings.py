@@ -25,12 +25,12 @@ HOOK = {"name": "mes", "url": "http://mes.example/", "secret": "env:MES"}
         ("mqtt", {"host": "broker", "retry_s": [2.0, 1.0]}, r"mqtt\.retry_s: found \[2\.0, 1\.0\]"),
     ],
 )
-def test_an_outlet_that_can_not_be_is_explained(path: str, value: object, message: str, tmp_path: Path) -> None:
+def test_an_invalid_outlet_is_explained(path: str, value: object, message: str, tmp_path: Path) -> None:
     with pytest.raises(SiteError, match=message) as told:
         load(written(put(sound(), path, value), tmp_path))
     assert "hunter2" not in str(told.value)
 
 
-def test_a_sound_outlet_is_taken(tmp_path: Path) -> None:
+def test_a_valid_outlet_is_accepted(tmp_path: Path) -> None:
     site = load(written(put(put(sound(), "webhooks", [HOOK]), "mqtt", {"host": "broker"}), tmp_path))
     assert (site.webhooks[0].name, site.mqtt and site.mqtt.port) == ("mes", 1883)

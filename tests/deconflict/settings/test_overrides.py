@@ -16,15 +16,15 @@ def test_a_setting_is_changed_and_the_others_stay() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("clearence=0.4", "no setting is called so"),
+        ("clearence=0.4", "there is no such setting"),
         ("clearance", "expected KEY=VALUE"),
-        ("clearance=wide", "is no TOML value"),
+        ("clearance=wide", "is not a TOML value"),
         ("clearance=-1", "greater than or equal to 0"),
         ("critical=9.0", "expected at most conflict.warning_s"),
         ("conflict.clearence_m=0.4", "did you mean clearance_m?"),
         ("host='a'", "receiver.host or operator.host"),
     ],
 )
-def test_what_cannot_be_changed_is_told(change: str, told: str) -> None:
+def test_an_invalid_override_is_an_error(change: str, told: str) -> None:
     with pytest.raises(SiteError, match=told.replace("?", r"\?")):
         with_overrides(DEFAULT, [change])

@@ -12,7 +12,7 @@ NIL = "00000000-0000-0000-0000-000000000000"
 ROBOT = "1C0E7D6E-1111-4F6F-8000-000000000001"
 
 
-def test_a_sound_file_is_read_as_written(tmp_path: Path) -> None:
+def test_a_valid_file_is_read_as_written(tmp_path: Path) -> None:
     site = load(written(sound(), tmp_path))
     assert site.vendors[1].maps[0].readings["dock"] == (1.0, -40.0)
     assert site.vendors[1].models["b1"].offset_m == (1.1, 0.0)
@@ -158,14 +158,14 @@ def test_a_resource_and_a_zone_share_no_id(tmp_path: Path) -> None:
         load(written(told, tmp_path))
 
 
-def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
+def test_every_problem_is_reported_at_once(tmp_path: Path) -> None:
     told = put(put(sound(), "conflict.clearance_m", -1), "receiver.prt", 1)
     with pytest.raises(SiteError) as caught:
         load(written(told, tmp_path))
     assert len(caught.value.problems) == 2
 
 
-def test_a_file_that_is_no_toml_or_is_not_there_is_said_so(tmp_path: Path) -> None:
+def test_a_missing_file_and_one_that_is_not_toml_are_errors(tmp_path: Path) -> None:
     path = tmp_path / "site.toml"
     with pytest.raises(SiteError, match="can't be read"):
         load(path)
@@ -179,7 +179,7 @@ def test_ports_that_the_system_chooses_may_both_be_0(tmp_path: Path) -> None:
     assert load(written(told, tmp_path)).operator.port == 0
 
 
-def test_readings_that_fit_nothing_load_but_are_a_problem(tmp_path: Path) -> None:
+def test_readings_without_a_fit_load_but_are_a_problem(tmp_path: Path) -> None:
     told = put(sound(), "vendors.1.maps.0.readings", {"door": [0, 0]})
     site = load(written(told, tmp_path))
     assert fit_problems(site) == [
@@ -187,13 +187,13 @@ def test_readings_that_fit_nothing_load_but_are_a_problem(tmp_path: Path) -> Non
     ]
 
 
-def test_reference_points_with_latitude_and_longitude_exchanged_are_a_problem(tmp_path: Path) -> None:
+def test_reference_points_with_latitude_and_longitude_swapped_are_a_problem(tmp_path: Path) -> None:
     told = put(sound(), "datums.1.reference_points.0", {"id": "post", "x": -71.059, "y": 42.361})
     (problem,) = fit_problems(load(written(told, tmp_path)))
     assert problem.startswith("datums[1].reference_points[0]: lies more than 20 km from reference_location")
 
 
-def test_the_json_schema_takes_what_the_loader_takes_and_tells_each_fields_meaning() -> None:
+def test_the_json_schema_accepts_what_the_loader_accepts_and_describes_each_field() -> None:
     schema = Site.model_json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.validate(sound(), schema)

@@ -19,7 +19,7 @@ def checked(told: dict[str, Any], folder: Path) -> tuple[int, str]:
     return code, out.getvalue()
 
 
-def test_a_sound_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
+def test_a_valid_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
     code, text = checked(sound(), tmp_path)
     assert code == 0
     assert text.endswith("PASSED\n")
@@ -37,7 +37,7 @@ def test_an_example_shows_which_way_round_the_map_is_applied(tmp_path: Path) -> 
     assert "a robot at (112.500, 30.000), yaw 0.0 deg on the map is at (20.000, 12.500), yaw 90.0 deg" in text
 
 
-def test_a_datum_in_degrees_shows_its_points_in_metres_and_what_becomes_of_yaw(tmp_path: Path) -> None:
+def test_a_datum_in_degrees_shows_its_points_in_metres_and_how_yaw_is_converted(tmp_path: Path) -> None:
     _, text = checked(sound(), tmp_path)
     assert "x east, y north" in text
     (post,) = [line for line in text.splitlines() if line.startswith("  post")]
@@ -70,7 +70,7 @@ def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path
     ],
     ids=["bad fit", "collinear", "mirrored", "not mirrored", "elsewhere"],
 )
-def test_what_cannot_be_relied_on_fails_with_its_key(path: str, value: Any, says: str, tmp_path: Path) -> None:
+def test_a_bad_map_fails_with_its_key(path: str, value: Any, says: str, tmp_path: Path) -> None:
     code, text = checked(put(sound(), path, value), tmp_path)
     assert code == 1
     assert says in text
@@ -83,7 +83,7 @@ def test_a_file_that_does_not_load_fails_with_every_problem(tmp_path: Path) -> N
     assert "receiver.prt: there is no such key; did you mean port?" in text
 
 
-def test_two_points_fit_with_a_warning_of_what_they_cannot_show(tmp_path: Path) -> None:
+def test_two_points_fit_with_a_note_on_what_they_cannot_show(tmp_path: Path) -> None:
     told = put(sound(), READINGS, {"door": [0, 0], "dock": [1.1, -44.0]})
     (judged,) = site_report(load(written(told, tmp_path))).maps
     assert judged.fit
@@ -95,7 +95,7 @@ def test_two_points_fit_with_a_warning_of_what_they_cannot_show(tmp_path: Path) 
     assert "NOTE two points can't show a wrong reading or a mirrored map" in text
 
 
-def test_a_map_in_another_unit_is_not_remarked_on(tmp_path: Path) -> None:
+def test_a_map_in_another_unit_has_no_note(tmp_path: Path) -> None:
     told = put(sound(), READINGS, {one: [1000 * y, -1000 * x] for one, (x, y) in MARKS.items()})
     code, text = checked(told, tmp_path)
     assert code == 0
@@ -103,7 +103,7 @@ def test_a_map_in_another_unit_is_not_remarked_on(tmp_path: Path) -> None:
     assert "NOTE" not in text
 
 
-def test_what_robots_share_is_listed_with_its_floors_and_service(tmp_path: Path) -> None:
+def test_shared_places_are_listed_with_their_floors_and_service(tmp_path: Path) -> None:
     square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
     lift: dict[str, Any] = {"id": "lift-1", "kind": "lift", "datum": HALL, "polygon": square, "group": "lifts"}
     lift["floors"] = [{"datum": "yard", "polygon": square}]

@@ -57,7 +57,7 @@ def by_kind(listed: dict[str, Any]) -> dict[str, Any]:
     return {one["kind"]: one for one in listed["advisories"] if one["kind"] != "conflict"}
 
 
-async def test_a_queue_is_told_once_and_goes_on_under_its_id_where_the_engine_that_watched_dies(tmp_path: Path) -> None:
+async def test_a_queue_keeps_its_advisory_when_the_global_engine_dies(tmp_path: Path) -> None:
     async with cluster(tmp_path, SITE) as (machines, operator), AsyncExitStack() as stack:
         base, robots = f"http://127.0.0.1:{operator.port}", scripts()
         urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
@@ -100,7 +100,7 @@ async def bounded(bus: Bus, bytes_a_message: int) -> None:
     await bus.connection.js.update_stream(kept, max_msg_size=bytes_a_message)
 
 
-async def test_a_lookout_goes_on_looking_while_nothing_can_be_told_and_tells_it_all_later(tmp_path: Path) -> None:
+async def test_the_global_engine_keeps_judging_while_nothing_can_be_written_and_writes_it_later(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(300):
         told: list[StreamRecord] = []
         await bus.revisions.follow(told.append, after=StreamPosition(0, "", 0))

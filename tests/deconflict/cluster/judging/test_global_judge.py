@@ -44,7 +44,7 @@ def others(told: list[AnyAdvisory]) -> list[FindingAdvisory]:
     return [one for one in told if not isinstance(one, ConflictAdvisory)]
 
 
-def test_it_tells_what_the_engine_of_one_machine_tells_whichever_ingest_hears_a_robot() -> None:
+def test_the_judge_publishes_what_a_single_machine_does_whichever_ingest_a_robot_uses() -> None:
     floor, engine, commons = Floor(scripts()), Engine(SITE), GlobalJudge(SITE)
     counted: Counter[tuple[str, str]] = Counter()
     for tick in range(TICKS * 70):
@@ -58,7 +58,7 @@ def test_it_tells_what_the_engine_of_one_machine_tells_whichever_ingest_hears_a_
     assert commons.measures.values["deconflict_advisories_total"] == counted
 
 
-def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_decided() -> None:
+def test_a_new_judge_continues_open_advisories_and_adopts_the_decisions_of_others() -> None:
     floor, first, second = Floor(scripts()), GlobalJudge(SITE), GlobalJudge(SITE)
     told: list[FindingAdvisory] = []
     for tick in range(TICKS * 70):
@@ -82,7 +82,7 @@ def test_who_takes_over_goes_on_with_what_is_open_and_is_told_of_what_others_dec
         assert [one.revision for one in life] == list(range(1, len(life) + 1))
 
 
-def test_what_another_told_in_its_place_stands() -> None:
+def test_an_overruling_revision_replaces_its_own() -> None:
     floor, one, other = Floor(scripts()), GlobalJudge(SITE), GlobalJudge(SITE)
     mine: list[FindingAdvisory] = []
     theirs: list[FindingAdvisory] = []
@@ -113,7 +113,7 @@ def claimed(at: dict[int, list[bytes]], seconds: float) -> list[ClaimAdvisory]:
     return [one for one in told if isinstance(one, ClaimAdvisory)]
 
 
-def test_a_robot_that_two_vendors_report_at_ingests_of_their_own_is_told_of() -> None:
+def test_a_robot_that_two_vendors_report_at_different_ingests_is_a_claim() -> None:
     said = {
         number: [identity("A", NOW_S, manufacturerName=vendor), status("A", NOW_S, 3.0, number)]
         for number, vendor in enumerate(("Alder", "Mallory"))
@@ -125,18 +125,18 @@ def test_a_robot_that_two_vendors_report_at_ingests_of_their_own_is_told_of() ->
     assert (raised.location.x, raised.location.y) == (3.0, 0.0)
 
 
-def test_a_robot_that_has_come_to_an_ingest_that_does_not_know_it_yet_is_nobodys_claim() -> None:
+def test_a_robot_at_an_ingest_that_does_not_know_it_yet_is_no_claim() -> None:
     said = {0: [identity("A", NOW_S), status("A", NOW_S, 3.0)], 1: [status("A", NOW_S, 3.0)]}
     assert claimed(said, 8) == []
 
 
-def test_a_robot_that_is_in_two_places_by_two_ingests_is_told_of() -> None:
+def test_a_robot_in_two_places_at_two_ingests_is_a_claim() -> None:
     said = {number: [identity("A", NOW_S), status("A", NOW_S, 60.0 * number)] for number in range(2)}
     (raised,) = claimed(said, 8)
     assert (raised.kind, raised.owner) == ("two_places", "Alder")
 
 
-def test_a_claim_that_one_ingest_tells_stands_as_long_as_there() -> None:
+def test_a_claim_of_one_ingest_stands_as_long_as_at_the_ingest() -> None:
     ingest, commons, told = fleet(), GlobalJudge(SITE), []
     owner, other = Connection(1, vendor="Alder"), Connection(2, vendor="Mallory")
     ingest.receive(identity("A", NOW_S), NOW_S, owner)

@@ -17,7 +17,7 @@ pytestmark = needs_server
 PAIR = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000000000b")
 
 
-async def test_what_waits_is_bounded_and_what_was_told_waits_no_more(
+async def test_waiting_revisions_are_bounded_and_written_ones_do_not_count(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(outbox, "MOST_WAITING", 10)

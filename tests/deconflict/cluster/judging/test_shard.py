@@ -75,7 +75,7 @@ def strips(grid: Grid, count: int, half_m: float) -> Callable[[Tile], int]:
     halvings=st.integers(0, 2),
     mixed=st.booleans(),
 )
-def test_shards_tell_what_one_engine_tells_whatever_the_tiling(
+def test_shards_publish_what_one_engine_publishes_whatever_the_tiling(
     seed: int, side_m: float, count: int, halvings: int, mixed: bool
 ) -> None:
     rng, grid = np.random.default_rng(seed), Grid(side_m)
@@ -106,7 +106,7 @@ def halves(shards: Shards) -> Shards:
     return shards
 
 
-def test_two_in_a_row_stay_with_the_owner_who_raised_them_however_far_they_go() -> None:
+def test_an_advisory_stays_with_the_owner_of_its_home_however_far_the_pair_drives() -> None:
     """A pair that leaves its owner's reach with its advisory open, into a shard that never saw it begin."""
     courses: dict[str, Course] = {"A": behind, "B": lambda t: (-18.8 + 1.6 * t, 0.0, 0.0)}
     shards = halves(Shards(Grid(20.0), 2))
@@ -118,7 +118,7 @@ def test_two_in_a_row_stay_with_the_owner_who_raised_them_however_far_they_go() 
     assert behind(cleared_s)[0] > 20.0 + REACH_M
 
 
-def test_a_robot_that_appears_elsewhere_leaves_no_shadow_behind() -> None:
+def test_a_robot_that_appears_elsewhere_leaves_no_copy_behind() -> None:
     courses: dict[str, Course] = {
         "A": lambda t: (-60.0 + t, 0.0, 0.0),
         "B": lambda t: (-33.0 - t, 0.0, pi),
@@ -140,7 +140,7 @@ def test_a_robot_that_appears_elsewhere_leaves_no_shadow_behind() -> None:
     assert len(lives[0]) == 4
 
 
-def test_a_robot_quicker_than_the_site_says_is_heard_by_its_whole_floor() -> None:
+def test_a_robot_faster_than_the_setting_goes_to_its_whole_floor() -> None:
     courses: dict[str, Course] = {
         "A": lambda t: (-110.0 + 5.0 * t, 0.0, 0.0),
         "B": lambda t: (6.0, -6.0 + 0.3 * t, 1.57),
@@ -149,7 +149,7 @@ def test_a_robot_quicker_than_the_site_says_is_heard_by_its_whole_floor() -> Non
 
 
 @pytest.mark.parametrize("told_in_time", [True, False])
-def test_a_shard_that_takes_tiles_over_goes_on_with_their_advisories(told_in_time: bool) -> None:
+def test_a_shard_that_takes_over_tiles_continues_their_advisories(told_in_time: bool) -> None:
     """The west's owner dies, once as all that it decided is told, once before its last revisions are."""
     courses = {"A": crossing_at(-12.0, 14.0, 0.0), "B": crossing_at(-12.0, 0.0, 14.0)}
     ingests, single, shards = Ingests(courses), Single(), halves(Shards(Grid(20.0), 2))

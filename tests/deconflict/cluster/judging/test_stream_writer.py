@@ -14,7 +14,7 @@ KEPT_S = 2.0
 OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000000000b")
 
 
-async def test_a_pair_that_meets_again_after_its_last_advisory_is_no_longer_kept_is_told_of(tmp_path: Path) -> None:
+async def test_a_pair_whose_last_advisory_has_expired_gets_a_new_one(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
         writer = StreamWriter(bus.revisions)
         assert await writer.write(HOME, made(1)) is None
@@ -27,7 +27,7 @@ async def test_a_pair_that_meets_again_after_its_last_advisory_is_no_longer_kept
     assert stands.advisory == made(2)
 
 
-async def test_what_a_server_that_lost_its_store_has_not_is_told_anew(tmp_path: Path) -> None:
+async def test_a_server_that_lost_its_store_gets_the_missing_revisions_again(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
         writer = StreamWriter(bus.revisions)
@@ -39,7 +39,7 @@ async def test_what_a_server_that_lost_its_store_has_not_is_told_anew(tmp_path: 
     assert (stands.seq, stands.advisory) == (1, made(1, revision=2))
 
 
-async def test_what_is_open_is_told_again_to_a_server_that_lost_its_store_by_whoever_knows_it(tmp_path: Path) -> None:
+async def test_any_writer_restores_open_advisories_to_a_server_that_lost_its_store(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 2) as both, asyncio.timeout(300):
         writers = [StreamWriter(bus.revisions) for bus in both]
@@ -63,7 +63,7 @@ async def test_what_is_open_is_told_again_to_a_server_that_lost_its_store_by_who
     assert [one and (one.seq, one.advisory) for one in told] == [(2, cleared(1, revision=3)), None]
 
 
-async def test_what_is_open_for_longer_than_is_kept_is_told_once_more_before_it_is_forgotten(tmp_path: Path) -> None:
+async def test_an_open_advisory_is_written_once_more_before_it_expires(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
         writer = StreamWriter(bus.revisions)
         keeping = asyncio.create_task(writer.keep_complete())

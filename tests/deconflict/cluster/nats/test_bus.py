@@ -33,7 +33,7 @@ from tests.helpers.saying import HALL
 pytestmark = needs_server
 
 
-async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_refused(tmp_path: Path) -> None:
+async def test_a_repeated_revision_is_stored_once_and_another_in_its_place_is_refused(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 2) as (one, other):
         first = await one.revisions.write(HOME, made(1), 0)
         second = await one.revisions.write(HOME, made(1, revision=2), first)
@@ -45,7 +45,7 @@ async def test_a_revision_sent_again_is_not_doubled_but_another_in_its_place_is_
     assert stands.advisory == made(1, revision=2)
 
 
-async def test_an_engine_goes_on_with_what_another_tells_while_it_runs(tmp_path: Path) -> None:
+async def test_an_engine_continues_an_advisory_that_another_wrote(tmp_path: Path) -> None:
     broker = Broker(tmp_path)
     async with buses(broker, 1) as (other,):
         member = EngineMember(
@@ -129,7 +129,7 @@ async def sent(bus: Bus, heard: list[int], first: int) -> None:
         await asyncio.sleep(0.1)
 
 
-async def test_what_was_left_while_the_connection_was_renewed_is_not_heard_again(tmp_path: Path) -> None:
+async def test_a_channel_left_during_a_reconnect_is_not_subscribed_again(tmp_path: Path) -> None:
     broker = Broker(tmp_path)
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
         leaves: dict[str, Callable[[], Awaitable[None]]] = {}
@@ -166,7 +166,7 @@ async def channels_heard(bus: Bus) -> set[str]:
     return {str(one.config.filter_subject).rsplit(".", 1)[1] for one in consumers}
 
 
-async def test_a_question_that_fails_or_is_given_up_leaves_nothing_behind(tmp_path: Path) -> None:
+async def test_a_failed_or_cancelled_question_leaves_no_subscription(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     async with buses(Broker(tmp_path, "-m", str(port)), 1) as (bus,), asyncio.timeout(300):
         await bus.state.beat(f"{FEED}silent", {})

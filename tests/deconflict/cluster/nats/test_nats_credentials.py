@@ -29,7 +29,7 @@ async def reaches(broker: Broker, **told: str) -> bool:
 
 
 @needs_server
-async def test_a_server_that_asks_for_a_token_is_given_it_and_no_other_gets_in(
+async def test_a_server_with_a_token_accepts_only_members_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     broker = Broker(tmp_path / "nats", "--auth", SECRET)
@@ -51,7 +51,7 @@ async def test_a_server_that_asks_for_a_token_is_given_it_and_no_other_gets_in(
 
 
 @needs_server
-async def test_a_server_that_asks_for_a_user_and_shows_a_certificate_is_signed_in_to(tmp_path: Path) -> None:
+async def test_a_member_signs_in_to_a_server_with_a_user_and_a_certificate(tmp_path: Path) -> None:
     authority = trustme.CA()
     server, client = authority.issue_cert("127.0.0.1"), authority.issue_cert("engine")
     files = {name: str(tmp_path / name) for name in ("ca", "server", "key", "client", "password")}
@@ -69,7 +69,7 @@ async def test_a_server_that_asks_for_a_user_and_shows_a_certificate_is_signed_i
         broker.kill()
 
 
-def test_what_is_missing_is_said_before_anything_starts(tmp_path: Path) -> None:
+def test_missing_credentials_are_named_before_anything_starts(tmp_path: Path) -> None:
     here = {"nats": ("nats://127.0.0.1",)}
     with pytest.raises(SecretError, match="NO_SUCH_TOKEN"):
         credentials(Cluster(**here, token="env:NO_SUCH_TOKEN"))
@@ -88,6 +88,6 @@ def test_what_is_missing_is_said_before_anything_starts(tmp_path: Path) -> None:
         ({"token": "hunter2"}, "not the secret itself"),
     ],
 )
-def test_credentials_that_cannot_be_name_the_key(told: dict[str, str], says: str) -> None:
+def test_invalid_credentials_name_the_key(told: dict[str, str], says: str) -> None:
     with pytest.raises(SiteError, match=says):
         site_from_document({"cluster": {"nats": ["nats://a"], **told}})

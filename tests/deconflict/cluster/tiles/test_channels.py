@@ -28,7 +28,7 @@ def batch_at(tick: int, **courses: Course) -> Batch:
     return first if len(first) else second
 
 
-def test_a_robot_is_told_of_where_it_is_and_once_more_where_it_was() -> None:
+def test_a_robot_goes_to_its_tile_and_once_more_to_its_last_tile() -> None:
     one = sorter()
     west, east = batch_at(0, A=lambda _: (19.0, 5.0, 0.0)), batch_at(0, A=lambda _: (21.0, 5.0, 0.0))
     there, here = (channel(Tile(HALL, column, 0)) for column in (0, 1))
@@ -37,20 +37,20 @@ def test_a_robot_is_told_of_where_it_is_and_once_more_where_it_was() -> None:
     assert set(one.sort(east)) == {here, EVERY}
 
 
-def test_a_robot_that_may_get_further_than_engines_listen_is_told_to_its_floor() -> None:
+def test_a_robot_that_may_pass_the_reach_goes_to_its_floor() -> None:
     told = sorter().sort(batch_at(0, A=lambda t: (7.0 * t, 5.0, 0.0)))
     assert set(told) == {channel(Tile(HALL, 0, 0)), wide_channel(HALL), EVERY}
     assert wide_channel(LOFT) not in told
 
 
-def test_a_reach_that_shrinks_is_held_to_at_once() -> None:
+def test_a_smaller_reach_applies_at_once() -> None:
     one, batch = sorter(), batch_at(0, A=lambda t: (1.5 * t, 5.0, 0.0))
     assert wide_channel(HALL) not in one.sort(batch)
     one.renew(SITE.conflict, 10.0)
     assert wide_channel(HALL) in one.sort(batch)
 
 
-def test_what_is_gone_is_told_to_everybody_and_no_more() -> None:
+def test_a_forgotten_robot_goes_to_everybody_once() -> None:
     one, batch = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
     one.sort(batch)
     told = one.sort(batch.take(np.zeros(0, np.int64), (robot("A"),)))
@@ -58,14 +58,14 @@ def test_what_is_gone_is_told_to_everybody_and_no_more() -> None:
     assert one.roots() == set()
 
 
-def test_a_tile_is_asked_for_where_two_may_meet_though_no_robot_is_in_it() -> None:
+def test_a_tile_in_which_two_may_meet_needs_an_owner_though_it_is_empty() -> None:
     """Two that come to a corner of the grid along its lines meet on the other side of them."""
     one = sorter()
     one.sort(batch_at(0, A=lambda t: (t - 8.0, 0.0, 0.0)))
     assert Tile(HALL, -1, -1) in one.roots()
 
 
-def test_a_large_batch_comes_in_pieces_that_a_server_takes() -> None:
+def test_a_large_batch_is_split_into_parcels_that_a_server_accepts() -> None:
     some = batch_at(0, **{f"R-{number}": (lambda _: (0.0, 0.0, 0.0)) for number in range(40)})
     large = Batch.joined([some] * (4 * MOST_BYTES // len(some.to_bytes())))
     told = parcels_of(large.take(np.arange(len(large)), ("gone",)))
@@ -76,18 +76,18 @@ def test_a_large_batch_comes_in_pieces_that_a_server_takes() -> None:
     assert [one.gone for one in parts] == [("gone",)] + [()] * (len(parts) - 1)
 
 
-def test_nobody_is_told_of_nothing() -> None:
+def test_an_empty_batch_goes_to_no_channel() -> None:
     assert sorter().sort(batch_at(0, A=lambda _: (0.0, 0.0, 0.0)).take(np.zeros(0, np.int64))) == {}
 
 
 @pytest.mark.parametrize("name", ["a.b", "a b", "*", ">", "ä/1"])
-def test_any_name_of_a_floor_makes_one_part_of_a_subject(name: str) -> None:
+def test_any_floor_name_becomes_one_token_of_a_subject(name: str) -> None:
     datum, column, row = channel(Tile(name, -3, 4)).split(".")
     assert (column, row) == ("-3", "4")
     assert not set(datum) & set("*> ")
 
 
-def test_floors_that_two_ingests_number_otherwise_are_the_same() -> None:
+def test_floors_that_two_ingests_number_differently_are_the_same() -> None:
     floors, hall = FloorNumbers(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
     (loft, _) = Ingests({"A": lambda _: (1.0, 1.0, 0.0)}, {"A": LOFT}).batches(0)
     told = [floors.renumbered(one) for one in (hall, loft, hall)]

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deconflict.cluster.tiles.tile_owners import Loads, OwnerTable, revised_table
-from deconflict.cluster.tiles.tiles import Area, Grid, Place, Tile
+from deconflict.cluster.tiles.tiles import Area, FloorPosition, Grid, Tile
 
 SIDE_M, HOT_PER_S = 64.0, 100.0
 ROOTS = [Tile("hall", column, 0) for column in range(4)]
@@ -22,7 +22,7 @@ def load_of(tile: Tile, per_s: dict[Tile, float]) -> float:
     return per_s.get(tile.root, 0.0) / float(4 ** len(tile.path))
 
 
-def test_the_tiles_of_a_member_that_is_gone_go_to_those_that_are_left() -> None:
+def test_the_tiles_of_a_lost_member_go_to_the_others() -> None:
     table = settled(OwnerTable(), ["a", "b", "c"], {})
     assert {table.of(one) for one in "abc"} != {frozenset()}
     after = settled(table, ["a", "c"], {}, 1)
@@ -32,7 +32,7 @@ def test_the_tiles_of_a_member_that_is_gone_go_to_those_that_are_left() -> None:
     assert after.global_engine in ("a", "c")
 
 
-def test_a_tile_that_is_too_hot_is_split_and_shared() -> None:
+def test_a_hot_tile_is_split_and_shared() -> None:
     busy = {ROOTS[0]: 350.0}
     table = settled(OwnerTable(), ["a", "b"], busy)
     quarters = [tile for tile in table.owners if tile.root == ROOTS[0]]
@@ -40,7 +40,7 @@ def test_a_tile_that_is_too_hot_is_split_and_shared() -> None:
     assert {table.owners[tile] for tile in quarters} == {"a", "b"}
 
 
-def test_the_next_tile_moves_once_the_one_before_was_counted_where_it_is_now() -> None:
+def test_the_next_tile_moves_once_the_last_moved_tile_was_measured() -> None:
     table = OwnerTable(dict.fromkeys(ROOTS, "a"), "a")
     loads: dict[str, dict[Tile, float]] = {"a": dict.fromkeys(ROOTS, 20.0), "b": {}}
     moved = revised_table(table, loads, ROOTS, SIDE_M, HOT_PER_S)
@@ -49,7 +49,7 @@ def test_the_next_tile_moves_once_the_one_before_was_counted_where_it_is_now() -
     assert len(revised_table(moved, loads | {"b": {first: 20.0}}, ROOTS, SIDE_M, HOT_PER_S).of("b")) == 2
 
 
-def test_a_tile_stays_where_it_would_only_turn_the_difference_round() -> None:
+def test_a_tile_does_not_move_if_that_only_reverses_the_difference() -> None:
     light, heavy, beside = ROOTS[:3]
     table = OwnerTable({light: "a", heavy: "a", beside: "b"}, "a")
     loads: Loads = {"a": {light: 5.0, heavy: 50.0}, "b": {beside: 0.0}}
@@ -83,6 +83,6 @@ def test_every_place_has_one_owner_that_is_alive(history: list[tuple[set[str], f
         assert set(table.owners.values()) <= members
         assert table.global_engine in members
         for x_m in (0.0, 31.9, 32.0, 63.9, 130.0):
-            owners = [one for one in members if Place("hall", x_m, 16.0) in Area(grid, table.of(one))]
+            owners = [one for one in members if FloorPosition("hall", x_m, 16.0) in Area(grid, table.of(one))]
             assert len(owners) == 1
     assert OwnerTable.of_document(table.document()) == table

@@ -43,7 +43,7 @@ def numbers(shelf: Archive) -> str:
         ("AB,CC CC CC CC CC", "11111", {"files": 2, "total_bytes": 1000}, "15"),
     ],
 )
-def test_who_has_many_near_misses_pushes_out_none_of_others(
+def test_vendors_with_many_near_misses_push_out_no_boxes_of_others(
     shelf: Archive, pairs: str, sizes: str, bounds: dict[str, int], left: str
 ) -> None:
     for number, (each, size) in enumerate(zip(pairs.split(), sizes, strict=True), 1):
@@ -52,7 +52,7 @@ def test_who_has_many_near_misses_pushes_out_none_of_others(
     assert numbers(shelf) == left
 
 
-def test_a_box_is_still_proved_by_its_neighbour_when_that_has_gone(shelf: Archive) -> None:
+def test_a_box_is_still_verified_by_the_hash_of_a_removed_neighbour(shelf: Archive) -> None:
     boxes = [put(shelf, number, 1, 2026, pair) for number, pair in enumerate(("AB", "CC", "CC", "CC", "CC"), 1)]
     shelf.prune(files=3, total_bytes=1000, before="")
     assert numbers(shelf) == "145"
@@ -62,7 +62,7 @@ def test_a_box_is_still_proved_by_its_neighbour_when_that_has_gone(shelf: Archiv
     assert len((shelf.directory / REGISTER).read_text().splitlines()) <= 4
 
 
-def test_the_chain_goes_on_though_every_file_is_gone(shelf: Archive) -> None:
+def test_the_chain_continues_after_every_file_was_removed(shelf: Archive) -> None:
     assert shelf.head() == FIRST_HASH
     last = [put(shelf, number) for number in (1, 2)][-1]
     shelf.prune(files=1, total_bytes=1, before="")
@@ -72,14 +72,12 @@ def test_the_chain_goes_on_though_every_file_is_gone(shelf: Archive) -> None:
 @pytest.mark.parametrize(
     "file", ["../advisories.db", REGISTER, "blackbox-20260921T141500000Z.jsonl.zst/../register.jsonl"]
 )
-def test_nothing_else_of_the_directory_is_given_out(shelf: Archive, file: str) -> None:
+def test_no_other_file_of_the_directory_is_served(shelf: Archive, file: str) -> None:
     put(shelf, 1)
     assert shelf.path(file) is None
 
 
-def test_a_line_of_the_register_that_cannot_be_read_hides_no_other(
-    shelf: Archive, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_unreadable_line_of_the_register_hides_no_other(shelf: Archive, caplog: pytest.LogCaptureFixture) -> None:
     box = put(shelf, 1)
     with (shelf.directory / REGISTER).open("a") as register:
         register.write('{"file": 3}\nnonsense\n')

@@ -35,7 +35,7 @@ def lines(floor: Floor, box: Box) -> list[bytes]:
     return list(lines_of(file_of(floor, box)))
 
 
-def test_a_near_miss_is_told_as_it_happened_and_with_what_would_have_avoided_it(box: Box) -> None:
+def test_a_near_miss_has_its_facts_and_the_delay_that_would_have_avoided_it(box: Box) -> None:
     (miss,) = box["near_misses"]
     assert dict(zip(miss["robots"], miss["names"], strict=True)) == {
         robot("A-1"): "Alder A-1",
@@ -48,7 +48,7 @@ def test_a_near_miss_is_told_as_it_happened_and_with_what_would_have_avoided_it(
     assert f"no conflict had Alder B-1 come {delays['Alder B-1']:g} s later" in miss["summary"]
 
 
-def test_a_delay_that_is_said_to_avoid_it_does_and_one_a_step_shorter_does_not(tmp_path: Path, box: Box) -> None:
+def test_the_stated_delay_avoids_the_near_miss_and_a_delay_one_step_shorter_does_not(tmp_path: Path, box: Box) -> None:
     later_s = {one["name"]: one["later_s"] for one in box["near_misses"][0]["avoided_by"]}["Alder B-1"]
     for delay_s, meets in ((later_s, False), (later_s - 0.1, True)):
         directory = tmp_path / str(meets)
@@ -81,7 +81,7 @@ def test_a_change_is_found(floor: Floor, box: Box, change: str) -> None:
         verified(told)
 
 
-def test_the_box_has_what_is_needed_and_no_secret(floor: Floor, box: Box) -> None:
+def test_the_box_has_what_a_replay_needs_and_no_secret(floor: Floor, box: Box) -> None:
     told = lines(floor, box)
     Site.model_validate(json.loads(told[0])["blackbox"]["site"])
     assert b"ALDER_TOKEN" not in told[0]
@@ -91,7 +91,7 @@ def test_the_box_has_what_is_needed_and_no_secret(floor: Floor, box: Box) -> Non
     assert identified == {robot("A-1"), robot("B-1"), robot("C-1")}, "said long before the box begins"
 
 
-def test_the_next_box_goes_on_from_the_last(tmp_path: Path) -> None:
+def test_the_next_box_continues_the_chain_of_the_last(tmp_path: Path) -> None:
     floor = lived(tmp_path, crossing(60.0, 1.7), 80)
     first, second = write_blackbox(floor.order()), write_blackbox(floor.order())
     assert first
@@ -100,7 +100,7 @@ def test_the_next_box_goes_on_from_the_last(tmp_path: Path) -> None:
     assert json.loads(next(lines_of(last)))["before"] == first["sha256"]
 
 
-def test_robots_that_only_seemed_to_come_close_have_no_box(floor: Floor) -> None:
+def test_robots_that_kept_the_clearance_by_their_reports_have_no_box(floor: Floor) -> None:
     order = floor.order()
     far = tuple(one._replace(a=robot("A-1"), b=robot("C-1")) for one in order.pairs)
     assert write_blackbox(replace(order, pairs=far)) is None

@@ -40,13 +40,13 @@ def test_any_changed_byte_is_found_or_changes_the_last_hash(
     assert head != chain.head
 
 
-def test_what_is_no_chain_is_told() -> None:
+def test_lines_without_a_chain_are_an_error() -> None:
     for lines in ([], [b"{}\n"], [b"nothing\n"]):
         with pytest.raises(ChainBrokenError):
             verified(lines)
 
 
-def test_an_end_that_tells_of_other_lines_is_found_though_its_hashes_fit() -> None:
+def test_an_end_with_a_wrong_count_is_found_though_its_hashes_fit() -> None:
     chain = HashChain()
     lines = [chain.link(b'{"a":1}\n'), chain.link(b'{"end":2}\n')]
     with pytest.raises(ChainBrokenError, match="the last line counts 2 lines and there are 1"):

@@ -34,13 +34,13 @@ def passes(*bottoms_m: float) -> RecordedTrack:
 
 
 @pytest.mark.parametrize(("bottom_m", "meets"), [(0.0, True), (0.9, True), (1.2, False), (5.0, False)])
-def test_one_that_passes_above_another_does_not_meet_it(bottom_m: float, meets: bool) -> None:
+def test_a_robot_that_passes_above_another_does_not_meet_it(bottom_m: float, meets: bool) -> None:
     a, b = passes(bottom_m).forecasts(), stands(0.0).forecasts()
     assert (nearest_approach(a, b, CLEARANCE_M, 0.0, 59.0) is not None) is meets
     assert avoiding_delays_s(a, b, CLEARANCE_M, 30.0) == ((None, None) if meets else (0.1, 0.1))
 
 
-def test_a_robot_meets_others_at_the_height_that_it_then_had() -> None:
+def test_a_robot_meets_others_at_the_height_that_it_had_then() -> None:
     below, rises_first, rises_after = (
         stands(0.0).forecasts(),
         passes(0.0, 5.0, 5.0, 0.0).forecasts(),
@@ -61,7 +61,7 @@ def test_a_robot_does_not_meet_itself_where_it_changes_its_height() -> None:
     assert nearest_approach(rising.forecasts(), far.forecasts(), CLEARANCE_M, 0.0, 19.0) is None
 
 
-def test_heights_that_hardly_change_or_are_unknown_are_one() -> None:
+def test_heights_that_hardly_change_or_are_unknown_count_as_one() -> None:
     shaking = track(*((float(t), 0.0, 0.0, 0.04 * (t % 2)) for t in range(20)))
     assert len(shaking.forecasts()) == 1
     assert (shaking.forecasts().bottom_m[0], shaking.forecasts().top_m[0]) == (0.0, pytest.approx(1.04))

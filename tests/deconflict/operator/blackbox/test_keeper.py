@@ -33,7 +33,7 @@ PASSING: dict[str, Course] = {
 }
 
 
-async def test_a_near_miss_is_kept_listed_fetched_and_proved(tmp_path: Path) -> None:
+async def test_a_near_miss_is_kept_listed_fetched_and_verified(tmp_path: Path) -> None:
     def kept(answer: dict[str, Any]) -> bool:
         return bool(answer["blackboxes"])
 
@@ -57,7 +57,7 @@ async def test_a_near_miss_is_kept_listed_fetched_and_proved(tmp_path: Path) -> 
     assert 'deconflict_blackboxes_total{outcome="kept"} 1.0' in text
 
 
-def test_what_is_pending_is_remembered_over_a_restart_and_bounded(tmp_path: Path) -> None:
+def test_pending_near_misses_survive_a_restart_and_are_bounded(tmp_path: Path) -> None:
     store, measures = Store(tmp_path), Measures()
     keeper = Keeper(SETTINGS, tmp_path, store, measures)
     keeper.note(NearPair("a", f"{number:04}", 5.0) for number in range(MOST_PAIRS + 3))
@@ -66,7 +66,7 @@ def test_what_is_pending_is_remembered_over_a_restart_and_bounded(tmp_path: Path
     store.close()
 
 
-def test_a_flood_of_near_misses_of_two_vendors_leaves_room_for_those_of_others(tmp_path: Path) -> None:
+def test_many_near_misses_of_two_vendors_leave_room_for_those_of_others(tmp_path: Path) -> None:
     def noted() -> list[str]:
         return [a for a, *_ in json.loads((tmp_path / FOLDER / PENDING).read_text())]
 
@@ -80,7 +80,7 @@ def test_a_flood_of_near_misses_of_two_vendors_leaves_room_for_those_of_others(t
         assert measures.values["deconflict_blackboxes_total"]["beyond",] == 7
 
 
-async def test_a_near_miss_noted_before_a_restart_is_judged_after_it_and_what_is_old_goes(tmp_path: Path) -> None:
+async def test_a_near_miss_noted_before_a_restart_is_written_after_it_and_old_boxes_are_removed(tmp_path: Path) -> None:
     (tmp_path / FOLDER).mkdir()
     old = put(Archive(tmp_path / FOLDER), 1, year=2001)
     old_file = tmp_path / FOLDER / old["file"]
@@ -111,7 +111,7 @@ def _tick_s(line: bytes) -> float:
     return event.now_s if isinstance(event, Tick) else 0.0
 
 
-async def test_a_recording_that_is_behind_is_waited_for(
+async def test_a_box_waits_for_a_recording_that_is_behind(
     tmp_path: Path, behind: tuple[Floor, Site, bytes], caplog: pytest.LogCaptureFixture
 ) -> None:
     floor, site, rest = behind
@@ -127,7 +127,7 @@ async def test_a_recording_that_is_behind_is_waited_for(
     assert last >= floor.near[-1].at_s + 1.0 - TICK_S
 
 
-async def test_a_recording_that_never_catches_up_is_told_of_and_the_box_cut_short(
+async def test_a_recording_that_never_catches_up_is_logged_and_the_box_is_cut_short(
     tmp_path: Path,
     behind: tuple[Floor, Site, bytes],
     caplog: pytest.LogCaptureFixture,
@@ -156,7 +156,7 @@ async def keeping(data: Path, site: Site, floor: Floor) -> AsyncIterator[Measure
         store.close()
 
 
-async def test_a_box_that_cannot_be_written_is_counted_and_stops_nothing(
+async def test_a_box_that_cannot_be_written_is_counted_and_stops_no_other(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / FOLDER).write_text("a file where the directory belongs")

@@ -30,7 +30,7 @@ def bearer(token: str) -> dict[str, str]:
     return {"authorization": f"Bearer {token}"}
 
 
-async def test_without_people_everybody_is_let_in(tmp_path: Path) -> None:
+async def test_without_people_everybody_has_access(tmp_path: Path) -> None:
     async with (
         served(tmp_path) as face,
         httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
@@ -38,7 +38,7 @@ async def test_without_people_everybody_is_let_in(tmp_path: Path) -> None:
         assert (await client.get("/advisories")).status_code == 200
 
 
-async def test_nobody_gets_anything_but_health_without_a_token(tmp_path: Path, people: tuple[Person, ...]) -> None:
+async def test_without_a_token_only_health_is_served(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
         httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
@@ -78,7 +78,7 @@ async def test_a_browser_signs_in_once(tmp_path: Path, people: tuple[Person, ...
         assert (await browser.get("/advisories")).status_code == 200
 
 
-async def test_to_reload_the_site_takes_the_role_administer(tmp_path: Path, people: tuple[Person, ...]) -> None:
+async def test_reloading_the_site_needs_the_role_administer(tmp_path: Path, people: tuple[Person, ...]) -> None:
     chief = Person(name="Grace", role="administer", token="env:CHIEF")
     async with (
         served(tmp_path, people=(*people, chief)) as face,
@@ -95,7 +95,7 @@ async def test_to_reload_the_site_takes_the_role_administer(tmp_path: Path, peop
         assert refused.json()["problems"]
 
 
-async def test_other_people_hold_at_once_and_end_the_sessions_of_those_who_went(
+async def test_changed_people_apply_at_once_and_end_the_sessions_of_removed_people(
     tmp_path: Path, people: tuple[Person, ...]
 ) -> None:
     async with (
@@ -145,7 +145,7 @@ async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_op
         assert ['"advisory-1"' in str(await kept.recv()), '"advisory-2"' in str(await kept.recv())] == [True, True]
 
 
-async def test_streams_of_nobody_end_once_there_are_people(tmp_path: Path, people: tuple[Person, ...]) -> None:
+async def test_anonymous_streams_end_once_there_are_people(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with served(tmp_path) as face, connect(face.stream()) as stream:
         await until_subscribed(face, 1)
         face.app.state.people.renew(people)
@@ -158,7 +158,7 @@ async def until_subscribed(face: Served, count: int) -> None:
     await until(lambda: face.app.state.measures.values["deconflict_stream_subscribers"] == {(): count})
 
 
-async def test_a_name_that_somebody_made_mean_this_machine_opens_nothing(tmp_path: Path) -> None:
+async def test_a_foreign_host_name_that_points_to_this_machine_is_refused(tmp_path: Path) -> None:
     """DNS rebinding: the page's own origin, and the name that it was loaded by, are the same."""
     async with (
         served(tmp_path) as face,
@@ -172,7 +172,7 @@ async def test_a_name_that_somebody_made_mean_this_machine_opens_nothing(tmp_pat
         assert (await client.get("/advisories", headers={"host": f"localhost:{port}"})).status_code == 200
 
 
-async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ...]) -> None:
+async def test_the_role_read_may_not_acknowledge(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
         httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
@@ -188,7 +188,7 @@ async def test_reading_is_not_answering(tmp_path: Path, people: tuple[Person, ..
         assert (await client.post("/anything", headers=bearer(LEADER))).status_code == 403
 
 
-async def test_a_page_of_another_site_is_refused_even_where_everybody_is_let_in(tmp_path: Path) -> None:
+async def test_a_page_of_another_site_is_refused_even_without_people(tmp_path: Path) -> None:
     async with (
         served(tmp_path) as face,
         httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
@@ -208,11 +208,11 @@ async def test_a_page_of_another_site_is_refused_even_where_everybody_is_let_in(
         ("DELETE", "/webhooks/1", "administer"),
     ],
 )
-def test_what_a_request_takes(method: str, path: str, role: str) -> None:
+def test_each_request_needs_a_role(method: str, path: str, role: str) -> None:
     assert role_needed(method, path) == role
 
 
-def test_a_port_is_exposed_beyond_the_machine_without_credentials() -> None:
+def test_a_network_port_without_credentials_is_exposed() -> None:
     assert exposed_ports(Site()) == []
     assert exposed_ports(Site(receiver=Receiver(host="::1"), operator=Operator(host="localhost"))) == []
     wide = Site(receiver=Receiver(host="0.0.0.0"), operator=Operator(host="0.0.0.0"))  # noqa: S104

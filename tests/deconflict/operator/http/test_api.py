@@ -61,7 +61,7 @@ async def test_advisories_by_state_kind_vendor_robot_and_limit(face: Served, cli
 
 
 @pytest.mark.parametrize("query", ["state=shut", "kind=collision", "limit=0", "limit=100000", "limit=many"])
-async def test_a_question_that_is_not_understood_names_the_parameter(client: httpx.AsyncClient, query: str) -> None:
+async def test_an_invalid_query_names_the_parameter(client: httpx.AsyncClient, query: str) -> None:
     answer = await client.get(f"/advisories?{query}")
     assert answer.status_code == 422
     assert answer.json()["detail"][0]["loc"] == ["query", query.split("=", maxsplit=1)[0]]
@@ -97,7 +97,7 @@ async def test_rejected_messages_are_shown_with_their_reasons(client: httpx.Asyn
 
 
 @pytest.mark.parametrize("path", ["/robots", f"/robots/{ROBOTS[0]}", "/quarantine"])
-async def test_what_a_silent_role_would_know_is_503_and_names_it(
+async def test_an_answer_that_needs_a_silent_role_is_503_and_names_the_role(
     face: Served, client: httpx.AsyncClient, path: str
 ) -> None:
     face.sources.down = {"receiver"}
@@ -127,7 +127,7 @@ async def test_health_is_200_only_while_every_role_and_the_store_answer(
         assert answer.json()["roles"][role] == "down"
 
 
-async def test_a_store_that_fails_is_told_by_health_and_by_advisories(face: Served, client: httpx.AsyncClient) -> None:
+async def test_a_store_that_fails_shows_in_health_and_advisories(face: Served, client: httpx.AsyncClient) -> None:
     face.store.close()
     answer = await client.get("/healthz")
     assert (answer.status_code, answer.json()["status"]) == (503, "degraded")
@@ -136,7 +136,7 @@ async def test_a_store_that_fails_is_told_by_health_and_by_advisories(face: Serv
     assert (answer.status_code, answer.json()["role"]) == (503, "store")
 
 
-async def test_metrics_are_those_of_the_roles_and_of_the_face(face: Served, client: httpx.AsyncClient) -> None:
+async def test_metrics_are_those_of_all_roles(face: Served, client: httpx.AsyncClient) -> None:
     await face.publish(made(1))
     answer = await client.get("/metrics")
     assert answer.headers["content-type"] == "text/plain; version=0.0.4; charset=utf-8"
@@ -147,7 +147,7 @@ async def test_metrics_are_those_of_the_roles_and_of_the_face(face: Served, clie
     assert not [line for line in lines if line.startswith("deconflict_uncatalogued_measures{")]
 
 
-async def test_metrics_are_served_while_a_role_is_silent_and_say_so(face: Served, client: httpx.AsyncClient) -> None:
+async def test_metrics_are_served_while_a_role_is_silent_and_show_it(face: Served, client: httpx.AsyncClient) -> None:
     face.sources.down = {"receiver"}
     answer = await client.get("/metrics")
     assert answer.status_code == 200
@@ -226,18 +226,18 @@ async def test_an_acknowledgement_is_answered_with_the_advisory_and_listed_for_a
 
 
 @pytest.mark.parametrize("body", [{"name": "Kim", "reason": "  "}, {"reason": "called back"}, {"name": "Kim"}, {}])
-async def test_an_acknowledgement_says_who_and_why(face: Served, client: httpx.AsyncClient, body: Any) -> None:
+async def test_an_acknowledgement_needs_a_name_and_a_reason(face: Served, client: httpx.AsyncClient, body: Any) -> None:
     await face.publish(made(1))
     assert (await client.post("/advisories/advisory-1/acknowledgement", json=body)).status_code == 422
     assert face.store.last_seq() == 1
 
 
-async def test_what_is_not_stored_is_not_acknowledged(client: httpx.AsyncClient) -> None:
+async def test_an_unknown_advisory_can_not_be_acknowledged(client: httpx.AsyncClient) -> None:
     answered = await client.post("/advisories/none/acknowledgement", json={"name": "Kim", "reason": "called back"})
     assert answered.status_code == 404
 
 
-async def test_who_asks_for_nothing_is_ended_and_who_follows_is_not(
+async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("deconflict.operator.http.uvicorn_server.IDLE_TIMEOUT_S", 0.5)
@@ -257,7 +257,7 @@ async def test_who_asks_for_nothing_is_ended_and_who_follows_is_not(
         assert '"advisory-1"' in str(await following.recv())
 
 
-async def test_no_more_are_taken_than_there_are_files_for(tmp_path: Path) -> None:
+async def test_no_more_connections_are_accepted_than_files_may_be_open(tmp_path: Path) -> None:
     async with served(tmp_path) as face:
         face.app.state.most_connections = 3
         async with connect(face.stream()), connect(face.stream()):
@@ -276,7 +276,7 @@ async def test_no_more_are_taken_than_there_are_files_for(tmp_path: Path) -> Non
                 assert (await client.get(f"{face.http}/healthz")).status_code == 200
 
 
-async def test_a_handshake_of_tls_that_never_ends_is_ended_and_counts_among_the_connections(
+async def test_a_tls_handshake_that_hangs_is_ended_and_counts_as_a_connection(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("deconflict.operator.http.uvicorn_server.HANDSHAKE_S", 3.0)

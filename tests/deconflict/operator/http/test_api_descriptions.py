@@ -23,7 +23,7 @@ def found(document: dict[str, Any], reference: str) -> Any:
     return at
 
 
-def test_the_openapi_document_is_one_and_has_what_is_asked_of_the_service() -> None:
+def test_the_openapi_document_is_valid_and_has_every_route() -> None:
     document = openapi()
     validate(document)
     assert {"/advisories", "/advisories/{advisory_id}/acknowledgement", "/metrics", "/vendors"} <= set(
@@ -31,7 +31,7 @@ def test_the_openapi_document_is_one_and_has_what_is_asked_of_the_service() -> N
     )
 
 
-def test_every_reference_of_the_asyncapi_document_leads_somewhere() -> None:
+def test_every_reference_of_the_asyncapi_document_resolves() -> None:
     document = asyncapi()
     told = references(document)
     assert len(told) > 10

@@ -39,7 +39,7 @@ async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
         yield one
 
 
-async def test_every_file_of_the_page_is_served_and_may_load_only_from_here(client: httpx.AsyncClient) -> None:
+async def test_every_file_of_the_page_is_served_and_loads_only_from_this_service(client: httpx.AsyncClient) -> None:
     addresses = ["/", *(f"/page/{name}" for name in page_files())]
     assert len(addresses) > 8
     for address in addresses:
@@ -56,12 +56,12 @@ async def test_nothing_but_the_page_is_served(client: httpx.AsyncClient, name: s
     assert (await client.get(f"/page/{name}")).status_code == 404
 
 
-def test_no_module_of_the_page_makes_markup_of_what_it_was_told() -> None:
+def test_no_module_of_the_page_creates_markup_from_data() -> None:
     code = b"".join(content for name, content in page_files().items() if name.endswith(".js"))
     assert not re.findall(rb"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(", code)
 
 
-def test_the_site_is_told_with_its_floors_in_order_and_places_on_them() -> None:
+def test_the_site_has_its_floors_in_order_and_the_places_on_them() -> None:
     document = site_document(load(DEMO))
     assert [one["name"] for one in document["floors"]] == ["Ground hall", "Mezzanine"]
     assert {one["name"] for one in document["floors"][0]["marks"]} >= {"Column A1", "Column C3"}
@@ -69,7 +69,9 @@ def test_the_site_is_told_with_its_floors_in_order_and_places_on_them() -> None:
     assert all(place["floor"] in floors and len(place["polygon"]) >= 3 for place in document["places"])
 
 
-async def test_the_heat_is_where_advisories_arose_in_the_hour_before(face: Served, client: httpx.AsyncClient) -> None:
+async def test_the_heat_map_counts_advisories_raised_in_the_hour_before(
+    face: Served, client: httpx.AsyncClient
+) -> None:
     here, there = (Location(datum="hall", x=x, y=2.5) for x in (3.2, -0.5))
     await face.publish(made(1, location=here), made(1, 2, location=there), cleared(1, 3), made(2, location=here))
     until_s = (START + timedelta(minutes=2, seconds=30)).timestamp()
@@ -89,7 +91,7 @@ async def test_the_past_has_the_advisories_that_were_open_then(face: Served, cli
     assert (await client.get(f"/past?at_s={at_s}")).status_code == 503
 
 
-async def test_a_long_look_back_keeps_nobody_waiting(face: Served, client: httpx.AsyncClient) -> None:
+async def test_a_long_read_of_the_past_delays_no_other_request(face: Served, client: httpx.AsyncClient) -> None:
     await face.publish(*(made(number) for number in range(1, 101)))
     began, goes_on = threading.Event(), threading.Event()
 
@@ -129,7 +131,7 @@ async def test_a_page_is_sent_the_floor_and_then_what_changes(face: Served) -> N
     await until(lambda: face.measured("deconflict_page_viewers") == 0)
 
 
-async def test_a_page_that_reads_nothing_is_dropped_and_delays_nobody(tmp_path: Path) -> None:
+async def test_a_page_that_reads_nothing_is_dropped_and_delays_no_other(tmp_path: Path) -> None:
     async with served(tmp_path, stream_send_timeout_s=0.5) as face:
         fleet = fleet_of(Site(), Measures())
         for i in range(3000):
@@ -149,7 +151,7 @@ async def test_a_page_that_reads_nothing_is_dropped_and_delays_nobody(tmp_path: 
         stuck.close()
 
 
-async def test_while_the_receiver_is_down_the_page_is_told_so_and_the_floor_comes_back(face: Served) -> None:
+async def test_while_the_receiver_is_down_the_page_shows_it_and_then_the_floor_comes_back(face: Served) -> None:
     face.sources.down.add("receiver")
     async with connect(f"ws://{face.address}/live") as page:
         while json.loads(await page.recv())["health"].get("roles") != {"receiver": "down", "engine": "up"}:

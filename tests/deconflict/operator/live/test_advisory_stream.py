@@ -58,7 +58,7 @@ async def test_resuming_anywhere_while_a_writer_appends_loses_and_doubles_nothin
     await writing
 
 
-async def test_a_subscriber_that_comes_back_goes_on_where_it_left(face: Served) -> None:
+async def test_a_returning_subscriber_resumes_at_its_position(face: Served) -> None:
     async def write() -> None:
         for number in range(1, 1001):
             await face.publish(made(number))
@@ -72,7 +72,7 @@ async def test_a_subscriber_that_comes_back_goes_on_where_it_left(face: Served) 
     assert seqs == list(range(1, 1001))
 
 
-async def test_a_stream_goes_on_over_a_restart_of_the_service(tmp_path: Path) -> None:
+async def test_a_stream_resumes_after_a_restart_of_the_service(tmp_path: Path) -> None:
     async with served(tmp_path) as first:
         await first.publish(made(1), made(2))
     async with served(tmp_path) as second:
@@ -81,7 +81,7 @@ async def test_a_stream_goes_on_over_a_restart_of_the_service(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("after", ["x", "-1", "1.5", "", "%C2%B2", "9" * 19])
-async def test_after_that_is_no_number_is_refused_with_the_reason(face: Served, after: str) -> None:
+async def test_an_after_that_is_not_a_number_is_refused_with_the_reason(face: Served, after: str) -> None:
     async with connect(face.stream(f"?after={after}")) as subscriber:
         with pytest.raises(ConnectionClosedError, match="whole number") as closed:
             await subscriber.recv()
@@ -108,7 +108,7 @@ async def test_subscribers_are_counted_while_they_stay(face: Served) -> None:
     assert face.measured("deconflict_stream_dropped_total") == 0
 
 
-async def test_what_a_subscriber_says_is_ignored_unless_it_is_too_long(face: Served) -> None:
+async def test_messages_of_a_subscriber_are_ignored_unless_they_are_too_long(face: Served) -> None:
     async with connect(face.stream()) as subscriber:
         await subscriber.send("hello")
         await subscriber.send(b"hello")

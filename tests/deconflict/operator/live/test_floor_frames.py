@@ -32,7 +32,7 @@ def moved(fleet: Fleet, *names: str, at_s: float = NOW_S, x: float = 0.0) -> Non
         fleet.receive(status(name, at_s, x), at_s, LINE)
 
 
-def test_a_row_says_where_the_robot_is_and_will_be_as_the_seam_does(fleet: Fleet) -> None:
+def test_a_row_has_the_poses_of_the_batch(fleet: Fleet) -> None:
     path = points((NOW_S + 2, 4.0, 1.0, 0.0), (NOW_S + 4, 4.0, 3.0, 1.5))
     fleet.receive(status("A-1", NOW_S, 2.0, 1.0, path=path), NOW_S + 0.25, LINE)
     batch, picture = fleet.next_batch(NOW_S + 0.3), FloorFrames()
@@ -87,7 +87,7 @@ def test_following_frame_by_frame_is_the_same_as_the_whole(fleet: Fleet) -> None
     assert known
 
 
-def test_a_forgotten_robot_is_told_once_and_then_known_by_everybody(fleet: Fleet) -> None:
+def test_a_forgotten_robot_is_in_the_next_frame_and_in_no_later_one(fleet: Fleet) -> None:
     picture = FloorFrames()
     moved(fleet, "A-1")
     picture.add_batch(fleet.next_batch(NOW_S), whole=True)
@@ -98,7 +98,7 @@ def test_a_forgotten_robot_is_told_once_and_then_known_by_everybody(fleet: Fleet
     assert len(picture) == 0
 
 
-def test_who_missed_more_departures_than_are_kept_is_sent_the_whole_floor(
+def test_a_page_that_missed_too_many_departures_gets_the_whole_floor(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MOST_GONE", 1)

@@ -45,7 +45,7 @@ def driven(log: Path, seconds: int) -> dict[int, str]:
     return seen
 
 
-def test_the_past_is_what_the_live_picture_was(tmp_path: Path) -> None:
+def test_the_past_floor_equals_the_live_floor_of_that_time(tmp_path: Path) -> None:
     seen = driven(tmp_path, 40)
     assert len(list(tmp_path.iterdir())) > 1
     for second in (3, 6, 20, 39):
@@ -62,7 +62,7 @@ def test_before_and_without_a_recording_the_floor_is_empty(tmp_path: Path) -> No
     assert told[0] == pytest.approx(NOW_S, abs=1e-5)
 
 
-async def test_a_process_of_its_own_reads_one_at_a_time_and_refuses_a_crowd(tmp_path: Path) -> None:
+async def test_a_worker_process_reads_one_request_at_a_time_and_refuses_too_many(tmp_path: Path) -> None:
     seen = driven(tmp_path, 10)
     past = History(Site(), tmp_path)
     try:

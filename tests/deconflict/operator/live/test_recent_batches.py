@@ -21,7 +21,7 @@ def fleet(*names: str) -> Fleet:
     return one
 
 
-async def test_a_watcher_is_given_each_batch_in_turn_as_the_engine_was() -> None:
+async def test_a_follower_gets_each_batch_in_the_order_of_the_engine() -> None:
     kept = RecentBatches()
     for step in range(3):
         kept.add(NOW_S + step, fleet(f"A-{step}").next_batch(NOW_S + step).to_bytes())
@@ -32,7 +32,7 @@ async def test_a_watcher_is_given_each_batch_in_turn_as_the_engine_was() -> None
     assert (number, whole, batch.robots) == (round((NOW_S + 1) * 1e6), False, (robot("A-1"),))
 
 
-async def test_a_watcher_that_is_up_to_date_waits_for_the_next_tick() -> None:
+async def test_a_follower_that_is_up_to_date_waits_for_the_next_tick() -> None:
     kept = RecentBatches()
     kept.add(NOW_S, fleet().next_batch(NOW_S).to_bytes())
     waiting = asyncio.create_task(kept.after(kept.number))
@@ -42,14 +42,14 @@ async def test_a_watcher_that_is_up_to_date_waits_for_the_next_tick() -> None:
     assert unpacked_batch(await waiting or b"")[2]
 
 
-async def test_without_a_tick_a_watcher_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_without_a_tick_a_follower_gets_an_empty_batch(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = RecentBatches()
     kept.add(NOW_S, fleet().next_batch(NOW_S).to_bytes())
     monkeypatch.setattr(recent_batches, "TICK_TIMEOUT_S", 0.01)
     assert await kept.after(kept.number) == packed_batch(kept.number, b"", whole=False)
 
 
-async def test_before_the_first_tick_a_new_watcher_waits_and_is_then_given_the_whole_floor() -> None:
+async def test_before_the_first_tick_a_new_follower_waits_and_then_gets_the_whole_floor() -> None:
     kept = RecentBatches()
     waiting = asyncio.create_task(kept.after(0))
     await asyncio.sleep(0)
@@ -58,7 +58,7 @@ async def test_before_the_first_tick_a_new_watcher_waits_and_is_then_given_the_w
     assert await waiting is None
 
 
-async def test_who_is_too_far_behind_or_new_needs_the_whole_floor() -> None:
+async def test_a_new_follower_and_one_too_far_behind_need_the_whole_floor() -> None:
     kept = RecentBatches()
     for step in range(KEPT + 2):
         kept.add(NOW_S + step, fleet().next_batch(NOW_S + step).to_bytes())
@@ -67,7 +67,7 @@ async def test_who_is_too_far_behind_or_new_needs_the_whole_floor() -> None:
     assert await kept.after(round((NOW_S + 1) * 1e6)) is not None
 
 
-def test_looking_at_the_whole_floor_changes_nothing_for_the_engine() -> None:
+def test_a_snapshot_of_the_floor_changes_nothing_for_the_engine() -> None:
     looked, alone = fleet("A-1", "A-2"), fleet("A-1", "A-2")
     assert looked.snapshot(NOW_S).robots == (robot("A-1"), robot("A-2"))
     for one in (looked, alone):

@@ -23,7 +23,7 @@ def feeding(port: int, store: Store, publisher: Publisher) -> AbstractAsyncConte
     return working(MqttOutlet(settings, StoreCursor("mqtt", store, publisher), store).run(), publisher)
 
 
-async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_path: Path) -> None:
+async def test_the_broker_retains_open_advisories_and_forgets_cleared_ones(tmp_path: Path) -> None:
     async with broker() as port, asyncio.timeout(PATIENCE_S):
         with kept(tmp_path) as (store, publisher):
             async with feeding(port, store, publisher):
@@ -38,7 +38,7 @@ async def test_the_broker_holds_what_is_open_and_forgets_what_is_cleared(tmp_pat
             assert (await retained(port, {"service", "advisories/advisory-2"}))["deconflict/service"] == "offline"
 
 
-async def test_what_was_missed_while_the_broker_was_away_or_the_service_down_is_made_up_for(tmp_path: Path) -> None:
+async def test_revisions_missed_while_broker_or_service_was_down_are_sent_later(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     async with asyncio.timeout(PATIENCE_S):
         with kept(tmp_path) as (store, publisher):
@@ -58,7 +58,7 @@ async def test_what_was_missed_while_the_broker_was_away_or_the_service_down_is_
                     await retained(port, {"service", "advisories/advisory-3"})
 
 
-def test_a_cleared_advisory_is_told_and_then_no_longer_kept() -> None:
+def test_a_clearing_revision_is_sent_and_then_the_topic_is_emptied() -> None:
     line = PublishedLine(7, cleared(1).model_dump_json())
     assert [(one.payload, one.retain) for one in messages_of("hall", line)] == [(line.text, False), (None, True)]
     assert {one.topic for one in messages_of("hall", line)} == {"hall/advisories/advisory-1"}

@@ -55,7 +55,7 @@ def waiting(publisher: Publisher) -> set[str]:
     return {name for (name,) in publisher.measures.values["deconflict_outlet_waiting"]}
 
 
-async def test_an_outlet_that_changes_goes_on_where_it_was_and_the_others_are_not_disturbed(tmp_path: Path) -> None:
+async def test_a_changed_outlet_resumes_and_the_others_keep_running(tmp_path: Path) -> None:
     with hearing() as first, hearing() as second, hearing() as other:
         async with outlets(tmp_path) as (one, _, publisher):
             one.renew([hook(first, tmp_path), hook(other, tmp_path, "wms")], None)
@@ -70,7 +70,7 @@ async def test_an_outlet_that_changes_goes_on_where_it_was_and_the_others_are_no
         assert numbers(other.heard) == [1, 2, 3]
 
 
-async def test_an_outlet_that_was_stuck_is_given_another_address_and_loses_nothing(tmp_path: Path) -> None:
+async def test_a_stuck_outlet_with_a_new_address_loses_nothing(tmp_path: Path) -> None:
     with hearing() as gone:
         stuck = hook(gone, tmp_path)
     with hearing() as other:
@@ -84,7 +84,7 @@ async def test_an_outlet_that_was_stuck_is_given_another_address_and_loses_nothi
         assert numbers(other.heard) == [1, 2]
 
 
-async def test_an_outlet_that_is_taken_out_is_silent_and_measured_no_more(tmp_path: Path) -> None:
+async def test_a_removed_outlet_sends_nothing_and_has_no_measures(tmp_path: Path) -> None:
     with hearing() as other:
         async with outlets(tmp_path) as (one, _, publisher):
             one.renew([hook(other, tmp_path)], None)
@@ -112,7 +112,7 @@ async def test_without_its_secret_nothing_changes(tmp_path: Path) -> None:
         assert waiting(publisher) == {"mes"}
 
 
-async def test_a_changed_secret_signs_from_then_on_and_one_that_vanishes_stays(tmp_path: Path) -> None:
+async def test_a_changed_secret_signs_from_then_on_and_a_lost_one_stays(tmp_path: Path) -> None:
     with hearing() as other:
         async with outlets(tmp_path) as (one, _, publisher):
             one.renew([hook(other, tmp_path)], None)
@@ -131,7 +131,7 @@ async def test_a_changed_secret_signs_from_then_on_and_one_that_vanishes_stays(t
                 verified(headers, body, SECRET, float(headers["webhook-timestamp"]))
 
 
-async def test_an_outlet_that_dies_of_a_fault_of_its_own_begins_again_is_counted_and_logged(
+async def test_an_outlet_with_an_unexpected_error_restarts_and_is_counted_and_logged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     faults = [RuntimeError("a fault"), RuntimeError("another")]
@@ -175,7 +175,7 @@ class Lingering:
         pass
 
 
-async def test_an_outlet_never_runs_beside_its_former_self_however_quickly_it_changes(
+async def test_an_outlet_never_runs_twice_however_quickly_it_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[int] = []
@@ -200,7 +200,7 @@ async def test_an_outlet_never_runs_beside_its_former_self_however_quickly_it_ch
 
 
 @needs_mosquitto
-async def test_a_broker_that_is_changed_for_another_is_left_offline(tmp_path: Path) -> None:
+async def test_a_replaced_broker_is_left_with_the_state_offline(tmp_path: Path) -> None:
     async with (
         asyncio.timeout(PATIENCE_S),
         broker() as first,

@@ -26,7 +26,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         yield disk
 
 
-async def test_a_full_disk_delays_no_outlet_and_its_place_is_stored_when_there_is_room(
+async def test_a_full_disk_delays_no_outlet_and_the_position_is_stored_when_there_is_room(
     tmp_path: Path, small_disk: Path
 ) -> None:
     with hearing() as other:
@@ -110,7 +110,7 @@ asyncio.run(run(Path(sys.argv[1]), sys.argv[2], sys.argv[3], int(sys.argv[4])))
 """
 
 
-async def test_who_is_killed_on_a_full_disk_loses_nothing_stored_and_sends_again_what_it_could_not_note(
+async def test_an_outlet_killed_on_a_full_disk_loses_nothing_and_resends_what_has_no_stored_position(
     tmp_path: Path, small_disk: Path
 ) -> None:
     secret, lives = tmp_path / "secret", 6
@@ -135,7 +135,7 @@ async def test_who_is_killed_on_a_full_disk_loses_nothing_stored_and_sends_again
         assert numbers(other.heard)[len(told) :][-2:] == [stored + 1, stored + 2]
 
 
-def test_a_place_goes_never_back_and_is_known_before_it_is_stored(tmp_path: Path) -> None:
+def test_a_position_never_goes_back_and_is_known_before_it_is_stored(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert store.position("mes") is None
     store.append([made(1), made(2)])

@@ -23,7 +23,7 @@ async def test_each_revision_is_posted_signed_and_in_order(tmp_path: Path) -> No
         assert told == published
 
 
-async def test_what_is_refused_is_tried_again_and_nothing_overtakes_it(tmp_path: Path) -> None:
+async def test_a_refused_revision_is_sent_again_before_the_next(tmp_path: Path) -> None:
     with hearing(503, 500, 404) as other, kept(tmp_path) as (store, publisher):
         async with posting(other.url, store, publisher, tmp_path):
             await publisher.publish([made(1), made(2)])
@@ -33,7 +33,7 @@ async def test_what_is_refused_is_tried_again_and_nothing_overtakes_it(tmp_path:
         assert publisher.measures.values["deconflict_outlet_waiting"]["mes",] == 0
 
 
-async def test_a_secret_that_can_not_be_used_is_counted_until_it_is_put_right(tmp_path: Path) -> None:
+async def test_an_unusable_secret_is_counted_until_it_is_corrected(tmp_path: Path) -> None:
     path = tmp_path / "secret"
     with hearing() as other, kept(tmp_path) as (store, publisher):
         failures = publisher.measures.values["deconflict_outlet_failures_total"]
@@ -48,7 +48,7 @@ async def test_a_secret_that_can_not_be_used_is_counted_until_it_is_put_right(tm
             await until(lambda: numbers(other.heard) == [1])
 
 
-async def test_a_restart_goes_on_where_it_stopped_and_loses_nothing(tmp_path: Path) -> None:
+async def test_a_restart_resumes_and_loses_nothing(tmp_path: Path) -> None:
     with hearing() as other:
         with kept(tmp_path) as (store, publisher):
             async with posting(other.url, store, publisher, tmp_path):
@@ -70,7 +70,7 @@ async def test_a_new_webhook_begins_with_the_next_revision(tmp_path: Path) -> No
         assert numbers(other.heard) == [2]
 
 
-async def test_an_address_that_is_away_is_told_of_once_without_its_secrets(
+async def test_an_unreachable_address_is_logged_once_without_its_secrets(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with hearing() as gone:
@@ -86,7 +86,7 @@ async def test_an_address_that_is_away_is_told_of_once_without_its_secrets(
     assert "key=abc" not in caplog.text
 
 
-def test_a_secret_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_secret_is_named(tmp_path: Path) -> None:
     with kept(tmp_path) as (store, publisher):
         settings = Webhook(name="mes", url="http://127.0.0.1/", secret=f"file:{tmp_path / 'nothing'}")
         with pytest.raises(SecretError, match="nothing: FileNotFoundError"):

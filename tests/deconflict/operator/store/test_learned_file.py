@@ -4,7 +4,7 @@ from deconflict.operator.store.learned_file import FAILURES, LearnedFile
 from ingest.measures.measures import Measures
 
 
-def test_the_newest_is_read_and_nothing_else_is_left(tmp_path: Path) -> None:
+def test_the_newest_file_is_read_and_no_other_is_left(tmp_path: Path) -> None:
     file = LearnedFile(tmp_path, Measures())
     assert file.read() == b""
     for told in (b"old", b"new"):
@@ -13,7 +13,7 @@ def test_the_newest_is_read_and_nothing_else_is_left(tmp_path: Path) -> None:
     assert [one.name for one in tmp_path.iterdir()] == [file.path.name]
 
 
-def test_what_is_set_aside_is_kept_for_a_person_and_counted(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_set_aside_and_counted(tmp_path: Path) -> None:
     measures = Measures()
     file = LearnedFile(tmp_path, measures)
     file.write(b"damaged")
@@ -23,7 +23,7 @@ def test_what_is_set_aside_is_kept_for_a_person_and_counted(tmp_path: Path) -> N
     assert measures.values[FAILURES] == {("read",): 1, ("write",): 0}
 
 
-def test_a_disk_that_takes_nothing_is_counted_and_leaves_what_was_there(tmp_path: Path) -> None:
+def test_a_failed_write_is_counted_and_leaves_the_old_file(tmp_path: Path) -> None:
     measures = Measures()
     file = LearnedFile(tmp_path, measures)
     file.write(b"old")

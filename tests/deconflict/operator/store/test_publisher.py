@@ -24,7 +24,7 @@ def made_many(first: int, count: int) -> list[PublishedLine]:
     return [PublishedLine(seq, made(seq, seq=seq).model_dump_json()) for seq in range(first, first + count)]
 
 
-async def test_a_follower_that_is_up_to_date_wakes_when_something_is_published(store: Store) -> None:
+async def test_a_waiting_subscriber_wakes_when_a_revision_is_published(store: Store) -> None:
     publisher = Publisher(store, Measures())
     following = asyncio.create_task(publisher.after(0))
     await asyncio.sleep(0)
@@ -53,7 +53,7 @@ async def test_a_follower_behind_the_tail_is_served_from_the_store_until_it_reac
     assert seen == made_many(1, total)
 
 
-async def test_what_another_hand_stored_between_two_publishings_is_not_missed(store: Store) -> None:
+async def test_a_revision_that_another_writer_stored_is_not_missed(store: Store) -> None:
     publisher = Publisher(store, Measures())
     await publisher.publish([made(1)])
     store.append([made(2)])
@@ -63,7 +63,7 @@ async def test_what_another_hand_stored_between_two_publishings_is_not_missed(st
     assert await publisher.after(2) == made_many(3, 1)
 
 
-async def test_a_publishing_given_up_while_it_is_stored_is_made_known_when_sent_again(store: Store) -> None:
+async def test_a_revision_whose_publish_was_cancelled_is_announced_when_sent_again(store: Store) -> None:
     publisher = Publisher(store, Measures())
     given_up = asyncio.create_task(publisher.publish([made(1)]))
     await asyncio.sleep(0)
@@ -74,7 +74,7 @@ async def test_a_publishing_given_up_while_it_is_stored_is_made_known_when_sent_
     assert await publisher.after(0) == made_many(1, 1)
 
 
-async def test_publishing_again_wakes_nobody_and_counts_nothing(store: Store) -> None:
+async def test_a_repeated_publish_wakes_no_subscriber_and_counts_nothing(store: Store) -> None:
     measures = Measures()
     publisher = Publisher(store, measures)
     await publisher.publish([made(1)])
@@ -97,7 +97,7 @@ class CountingStore(Store):
         return super().after(seq, limit)
 
 
-async def test_a_follower_whose_place_was_pruned_to_the_end_looks_once_and_waits_for_news(tmp_path: Path) -> None:
+async def test_a_subscriber_whose_position_was_pruned_reads_once_and_waits(tmp_path: Path) -> None:
     store = CountingStore(tmp_path)
     store.append([made(1), cleared(1), made(2), cleared(2)])
     store.prune(START + timedelta(days=1))
@@ -110,7 +110,7 @@ async def test_a_follower_whose_place_was_pruned_to_the_end_looks_once_and_waits
     store.close()
 
 
-async def test_followers_that_keep_up_share_what_was_published_and_leave_the_store_alone(tmp_path: Path) -> None:
+async def test_subscribers_that_keep_up_share_the_tail_and_read_no_store(tmp_path: Path) -> None:
     store = CountingStore(tmp_path)
     publisher = Publisher(store, Measures())
     for number in range(1, 4):
@@ -121,7 +121,7 @@ async def test_followers_that_keep_up_share_what_was_published_and_leave_the_sto
     store.close()
 
 
-async def test_what_could_not_be_stored_is_not_made_known_and_counted(store: Store) -> None:
+async def test_a_refused_revision_is_not_announced_and_is_counted(store: Store) -> None:
     measures = Measures()
     publisher = Publisher(store, measures)
     await publisher.publish([made(1)])

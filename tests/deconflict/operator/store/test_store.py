@@ -57,7 +57,7 @@ def test_a_revision_sent_again_keeps_its_number_and_its_first_content(store: Sto
     assert [one.seq for one in store.after(0)] == [1, 2]
 
 
-def test_latest_is_the_newest_revision_of_each_and_open_means_not_cleared(store: Store) -> None:
+def test_latest_gives_the_newest_revision_of_each_and_open_means_not_cleared(store: Store) -> None:
     store.append([made(1), made(2), made(3), made(1, 2), cleared(2)])
     assert [(one.id, one.revision) for one in store.open()] == [("advisory-1", 2), ("advisory-3", 1)]
     assert [one.id for one in store.latest("cleared").advisories] == ["advisory-2"]
@@ -95,7 +95,7 @@ ROWS = {
 """Of which advisories each table has any."""
 
 
-def test_pruning_removes_old_cleared_advisories_whole_and_never_a_number_again(store: Store) -> None:
+def test_pruning_removes_old_cleared_advisories_and_reuses_no_number(store: Store) -> None:
     store.append([made(1), made(2), cleared(2), made(3), cleared(3)])
     assert store.prune(START + timedelta(minutes=3)) == 1
     assert store.get("advisory-2") == []
@@ -151,7 +151,7 @@ def test_many_threads_may_append_and_read(store: Store) -> None:
     assert len({one.id for one in store.after(0)}) == 80
 
 
-def test_kill_9_loses_nothing_that_was_acknowledged_and_doubles_nothing(tmp_path: Path) -> None:
+def test_kill_9_loses_nothing_that_append_returned_and_doubles_nothing(tmp_path: Path) -> None:
     writer = subprocess.Popen(
         [sys.executable, "-m", "tests.deconflict.roles.endless_writer", str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE
     )
@@ -215,7 +215,7 @@ def test_a_file_of_the_first_format_is_read_and_searched_by_robot(tmp_path: Path
     store.close()
 
 
-def test_a_deadlock_of_three_is_kept_and_found_by_each_of_its_robots(store: Store) -> None:
+def test_a_deadlock_of_three_is_stored_and_found_by_each_of_its_robots(store: Store) -> None:
     (stored,) = store.append([deadlock("a", "b", "c")])
     for robot in stored.robots:
         assert store.latest(kind="deadlock", robot=robot).advisories == [stored]
@@ -223,7 +223,7 @@ def test_a_deadlock_of_three_is_kept_and_found_by_each_of_its_robots(store: Stor
     assert store.encounters() == {}
 
 
-def test_what_each_vendor_yielded_is_added_up_once_and_kept(store: Store) -> None:
+def test_the_yielded_time_of_each_vendor_is_summed_once_and_kept(store: Store) -> None:
     advice = Recommendation(holds=(Hold(robot=ROBOTS[1], hold_s=4.0),), cost_s=4.0, bound_s=4.0, proven_optimal=True)
     over = cleared(1, recommendation=advice)
     store.append([made(1, recommendation=advice), over])
@@ -297,7 +297,7 @@ def answer(name: str) -> Acknowledgement:
     return Acknowledgement(name=name, reason="called back", at=START + timedelta(minutes=30))
 
 
-def test_an_acknowledgement_is_a_record_of_its_own_and_stays_with_the_advisory(store: Store) -> None:
+def test_an_acknowledgement_is_a_revision_of_its_own_and_stays_with_the_advisory(store: Store) -> None:
     store.append([made(1), made(2)])
     first, second = store.acknowledge("advisory-1", answer("Kim")), store.acknowledge("advisory-1", answer("Ada"))
     assert first
@@ -317,7 +317,7 @@ def test_what_is_not_stored_cannot_be_acknowledged(store: Store) -> None:
     assert store.last_seq() == 0
 
 
-def test_what_was_open_and_what_was_raised_at_a_time_in_the_past(store: Store) -> None:
+def test_open_and_raised_advisories_of_the_past_are_found(store: Store) -> None:
     store.append([made(1), made(2), made(1, 2), cleared(1, 3), made(3)])
     store.acknowledge("advisory-2", answer("Kim"))
     at_s = (START + timedelta(minutes=1, seconds=1)).timestamp()
@@ -378,7 +378,7 @@ def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burd
     store.close()
 
 
-def test_what_is_taken_while_others_are_being_stored_is_stored_next(store: Store) -> None:
+def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None:
     store.accept([made(1)])
     late = [made(2)]
 

@@ -79,7 +79,7 @@ def test_the_same_file_gives_the_same_text_and_ids(tmp_path: Path) -> None:
     assert imported_toml(path, 1.2) == imported_toml(path, 1.2)
 
 
-def test_names_that_are_alike_get_ids_of_their_own(tmp_path: Path) -> None:
+def test_equal_names_get_different_ids(tmp_path: Path) -> None:
     text = BUILDING.replace("pantry", "bay").replace("tug_charger", "Bay!")
     site = site_of(written(tmp_path, "works.building.yaml", text))
     assert [one.id for one in site.resources] == ["ground-bay", "ground-bay-2", "ground-bay-3", "lift-a"]
@@ -93,15 +93,15 @@ def test_names_that_are_alike_get_ids_of_their_own(tmp_path: Path) -> None:
         ("a.xml", "<model>", "can't be read"),
         ("a.xml", '<model><point name="P1"/></model>', "point 'P1' has no positionX"),
         ("a.yaml", BUILDING.replace("measurements", "remarks"), "levels.Upper.measurements: is missing"),
-        ("a.yaml", "levels: {L1: {}}", "does not have the form of its kind: KeyError"),
+        ("a.yaml", "levels: {L1: {}}", "does not have the structure of its format: KeyError"),
     ],
 )
-def test_what_is_no_plan_is_explained(name: str, text: str, message: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_plan_is_explained(name: str, text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(PlanError, match=message):
         imported_toml(written(tmp_path, name, text), 1.2)
 
 
-def test_the_command_prints_what_check_accepts(tmp_path: Path) -> None:
+def test_the_command_prints_a_site_that_check_accepts(tmp_path: Path) -> None:
     plan, made = written(tmp_path, "hall.xml", PLANT.format(x="positionX", y="positionY")), tmp_path / "site.toml"
     command = [sys.executable, "-m", "deconflict"]
     printed = subprocess.run([*command, "site", "import", str(plan)], capture_output=True, text=True, check=True)
@@ -121,7 +121,7 @@ def test_the_command_prints_what_check_accepts(tmp_path: Path) -> None:
         ("opentcs-demo01", 1, {"charger": 4, "dock": 8, "station": 3, "crossing": 2}),
     ],
 )
-def test_real_sites_are_taken_as_they_are(name: str, floors: int, wanted: dict[str, int], tmp_path: Path) -> None:
+def test_real_sites_are_imported_unchanged(name: str, floors: int, wanted: dict[str, int], tmp_path: Path) -> None:
     copy = tmp_path / f"{name}.json"
     copy.write_bytes((Path(RECORDINGS or "") / f"{name}.json").read_bytes())
     site = site_of(copy)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deconflict.settings import site, site_file
+from deconflict.settings import site_file
 from deconflict.simulation.cast import MAKES, VendorName, cast
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
