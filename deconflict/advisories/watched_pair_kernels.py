@@ -12,7 +12,7 @@ decides which of the codes below holds for each prediction:
 `conflict_lifecycle` then makes the revisions, by the rules of `revision_rules`. A prediction that differs from its
 advisory by less than `revision_rules.is_news` asks for is left alone here, so that Python sees few pairs.
 
-The fields of a row stand in `watched_pair_rows`. `examine_pairs` is long because it is one loop that reads many columns.
+The fields of a row stand in `watched_pair_rows`. `examine_pairs` is long because it is one loop over many columns.
 """
 
 from math import hypot, inf

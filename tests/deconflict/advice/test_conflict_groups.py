@@ -28,7 +28,7 @@ def as_sets(groups: ConflictGroups) -> set[tuple[ConflictGroup, frozenset[str]]]
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_groups_that_are_kept_are_those_that_would_be_found_anew(seed: int) -> None:
+def test_updated_groups_are_the_same_as_groups_built_anew(seed: int) -> None:
     rng, kept, sizes = np.random.default_rng(seed), ConflictGroups(), set[int]()
     conflicts: dict[tuple[str, str], ConflictAdvisory] = {}
     for step in range(200):

@@ -96,14 +96,14 @@ def test_the_search_finds_the_first_of_the_cheapest_plans(choice: HoldChoice, bu
 
 
 @given(choices(), st.sampled_from([0, 3, BUDGET]))
-def test_holds_that_are_passed_over_count_as_tried(choice: HoldChoice, budget: int) -> None:
+def test_skipped_holds_count_as_tried(choice: HoldChoice, budget: int) -> None:
     most = tries(choice, budget)
     assert cheapest_plan(choice, budget, most)[0] != UNKNOWN
     assert cheapest_plan(choice, budget, most - 1)[0] == UNKNOWN
 
 
 @given(choices(), st.randoms())
-def test_each_waits_for_those_before_it(choice: HoldChoice, random: Random) -> None:
+def test_each_robot_waits_for_those_before_it_in_order(choice: HoldChoice, random: Random) -> None:
     order = random.sample(range(len(choice.longest)), len(choice.longest))
     plan: dict[int, int] = {}
     for robot in order:

@@ -171,7 +171,7 @@ class Slow:
         return self._advice
 
 
-def test_an_answer_that_came_late_comes_as_late_in_a_replay() -> None:
+def test_a_late_answer_is_as_late_in_a_replay() -> None:
     live, prompt = crossing(), crossing()
     live.engine = Engine(SITE, submit=Slow)
     told = live.run(20)

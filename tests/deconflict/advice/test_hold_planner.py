@@ -79,7 +79,7 @@ def cheapest_s(movers: list[SeenRobot], window: HoldWindow) -> float | None:
         max_size=3,
     )
 )
-def test_holds_are_clear_and_as_cheap_as_any(courses: list[tuple[float, float, float, float]]) -> None:
+def test_holds_resolve_the_conflicts_at_the_least_cost(courses: list[tuple[float, float, float, float]]) -> None:
     window = HoldWindow(NOW_S, 10.0, 0.3, 4.0)
     movers = [
         through(str(row), yaw, before_m=m, speed_mps=v, priority=weight)
@@ -159,7 +159,7 @@ def test_standing_advice_has_no_bound_if_the_cheapest_plan_takes_too_long_to_fin
     assert (again.bound_s, again.proven_optimal) == (0.0, False)
 
 
-def test_differences_are_those_at_which_the_sweep_finds_nothing() -> None:
+def test_allowed_differences_are_those_at_which_the_sweep_finds_no_contact() -> None:
     a, b = through("a", 0.0), through("b", 1.2, before_m=4.0)
     (allowed,) = DelayWindows(near([a, b]), WINDOW).allowed([("a", "b")])
     swept = [
@@ -204,7 +204,7 @@ def test_no_hold_brings_another_pair_together() -> None:
 
 
 @pytest.mark.parametrize(("burdened", "yields"), [("acme", "b"), ("bolt", "a")])
-def test_a_tie_goes_against_the_least_burdened(burdened: str, yields: str) -> None:
+def test_in_a_tie_the_least_burdened_vendor_waits(burdened: str, yields: str) -> None:
     pair = [through("a", 0.0, vendor="acme"), through("b", pi / 2, vendor="bolt")]
     advice = advise_holds(near(pair), [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
     assert [one.robot for one in advice.holds] == [yields]

@@ -23,7 +23,7 @@ from tests.helpers.saying import robot
         (Vendor(name="Alder", models={"A1": Model(priority=3.0)}), "B"),
     ],
 )
-def test_of_two_that_cross_the_one_whose_waiting_counts_less_holds(vendor: Vendor, yields: str) -> None:
+def test_of_two_that_cross_the_one_with_the_lower_priority_holds(vendor: Vendor, yields: str) -> None:
     """Both come at the same time; what is known of earlier burdens says otherwise."""
     floor = Floor(
         {"A": eastward(x=-12.0), "B": northward(y=-12.0)},
@@ -43,7 +43,7 @@ def charger() -> Resource:
 
 
 @pytest.mark.parametrize(("priority", "first"), [(1.0, "B"), (5.0, "C")])
-def test_a_later_robot_goes_first_where_its_waiting_counts_more(priority: float, first: str) -> None:
+def test_a_later_robot_goes_first_if_its_priority_is_higher(priority: float, first: str) -> None:
     """The charger is free when B comes; C comes five seconds later."""
     floor = site(charger(), vendors=(Vendor(name="Basalt", priority=priority),))
     robots = {
@@ -56,7 +56,7 @@ def test_a_later_robot_goes_first_where_its_waiting_counts_more(priority: float,
     assert one.recommendation.slots[0].robot == robot(first)
 
 
-def test_a_model_counts_before_its_vendor_and_strangers_as_usual() -> None:
+def test_priority_is_the_models_then_the_vendors_then_the_usual_one() -> None:
     vendors = Priorities([Vendor(name="Alder", priority=2.0, models={"A1": Model(priority=4.0), "A2": Model()})])
     assert [vendors.of("Alder", model) for model in ("A1", "A2", "A3")] == [4.0, 2.0, 2.0]
     assert vendors.of("Basalt", "A1") == 1.0

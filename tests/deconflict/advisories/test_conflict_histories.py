@@ -143,6 +143,6 @@ class Histories(RuleBasedStateMachine):
             self.folder.cleanup()
 
 
-def test_any_history_tells_each_encounter_as_one_whole_story_with_its_answer() -> None:
+def test_in_any_history_each_encounter_has_one_complete_advisory_with_its_acknowledgement() -> None:
     effort = settings(max_examples=30, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck))
     run_state_machine_as_test(Histories, settings=effort)

@@ -94,7 +94,7 @@ class Story(MadeScene):
         return advisory
 
 
-def test_what_is_no_longer_predicted_tells_how_likely_it_is_until_it_is_cleared() -> None:
+def test_an_unpredicted_conflict_is_updated_in_its_probability_until_it_is_cleared() -> None:
     story = Story()
     raised = story.raised(12)
     told = [story.quiet() for _ in range(2)]
@@ -106,7 +106,7 @@ def test_what_is_no_longer_predicted_tells_how_likely_it_is_until_it_is_cleared(
     assert (back.state, back.probability) == (AdvisoryState.UPDATED, 0.9)
 
 
-def test_what_has_begun_tells_how_likely_it_is() -> None:
+def test_a_conflict_that_has_begun_is_updated_in_its_probability() -> None:
     story = Story()
     story.raised(3)
     story.predicted(0)
@@ -119,7 +119,7 @@ def test_what_has_begun_tells_how_likely_it_is() -> None:
     ]
 
 
-def test_two_that_draw_apart_without_news_may_come_together_again() -> None:
+def test_two_that_draw_apart_without_new_forecasts_may_raise_a_new_advisory() -> None:
     story = Story()
     assert story.predicted(0, separation_m=0.2, start_m=0.2) == []
     assert story.predicted(0, separation_m=0.2, start_m=0.5, fresh=False) == []
@@ -127,7 +127,7 @@ def test_two_that_draw_apart_without_news_may_come_together_again() -> None:
     assert advisory.state is AdvisoryState.RAISED
 
 
-def test_what_had_begun_and_is_to_come_again_is_told_without_news_too() -> None:
+def test_a_conflict_that_had_begun_and_will_begin_again_is_updated_without_a_new_forecast() -> None:
     story = Story()
     story.raised(3)
     (begun,) = story.predicted(0)
@@ -143,7 +143,7 @@ def clear(story: Story) -> None:
         pass
 
 
-def test_looks_at_what_has_begun_count_when_it_is_over() -> None:
+def test_looks_at_a_conflict_that_has_begun_count_after_it_is_cleared() -> None:
     story = Story()
     story.raised(3)
     assert story.predicted(0)
@@ -154,7 +154,7 @@ def test_looks_at_what_has_begun_count_when_it_is_over() -> None:
     assert story.predicted(8)
 
 
-def test_looks_at_what_is_not_to_be_told_again_yet_count_when_it_is_over() -> None:
+def test_looks_within_the_update_gap_count_after_the_advisory_is_cleared() -> None:
     story = Story()
     story.raised(8)
     story.now_s -= 0.5
@@ -182,7 +182,7 @@ def test_two_looks_of_three_raise() -> None:
     assert advisory.summary == "Alder 1 and Corvid 2 cross in 7 s, in Aisle 4 on Hall"
 
 
-def test_one_look_of_three_does_not() -> None:
+def test_one_look_of_three_does_not_raise() -> None:
     story = Story()
     assert [*story.predicted(9), *story.quiet(), *story.quiet(), *story.predicted(9)] == []
 
@@ -211,7 +211,7 @@ def test_a_pair_that_begins_close_and_draws_apart_does_not_alert() -> None:
         assert story.predicted(0, separation_m=0.2, start_m=0.2) == []
 
 
-def test_a_pair_that_begins_close_and_is_about_to_touch_does() -> None:
+def test_a_pair_that_begins_close_and_is_about_to_touch_alerts() -> None:
     (advisory,) = Story().predicted(0, separation_m=0.0, start_m=0.25)
     assert advisory.state is AdvisoryState.RAISED
 
@@ -223,7 +223,7 @@ def test_hovering_at_the_clearance_is_one_encounter() -> None:
         assert story.predicted(0.5, separation_m=0.2, start_m=start_m) == []
 
 
-def test_severity_rises_as_the_conflict_nears_and_is_said_at_once() -> None:
+def test_severity_rises_as_the_conflict_nears_and_is_updated_at_once() -> None:
     story = Story()
     assert story.raised().severity is Severity.CAUTION
     told = [one for in_s in (6, 5, 4, 3, 2, 1) for one in story.predicted(in_s)]
@@ -231,7 +231,7 @@ def test_severity_rises_as_the_conflict_nears_and_is_said_at_once() -> None:
     assert [one.revision for one in told] == [2, 3]
 
 
-def test_a_pass_with_room_to_spare_is_one_level_lower() -> None:
+def test_a_shallow_conflict_is_one_level_less_severe() -> None:
     story = Story()
     story.predicted(8, separation_m=0.25)
     (advisory,) = story.predicted(4, separation_m=0.25)
@@ -255,7 +255,7 @@ def test_a_changed_prediction_is_an_update(in_s: float, x_m: float, separation_m
     assert (update.id, update.raised_at, update.revision) == (first.id, first.raised_at, 2)
 
 
-def test_it_clears_when_not_predicted_for_long_enough() -> None:
+def test_an_advisory_clears_when_not_predicted_for_long_enough() -> None:
     story = Story()
     first = story.raised()
     told = [story.quiet() for _ in range(3)]
@@ -281,7 +281,7 @@ def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
     assert len(story.lifecycle.advisories) == 1
 
 
-def test_it_stays_until_they_have_drawn_apart() -> None:
+def test_an_advisory_stays_until_the_two_have_drawn_apart() -> None:
     story = Story()
     story.raised()
     story.predicted(0, start_m=0.1)
@@ -293,7 +293,7 @@ def test_it_stays_until_they_have_drawn_apart() -> None:
     assert cleared.cleared_because == "they have passed each other"
 
 
-def test_what_becomes_unlikely_stands_for_a_while() -> None:
+def test_an_advisory_that_becomes_unlikely_stands_for_a_while() -> None:
     story = Story()
     story.raised(12)
     told = [story.predicted(10, probability=0.0) for _ in range(3)]
@@ -387,7 +387,7 @@ def test_pairs_no_longer_of_interest_are_forgotten() -> None:
     assert len(story.lifecycle.pairs) == 0
 
 
-def test_the_same_story_gives_the_same_advisories() -> None:
+def test_the_same_predictions_give_the_same_advisories() -> None:
     def tell() -> list[ConflictAdvisory]:
         story = Story()
         return [one for in_s in (9, 8, 6, 3, 2, 1) for one in story.predicted(in_s)]
@@ -400,7 +400,7 @@ def test_the_same_story_gives_the_same_advisories() -> None:
     ("probability", "separation_m", "raises"),
     [(0.3, 0.0, False), (0.6, 0.0, True), (0.6, 0.5, False), (0.9, 0.5, True)],
 )
-def test_it_is_raised_by_how_likely_it_is_and_more_is_asked_of_forecasts_that_miss(
+def test_raising_needs_a_probability_and_a_higher_one_if_the_forecasts_miss(
     probability: float, separation_m: float, raises: bool
 ) -> None:
     story = Story()
@@ -408,7 +408,7 @@ def test_it_is_raised_by_how_likely_it_is_and_more_is_asked_of_forecasts_that_mi
     assert [one.state for one in told] == [AdvisoryState.RAISED] * raises
 
 
-def test_it_stands_until_it_has_become_unlikely() -> None:
+def test_an_advisory_stands_until_its_conflict_is_unlikely() -> None:
     story = Story()
     story.raised()
     held = SETTINGS.raise_probability * HELD_SHARE
@@ -419,7 +419,7 @@ def test_it_stands_until_it_has_become_unlikely() -> None:
     assert [one.cleared_because for one in told] == ["no longer predicted"]
 
 
-def test_a_conflict_that_may_well_not_happen_is_one_level_lower() -> None:
+def test_an_unsure_conflict_is_one_level_less_severe() -> None:
     story = Story()
     story.predicted(5, probability=0.7)
     (advisory,) = story.predicted(4, probability=0.7)

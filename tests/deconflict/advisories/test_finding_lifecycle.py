@@ -60,12 +60,12 @@ def test_a_flicker_clears_nothing() -> None:
 
 
 @pytest.mark.parametrize(("wait_s", "updates"), [(31.0, 0), (35.0, 0), (37.0, 1)])
-def test_a_wait_is_told_again_when_it_has_changed_enough(wait_s: float, updates: int) -> None:
+def test_a_wait_is_updated_when_it_has_changed_enough(wait_s: float, updates: int) -> None:
     told = run(FindingLifecycle(3.0), finding(), finding(), *[finding(wait_s)] * 6)
     assert states(told) == ["raised"] + ["updated"] * updates
 
 
-def test_updates_keep_their_distance_but_for_a_severity_that_rises() -> None:
+def test_updates_keep_a_gap_unless_severity_rises() -> None:
     waits = [finding(30.0 + 20 * step) for step in range(24)]
     told = run(FindingLifecycle(3.0), *waits)
     gaps = [b.updated_at.timestamp() - a.updated_at.timestamp() for a, b in pairwise(told)]
@@ -77,7 +77,7 @@ def test_updates_keep_their_distance_but_for_a_severity_that_rises() -> None:
     ]
 
 
-def test_a_restored_advisory_goes_on_under_its_id() -> None:
+def test_a_restored_advisory_keeps_its_id() -> None:
     (before,) = run(FindingLifecycle(3.0), finding(), finding())
     told = run(FindingLifecycle(3.0, [before]), None, None, finding(60.0), from_s=10.0)
     assert isinstance(told[0], ContentionAdvisory)

@@ -127,7 +127,7 @@ class Floor(MadeScene):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_what_is_left_alone_would_have_told_nothing(seed: int) -> None:
+def test_predictions_that_are_left_alone_would_have_made_no_revision(seed: int) -> None:
     floor, lifecycle, thorough = Floor(seed), ConflictLifecycle(SETTINGS, 60.0), ThoroughLifecycle(SETTINGS, 60.0)
     told: list[ConflictAdvisory] = []
     for _ in range(PASSES):

@@ -20,7 +20,7 @@ def told(kind: str, until_s: float, robots: dict[str, Script], *places: Resource
 
 
 @LEVEL
-def test_a_robot_that_stands_below_is_no_blockage(z_m: float, met: bool) -> None:
+def test_a_robot_that_stands_below_another_is_no_blockage(z_m: float, met: bool) -> None:
     robots = {
         "A": Script([(0, 0, 0)], state=lambda _: "idle"),
         "B": Script([(0, -15, 0), (13, -2, 0), (60, -2, 0)], means=[(0, -15, 0), (20, 5, 0)], z_m=z_m),
@@ -45,7 +45,7 @@ def test_two_that_will_swap_their_docks_one_above_the_other_do_not_lock_each_oth
 
 
 @LEVEL
-def test_two_that_will_swap_places_that_nobody_drew_do_so_at_one_height_only(z_m: float, met: bool) -> None:
+def test_two_that_swap_places_outside_resources_lock_each_other_at_one_height_only(z_m: float, met: bool) -> None:
     robots = {
         "A": Script([(0, 0, 0)], [(80, 20, 0)], state=waits),
         "B": Script([(0, 20, 0)], [(80, 0, 0)], state=waits, z_m=z_m),
@@ -54,7 +54,7 @@ def test_two_that_will_swap_places_that_nobody_drew_do_so_at_one_height_only(z_m
 
 
 @LEVEL
-def test_one_that_comes_to_a_dock_does_not_wait_for_one_above_it(z_m: float, met: bool) -> None:
+def test_a_robot_that_comes_to_a_dock_does_not_wait_for_one_above_it(z_m: float, met: bool) -> None:
     robots = {
         "A": Script([(0, 0, 0)], state=lambda _: "idle", z_m=z_m),
         "B": Script([(0, 30, 0), (30, 0, 0)], [(30, 0, 0)]),
@@ -63,7 +63,7 @@ def test_one_that_comes_to_a_dock_does_not_wait_for_one_above_it(z_m: float, met
 
 
 @LEVEL
-def test_two_in_a_dock_are_a_crowd_where_neither_is_above_the_other(z_m: float, met: bool) -> None:
+def test_two_in_a_dock_are_double_occupancy_if_neither_is_above_the_other(z_m: float, met: bool) -> None:
     robots = {
         "A": Script([(0, -0.6, 0)], state=lambda _: "idle"),
         "B": Script([(0, 0.6, 0.6)], state=lambda _: "idle", z_m=z_m),
@@ -71,7 +71,7 @@ def test_two_in_a_dock_are_a_crowd_where_neither_is_above_the_other(z_m: float, 
     assert bool(told("double_occupancy", 5, robots, resource("d1", 0, 0))) is met
 
 
-def test_a_queue_is_told_of_and_ordered_without_those_that_pass_above_it() -> None:
+def test_a_queue_leaves_out_robots_that_pass_above_it() -> None:
     robots = {
         "A": Script([(0, 0, 0)], state=lambda _: "idle"),
         "B": Script([(0, 30, 0), (30, 0, 0)], [(30, 0, 0)]),

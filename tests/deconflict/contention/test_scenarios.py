@@ -56,7 +56,7 @@ def test_two_that_enter_an_aisle_from_both_ends_lock_each_other_ahead_of_time() 
     assert f"should wait {second.wait_s:.0f} s before lane" in one.summary
 
 
-def test_one_that_waits_beside_the_aisles_end_as_advised_ends_the_deadlock_at_the_promised_cost() -> None:
+def test_waiting_at_the_aisles_end_as_advised_ends_the_deadlock_at_the_promised_cost() -> None:
     east, west = Script([(0, -16, 0), (40, 24, 0)]), Script([(0, 22, 0), (40, -18, 0)])
     scene = Scene(site(aisle("lane", -8, 12)), {"A": east, "B": west})
     (one,) = raised(scene.run(6), "deadlock")
@@ -73,7 +73,7 @@ def test_one_that_waits_beside_the_aisles_end_as_advised_ends_the_deadlock_at_th
     assert raised(told, "deadlock") == []
 
 
-def test_of_two_that_are_both_in_an_aisle_the_one_that_is_less_far_in_should_back_out() -> None:
+def test_of_two_in_an_aisle_the_one_less_far_in_should_back_out() -> None:
     robots = {"A": Script([(0, -16, 0), (40, 24, 0)]), "B": Script([(0, 16, 0), (40, -24, 0)])}
     scene = Scene(site(aisle("lane", -8, 12)), robots)
     (one,) = raised(scene.run(8), "deadlock")
@@ -88,14 +88,14 @@ def test_of_two_that_are_both_in_an_aisle_the_one_that_is_less_far_in_should_bac
     assert last.recommendation.cost_s >= second.wait_s
 
 
-def test_two_that_follow_each_other_through_an_aisle_do_not() -> None:
+def test_two_that_follow_each_other_through_an_aisle_do_not_lock() -> None:
     scene = Scene(
         site(aisle("lane", -8, 12)), {"A": Script([(0, -12, 0), (40, 28, 0)]), "B": Script([(0, -16, 0), (40, 24, 0)])}
     )
     assert raised(scene.run(30), "deadlock") == []
 
 
-def test_two_that_keep_right_in_an_aisle_wide_enough_for_both_do_not() -> None:
+def test_two_that_keep_right_in_a_wide_aisle_do_not_lock() -> None:
     wide = aisle("lane", -8, 12).model_copy(update={"polygon": box(2, 0, 20, 3)})
     east, west = Script([(0, -16, -0.6), (40, 24, -0.6)]), Script([(0, 20, 0.6), (40, -20, 0.6)])
     assert raised(Scene(site(wide), {"A": east, "B": west}).run(30), "deadlock") == []
@@ -103,7 +103,7 @@ def test_two_that_keep_right_in_an_aisle_wide_enough_for_both_do_not() -> None:
     assert raised(Scene(site(wide), dict(zip("AB", narrow, strict=True))).run(12), "deadlock")
 
 
-def test_one_that_stops_in_an_aisle_short_of_the_other_does_not() -> None:
+def test_a_robot_that_stops_in_an_aisle_before_the_other_does_not_lock() -> None:
     scene = Scene(
         site(aisle("lane", -8, 12)),
         {"A": Script([(0, -12, 0), (8, -4, 0)]), "B": Script([(0, 16, 0), (8, 8, 0)])},
@@ -111,7 +111,7 @@ def test_one_that_stops_in_an_aisle_short_of_the_other_does_not() -> None:
     assert raised(scene.run(20), "deadlock") == []
 
 
-def test_two_that_will_swap_their_docks_are_told_a_minute_ahead() -> None:
+def test_two_that_will_swap_docks_have_an_advisory_a_minute_ahead() -> None:
     docks = site(resource("d1", 0, 0), resource("d2", 20, 0))
     scene = Scene(docks, {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0))})
     told = scene.run(5)
@@ -141,7 +141,7 @@ def test_one_of_two_that_swap_is_advised_to_go_to_the_nearest_free_place_first()
     assert "should go to p2 first, which costs 4 s in all" in one.summary
 
 
-def test_two_that_swap_places_nobody_drew_are_told_too() -> None:
+def test_two_that_swap_places_outside_resources_have_an_advisory_too() -> None:
     scene = Scene(site(), {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0))})
     (one,) = raised(scene.run(5), "deadlock")
     assert isinstance(one, DeadlockAdvisory)
@@ -167,7 +167,7 @@ def test_a_chain_whose_last_robot_has_a_free_place_to_go_to_is_no_deadlock() -> 
     assert raised(Scene(docks, robots).run(5), "deadlock") == []
 
 
-def test_a_lift_with_a_twin_standing_free_is_contended_and_its_twin_advised() -> None:
+def test_a_contended_lift_with_a_free_twin_has_the_twin_advised() -> None:
     (one,) = raised(two_lifts().run(5), "contention")
     assert isinstance(one, ContentionAdvisory)
     assert (one.resource, one.capacity, one.queue_length) == ("l1", 1, 1)
@@ -212,7 +212,7 @@ def test_a_robot_that_ignores_the_advice_keeps_the_advisory_open_until_its_wait_
     assert 40 < over.updated_at.timestamp() - NOW_S < 70
 
 
-def test_a_queue_for_a_charger_is_told_with_its_length_and_wait_before_anybody_is_there() -> None:
+def test_a_queue_for_a_charger_has_an_advisory_with_length_and_wait_before_it_forms() -> None:
     charger = resource("c1", 0, 0, kind="charger", service_s=100.0, name="Charger 1")
     robots = {
         "A": Script([(0, 0, 0)], state=lambda _: "charging"),
@@ -274,7 +274,7 @@ def test_four_vendors_at_a_crossing_make_a_queue() -> None:
     assert one.recommendation.cost_s <= (one.recommendation.first_come_cost_s or 0)
 
 
-def test_a_robot_that_stands_in_the_way_is_named_with_everyone_it_holds_up() -> None:
+def test_a_blockage_names_the_blocker_and_all_robots_it_holds_up() -> None:
     robots = {
         "A": Script([(0, 0, 0)], state=lambda _: "waitingHumanEvent"),
         "B": Script([(0, -30, 0), (28, -2, 0)], means=[(0, -30, 0), (60, 30, 0)]),
@@ -291,7 +291,7 @@ def test_a_robot_that_stands_in_the_way_is_named_with_everyone_it_holds_up() -> 
     assert "Alder A has stood for" in one.summary
 
 
-def test_a_robot_that_tells_no_path_is_held_up_by_what_is_just_ahead_of_it_alone() -> None:
+def test_a_robot_without_a_path_is_held_up_only_by_what_is_just_ahead() -> None:
     def walks(_: float) -> str:
         return "manualOverride"
 
@@ -313,7 +313,7 @@ def test_a_robot_that_rests_in_a_dock_is_no_blockage() -> None:
     assert raised(scene.run(20), "blockage") == []
 
 
-def test_two_that_stand_nose_to_nose_and_mean_to_pass_are_named_within_seconds() -> None:
+def test_two_that_stand_nose_to_nose_have_an_advisory_within_seconds() -> None:
     forth, back = [(0.0, -8.0, 0.0), (60.0, 52.0, 0.0)], [(0.0, 8.0, 0.0), (60.0, -52.0, 0.0)]
     robots = {
         "A": Script([(0, -8, 0), (7.3, -0.7, 0)], state=lambda t: "navigating" if t < 9 else waits(), means=forth),

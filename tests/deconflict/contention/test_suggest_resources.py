@@ -47,6 +47,6 @@ def test_a_place_where_several_vendors_stop_is_proposed_and_loads(tmp_path: Path
 
 
 @pytest.mark.parametrize("known", [site(resource("d1", 10, 0)), site(resource("d1", 10, 0), resource("d2", 60, 60))])
-def test_what_the_site_file_has_is_not_proposed_again(known: Site, tmp_path: Path) -> None:
+def test_resources_of_the_site_file_are_not_proposed_again(known: Site, tmp_path: Path) -> None:
     told = tomllib.loads(suggested([log(tmp_path)], known)).get("resources", [])
     assert not [one for one in told if 9 < one["polygon"][0][0] < 10]

@@ -45,7 +45,7 @@ class Service:
         return [one for one in told if isinstance(one, ClaimAdvisory)]
 
 
-def test_a_report_of_anothers_robot_is_told_of_until_it_ceases() -> None:
+def test_a_foreign_claim_has_an_advisory_until_it_ends() -> None:
     service = Service()
     service.said(identity("A-1", NOW_S), ALDER)
     service.said(status("A-1", NOW_S, 3.0, 4.0), ALDER)
@@ -61,14 +61,14 @@ def test_a_report_of_anothers_robot_is_told_of_until_it_ceases() -> None:
     assert "Mallory reports Alder A-1" in raised.summary
 
 
-def test_a_robot_that_was_never_seen_is_claimed_at_no_place() -> None:
+def test_a_claim_of_a_robot_that_was_never_seen_has_no_location() -> None:
     service = Service()
     assert service.said(identity("A-1", NOW_S), MALLORY) == "uuid-of-another-vendor"
     (raised,) = service.goes_on(5)
     assert (raised.location, raised.names) == (None, (f"Alder {robot('A-1')[:8]}",))
 
 
-def test_however_many_robots_are_claimed_it_is_one_advisory_with_few_revisions() -> None:
+def test_a_claim_of_many_robots_is_one_advisory_with_few_revisions() -> None:
     service, told = Service(), []
     for i in range(60):
         service.said(status(f"A-{i % 40}", service.now_s), MALLORY)
@@ -80,7 +80,7 @@ def test_however_many_robots_are_claimed_it_is_one_advisory_with_few_revisions()
     assert len(service.engine.measures.values["deconflict_advisories_open"]) == 1
 
 
-def test_a_robot_in_two_places_is_told_of_until_one_falls_silent() -> None:
+def test_a_robot_in_two_places_has_an_advisory_until_one_falls_silent() -> None:
     service, told = Service(), []
     other = Connection(3, vendor="Alder")
     for i in range(12):
@@ -95,7 +95,7 @@ def test_a_robot_in_two_places_is_told_of_until_one_falls_silent() -> None:
     assert [one.state.value for one in told] == ["raised", "cleared"]
 
 
-def test_a_restored_claim_goes_on_under_its_id() -> None:
+def test_a_restored_claim_keeps_its_id() -> None:
     service = Service()
     service.said(status("A-1", NOW_S), MALLORY)
     (before,) = service.goes_on(5)

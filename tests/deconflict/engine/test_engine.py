@@ -37,7 +37,7 @@ def test_two_that_pass_with_room_have_none() -> None:
     assert Floor({"A": eastward(), "B": eastward(-1.0, 15.0, 1.0)}).run(20) == []
 
 
-def test_two_that_pass_within_the_clearance_are_told_how_close() -> None:
+def test_two_that_pass_within_the_clearance_have_their_separation_in_the_advisory() -> None:
     told = Floor({"A": eastward(), "B": eastward(-1.0, 15.0, 0.7)}).run(25)
     assert states(told) == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
     assert told[0].min_separation_m == pytest.approx(0.2, abs=2e-3)

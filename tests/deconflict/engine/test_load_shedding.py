@@ -29,7 +29,7 @@ def after(*passes_s: float, start: Effort = Effort.FULL) -> list[Effort]:
     return efforts
 
 
-def test_late_passes_in_a_row_leave_out_separations_first_and_far_conflicts_then() -> None:
+def test_late_passes_in_a_row_leave_out_exact_separations_first_then_far_conflicts() -> None:
     assert after(LATE_S, EASY_S, LATE_S, TIGHT_S) == [Effort.FULL] * 4
     assert after(*[LATE_S] * (3 * LATE_PASSES))[LATE_PASSES - 1 :: LATE_PASSES] == [
         Effort.COARSE,
@@ -38,13 +38,13 @@ def test_late_passes_in_a_row_leave_out_separations_first_and_far_conflicts_then
     ]
 
 
-def test_easy_passes_bring_it_back_step_by_step_and_tight_ones_do_not() -> None:
+def test_easy_passes_restore_effort_step_by_step_and_tight_ones_do_not() -> None:
     assert after(*[TIGHT_S] * 500, start=Effort.NEAR)[-1] is Effort.NEAR
     back = after(*[EASY_S] * (2 * EASY_PASSES), start=Effort.NEAR)
     assert [back[EASY_PASSES - 2], back[EASY_PASSES - 1], back[-1]] == [Effort.NEAR, Effort.COARSE, Effort.FULL]
 
 
-def test_what_proved_too_much_is_tried_again_later_each_time() -> None:
+def test_effort_that_proved_too_much_is_tried_again_later_each_time() -> None:
     shedder = LoadShedder(DEADLINE_S, Effort.COARSE)
     waits = []
     for _ in range(4):
@@ -97,7 +97,7 @@ def test_less_effort_misses_no_near_conflict_and_full_effort_finds_all_again() -
             assert over_m.max() <= COARSE_M + 1e-6
 
 
-def test_separations_are_told_roughly_only_at_less_effort() -> None:
+def test_separations_are_coarse_only_at_less_effort() -> None:
     turns = straight(2, np.random.default_rng(5))
     pose = {"x_m": np.zeros(4), "y_m": np.array([0.0, 0.0, 1.9, 1.9]), "yaw_rad": np.array([0.0, 0.0, 0.3, 3.1])}
     turns = replace(turns, **pose, t_s=np.array([0.0, 0.9, 0.0, 0.9]), length_m=np.full(2, 2.0))
@@ -110,7 +110,7 @@ def test_separations_are_told_roughly_only_at_less_effort() -> None:
 
 
 @pytest.mark.parametrize("effort", Effort)
-def test_a_conflict_is_told_in_time_at_any_effort(effort: Effort) -> None:
+def test_a_conflict_has_an_advisory_in_time_at_any_effort(effort: Effort) -> None:
     told = at_effort(effort)
     assert [one.state for one in (told[0], told[-1])] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
     least_s, most_s = (8.0, 10.0) if effort < Effort.NEAR else (SITE.conflict.urgent_s, SITE.conflict.warning_s)
@@ -122,7 +122,7 @@ def at_effort(effort: Effort) -> list[ConflictAdvisory]:
     return floor.run(32)
 
 
-def test_what_is_open_and_far_stands_while_nobody_looks_that_far() -> None:
+def test_an_open_advisory_on_a_far_conflict_stands_while_far_conflicts_are_left_out() -> None:
     floor = Floor({"A": eastward(x=-20.0), "B": northward(y=-20.0)})
     before = floor.run(12)
     assert before[-1].predicted_at.timestamp() > NOW_S + 12 + SITE.conflict.warning_s
@@ -143,5 +143,5 @@ def test_queues_are_looked_at_less_often_at_the_least_effort() -> None:
     assert (looks(Effort.COARSE), looks(Effort.NEAR)) == (4 * REDUCED_LOOK_S, 4)
 
 
-def test_the_deadline_is_the_sites() -> None:
+def test_the_default_deadline_is_half_a_second() -> None:
     assert Site().engine.deadline_s == DEADLINE_S

@@ -41,7 +41,7 @@ def with_marks(spread_m: float = 0.05) -> tuple[MapDrift, Random]:
     return drift, rng
 
 
-def test_a_frame_that_has_shifted_is_seen_by_how_much() -> None:
+def test_the_drift_of_a_frame_is_how_far_it_has_shifted() -> None:
     drift, rng = with_marks()
     assert drift.drift_m() == {}
     for row in range(30):
@@ -63,7 +63,7 @@ def test_one_dock_that_was_moved_is_no_drift() -> None:
     assert drift.drift_m()["Acme",] < 0.1
 
 
-def test_it_takes_enough_rests_and_each_vendor_has_its_own_marks() -> None:
+def test_drift_needs_enough_rests_and_each_vendor_has_its_own_marks() -> None:
     drift, _ = with_marks()
     for _ in range(FEWEST_RESTS - 1):
         rest_at(drift, 0, 0.5, 0.0)
@@ -73,7 +73,7 @@ def test_it_takes_enough_rests_and_each_vendor_has_its_own_marks() -> None:
     assert set(drift.drift_m()) == {("Acme",)}
 
 
-def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
+def test_the_engine_measures_the_drift_of_a_frame_by_robots_that_dock() -> None:
     site = Site(datums=(Datum(id=HALL, name="Hall"),), resources=DOCKS)
     fleet = Fleet(VendorRegistry(()), FrameRegistry(site.datums, ()), site.reading, Measures(), Quarantine())
     engine, t_s, line = Engine(site), NOW_S, Connection(1)
@@ -90,7 +90,7 @@ def test_the_engine_sees_the_frame_of_robots_that_dock_drift() -> None:
     assert engine.measures.values["deconflict_datum_drift_metres"]["Alder",] == pytest.approx(0.4)
 
 
-def test_marks_are_kept_over_a_restart_but_for_docks_that_are_no_more() -> None:
+def test_marks_are_kept_over_a_restart_except_of_docks_that_were_removed() -> None:
     drift, _ = with_marks()
     resumed, smaller = MapDrift.at(DOCKS), MapDrift.at(DOCKS[:1])
     for one in (resumed, smaller):
@@ -103,7 +103,7 @@ def test_marks_are_kept_over_a_restart_but_for_docks_that_are_no_more() -> None:
     assert smaller.drift_m() == {}
 
 
-def test_a_frame_that_moves_is_told_with_since_when_until_it_is_back() -> None:
+def test_a_frame_that_moves_is_reported_with_its_time_until_it_is_back() -> None:
     drift, rng = with_marks()
     told = []
     for row in range(150):
@@ -118,7 +118,7 @@ def test_a_frame_that_moves_is_told_with_since_when_until_it_is_back() -> None:
     assert told[-1] is None
 
 
-def test_a_frame_that_stays_elsewhere_for_a_day_has_its_marks_there() -> None:
+def test_a_frame_that_stays_moved_for_a_day_gets_new_marks() -> None:
     drift, rng = with_marks()
     told, every_s = [], 600.0
     for row in range(60 + int(ADOPTED_S / every_s) + 6 * MARK_RESTS):
@@ -131,7 +131,7 @@ def test_a_frame_that_stays_elsewhere_for_a_day_has_its_marks_there() -> None:
     assert not told[-1][1]
 
 
-def test_the_engine_says_since_when_a_frame_has_moved() -> None:
+def test_the_engine_measures_since_when_a_frame_has_moved() -> None:
     site = Site(datums=(Datum(id=HALL, name="Hall"),), resources=DOCKS)
     fleet = Fleet(VendorRegistry(()), FrameRegistry(site.datums, ()), site.reading, Measures(), Quarantine())
     engine, line, moved_at = Engine(site), Connection(1), MARK_RESTS + 2 * LEARNED

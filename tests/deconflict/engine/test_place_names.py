@@ -41,10 +41,10 @@ DESCRIBED = [
 
 
 @pytest.mark.parametrize(("point", "phrase"), DESCRIBED)
-def test_a_point_is_told_by_what_a_person_knows_on_the_floor(point: MapPoint, phrase: str) -> None:
+def test_a_point_is_described_by_the_place_around_it_or_the_nearest_mark(point: MapPoint, phrase: str) -> None:
     assert PLACE_NAMES.describe([point]) == [phrase]
 
 
-def test_many_points_are_told_each_as_it_is_alone() -> None:
+def test_many_points_are_described_as_each_is_alone() -> None:
     assert PLACE_NAMES.describe([point for point, _ in DESCRIBED * 2]) == [phrase for _, phrase in DESCRIBED * 2]
     assert PLACE_NAMES.describe([]) == []

@@ -72,7 +72,7 @@ def arrive(floor: Watch) -> None:
     floor.tick()
 
 
-def test_nobody_is_warned_of_a_robot_that_has_left_by_an_exit(door: Mapping[str, Part]) -> None:
+def test_a_robot_that_has_left_by_an_exit_has_no_conflicts(door: Mapping[str, Part]) -> None:
     assert at_the_door(None).conflicts(AdvisoryState.RAISED) != []
     floor = at_the_door(door)
     assert floor.conflicts(AdvisoryState.RAISED) == []
@@ -86,7 +86,7 @@ def test_a_robot_that_has_probably_left_is_still_an_obstacle(door: Mapping[str, 
     assert robots["count"].tolist() == [1]
 
 
-def test_once_another_has_driven_through_its_place_it_is_nowhere(door: Mapping[str, Part]) -> None:
+def test_a_silent_robot_is_removed_once_another_has_driven_through_its_place(door: Mapping[str, Part]) -> None:
     floor = at_the_door(None)
     (raised,) = floor.conflicts(AdvisoryState.RAISED)
     floor.drive("second", DOOR_M - 3.0, 0.2, seconds=4)
@@ -159,7 +159,7 @@ def test_an_advisory_says_so_as_soon_as_its_robot_falls_silent() -> None:
     assert len({one.id for one in floor.conflicts()}) == 1
 
 
-def test_a_robot_that_stood_and_told_a_path_is_believed_to_stand_there_once_it_is_silent() -> None:
+def test_a_silent_robot_that_stood_with_a_path_is_taken_to_stand_there() -> None:
     floor = Judged()
     for name in ("waits", "other"):
         floor.identify(name, baseRobotEnvelope=SIZE)
@@ -185,7 +185,7 @@ def blocked(floor: Watch) -> None:
         floor.wait(1.0)
 
 
-def test_who_has_left_is_in_nobodys_way(door: Mapping[str, Part]) -> None:
+def test_a_robot_that_has_left_blocks_nobody(door: Mapping[str, Part]) -> None:
     floor = Judged()
     blocked(floor)
     assert floor.blockages() != []
@@ -209,14 +209,14 @@ class Watched(Watch):
         return PresenceChanges()
 
 
-def test_of_several_machines_the_one_that_watches_queues_knows_who_has_left(door: Mapping[str, Part]) -> None:
+def test_the_global_judge_of_a_cluster_knows_which_robots_have_left(door: Mapping[str, Part]) -> None:
     for learned, is_told in ((None, True), (dict(door), False)):
         floor = Watched(learned=learned)
         blocked(floor)
         assert any(one.kind == "blockage" for one in floor.told) == is_told
 
 
-def test_measures_tell_how_silences_ended_and_who_has_probably_left(door: Mapping[str, Part]) -> None:
+def test_metrics_count_how_silences_ended_and_which_robots_have_probably_left(door: Mapping[str, Part]) -> None:
     floor = at_the_door(door)
     measures: Measures = floor.engine.measures
     assert measures.as_document()["values"]["deconflict_robots_probably_left"] == [[["Alder"], 1]]

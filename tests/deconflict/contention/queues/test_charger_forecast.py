@@ -43,7 +43,7 @@ def needed(scene: Scene) -> dict[str, float]:
 C1, C2 = charger("c1", 0.0), charger("c2", 6.0)
 
 
-def test_a_robot_whose_battery_will_be_low_is_expected_at_a_charger_before_it_says_so() -> None:
+def test_a_robot_whose_battery_will_be_low_is_expected_at_a_charger_before_it_announces_it() -> None:
     robots: dict[str, Script] = {
         "A": stands(20, at(30.0), 1800.0),
         "B": stands(30, at(80.0), 1800.0),
@@ -57,7 +57,7 @@ def test_a_robot_whose_battery_will_be_low_is_expected_at_a_charger_before_it_sa
     assert scene.engine.measures.values["deconflict_resource_expected_demand"] == {("c1",): 2.0}
 
 
-def test_nobody_is_who_has_a_charger_goes_to_one_does_not_go_anywhere_or_is_far_below_where_others_come() -> None:
+def test_a_robot_at_or_on_its_way_to_a_charger_or_at_rest_or_far_below_usual_levels_is_not_expected() -> None:
     robots: dict[str, Script] = {
         "A": inside(C1, 24.0),
         "B": Driver([(0, 60, 0), (60, 0, 0)], [(60, 0, 0)], level=at(24.0), lasts_s=600.0),
@@ -70,13 +70,13 @@ def test_nobody_is_who_has_a_charger_goes_to_one_does_not_go_anywhere_or_is_far_
     assert needed(scene) == {robot("E"): 1.0}
 
 
-def test_where_there_is_no_charger_nobody_needs_one() -> None:
+def test_without_chargers_there_are_no_needs() -> None:
     scene = Scene(site(resource("d1", 0, 0)), {"A": stands(20, at(24.0), 600.0)})
     scene.run(15)
     assert needed(scene) == {}
 
 
-def test_how_fast_a_level_falls_counts_more_than_what_is_said_of_it() -> None:
+def test_a_measured_drain_counts_more_than_the_reported_run_time() -> None:
     scene = Scene(site(C1), {"A": stands(20, at(45.0, 0.025), 36000.0)})
     scene.run(15)
     assert needed(scene) == {}
@@ -89,7 +89,7 @@ def told_of(scene: Scene, until_s: float) -> list[ContentionAdvisory]:
     return [one for one in raised(scene.run(until_s), "contention") if isinstance(one, ContentionAdvisory)]
 
 
-def test_a_charger_that_is_taken_will_be_full_for_one_that_needs_it() -> None:
+def test_a_taken_charger_is_a_shortage_for_a_robot_that_needs_it() -> None:
     scene = Scene(site(C1), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)})
     (one,) = told_of(scene, 15)
     assert (one.resource, one.resources, one.expected, one.demand, one.queue_length) == ("c1", ("c1",), 1, 2, 1)
@@ -104,23 +104,23 @@ def test_a_charger_that_is_taken_will_be_full_for_one_that_needs_it() -> None:
     assert one.recommendation is None
 
 
-def test_one_that_has_said_that_it_comes_is_no_more_expected_besides() -> None:
+def test_a_robot_that_has_announced_its_arrival_is_not_expected_twice() -> None:
     b = Driver([(0, 60, 0), (60, 0, 0)], [(60, 0, 0)], level=at(24.0), lasts_s=600.0)
     (one,) = told_of(Scene(site(C1), {"A": inside(C1), "B": b}), 15)
     assert (one.expected, one.probability, one.resources) == (0, None, ())
 
 
 @pytest.mark.parametrize("level_pct", [35.0, 60.0])
-def test_a_charger_is_not_told_of_for_one_that_may_need_it_or_not(level_pct: float) -> None:
+def test_a_need_that_is_not_likely_enough_makes_no_shortage(level_pct: float) -> None:
     robots: dict[str, Script] = {"A": inside(C1), "B": stands(20, at(level_pct), 36.0 * level_pct * 2)}
     assert told_of(Scene(site(C1), robots), 30) == []
 
 
-def test_nor_where_there_is_room_for_all() -> None:
+def test_room_for_all_makes_no_shortage() -> None:
     assert told_of(Scene(site(C1, C2), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)}), 30) == []
 
 
-def test_where_a_vendor_is_charged_at_one_of_two_it_needs_that_one() -> None:
+def test_a_vendor_that_charges_at_one_of_two_chargers_needs_that_one() -> None:
     scene = Scene(site(C1, C2), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)})
     batteries = scene.engine._shared.contention.robots.batteries
     scene.run(1)
@@ -131,7 +131,7 @@ def test_where_a_vendor_is_charged_at_one_of_two_it_needs_that_one() -> None:
     assert one.resources == ("c1",)
 
 
-def test_it_stands_until_the_need_is_over_and_is_told_once() -> None:
+def test_a_shortage_has_one_advisory_until_the_need_is_over() -> None:
     b = Driver([(0, 20, 20)], state=lambda t: "idle" if t < 60 else "disabled", level=at(24.0), lasts_s=600.0)
     scene = Scene(site(C1), {"A": inside(C1), "B": b})
     told = [one for one in scene.run(100) if one.kind == "contention"]
@@ -140,7 +140,7 @@ def test_it_stands_until_the_need_is_over_and_is_told_once() -> None:
 
 
 @pytest.mark.parametrize("likely", [(), (0.3,), (0.9, 0.9), (0.2, 0.5, 0.8, 1.0)])
-def test_how_likely_more_than_some_are_is_what_all_cases_tell(likely: tuple[float, ...]) -> None:
+def test_the_probability_of_more_than_a_number_is_that_of_all_cases(likely: tuple[float, ...]) -> None:
     for count in range(len(likely) + 1):
         cases = product((0, 1), repeat=len(likely))
         expected = sum(
@@ -155,7 +155,7 @@ def need(name: str, likely: float, *chargers: str) -> ChargingNeed:
     return ChargingNeed(name, 25.0, frozenset(chargers), np.full(len(AHEAD_S), likely))
 
 
-def test_chargers_among_which_some_robot_may_choose_are_one_pool() -> None:
+def test_chargers_among_which_a_robot_may_choose_are_one_pool() -> None:
     geometry = PlaceGeometry([charger(name, 6.0 * row) for row, name in enumerate("abcd")], ())
     assert pools([need("r", 1.0, "a", "c"), need("s", 1.0, "b")], geometry) == [("a", "c"), ("b",)]
     assert pools([need("r", 1.0, "d", "c"), need("s", 1.0, "b"), need("t", 1.0, "b", "c")], geometry) == [
@@ -166,9 +166,7 @@ def test_chargers_among_which_some_robot_may_choose_are_one_pool() -> None:
 @pytest.mark.parametrize(
     ("robots", "likely", "told"), [(2, 0.99, False), (3, 0.99, True), (3, 0.8, False), (8, 0.6, True)]
 )
-def test_many_that_may_come_fill_chargers_as_likely_as_more_of_them_come_than_there_is_room_for(
-    robots: int, likely: float, told: bool
-) -> None:
+def test_a_shortage_is_as_likely_as_more_robots_than_there_is_room_for(robots: int, likely: float, told: bool) -> None:
     geometry = PlaceGeometry([C1, C2], ())
     found = [need(f"r{number}", likely, "c1", "c2") for number in range(robots)]
     shortage = charger_shortages(found, {}, geometry, 0.0, {"c1": 900.0, "c2": 900.0})
@@ -178,7 +176,7 @@ def test_many_that_may_come_fill_chargers_as_likely_as_more_of_them_come_than_th
         assert (one.capacity, one.from_s, one.wait_s, len(one.needs)) == (2, 60.0, 900.0, robots)
 
 
-def test_those_who_say_that_they_come_take_room_until_they_leave() -> None:
+def test_robots_with_announced_arrivals_take_room_until_they_leave() -> None:
     geometry = PlaceGeometry([C1], ())
     found = [need("r", 0.9, "c1")]
     leaving = forecast_queues({"c1": [QueueEntry(False, -9.0, "s", 30.0, 0.0)]}, geometry, 0.0)
@@ -188,7 +186,7 @@ def test_those_who_say_that_they_come_take_room_until_they_leave() -> None:
     assert (one.announced, one.wait_s) == (("s",), 340.0)
 
 
-def test_what_was_told_of_stands_while_it_is_still_likely() -> None:
+def test_a_standing_shortage_needs_a_lower_probability() -> None:
     geometry = PlaceGeometry([C1], ())
     turns = forecast_queues({"c1": [QueueEntry(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
     for likely, anew, still in ((0.85, True, True), (0.7, False, True), (0.5, False, False)):

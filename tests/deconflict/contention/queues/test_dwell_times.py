@@ -24,7 +24,7 @@ def test_passing_through_is_no_dwell() -> None:
     assert dwells.service_s == 45.0
 
 
-def test_what_the_site_file_says_is_not_learned_over() -> None:
+def test_a_service_time_of_the_site_file_is_not_replaced() -> None:
     dwells = DwellTimes(resource("d", 0, 0, service_s=30.0))
     for _ in range(20):
         dwells.add(300.0)
@@ -32,18 +32,18 @@ def test_what_the_site_file_says_is_not_learned_over() -> None:
 
 
 @pytest.mark.parametrize(("elapsed_s", "remaining_s"), [(0.0, 30.0), (25.0, 5.0), (40.0, 7.5), (400.0, 7.5)])
-def test_one_that_outstays_all_others_goes_on_for_a_quarter_of_a_stay(elapsed_s: float, remaining_s: float) -> None:
+def test_a_robot_that_outstays_all_dwells_stays_a_quarter_of_a_dwell_more(elapsed_s: float, remaining_s: float) -> None:
     assert DwellTimes(resource("d", 0, 0, service_s=30.0)).remaining_s(elapsed_s) == remaining_s
 
 
-def test_who_has_stayed_long_is_compared_with_those_who_stayed_longer() -> None:
+def test_the_remaining_time_is_taken_from_longer_dwells() -> None:
     dwells = DwellTimes(resource("d", 0, 0))
     for dwell_s in (10.0, 10.0, 10.0, 10.0, 10.0, 100.0, 100.0):
         dwells.add(dwell_s)
     assert dwells.remaining_s(50.0) == 50.0
 
 
-def test_stays_that_were_seen_count_after_a_restart() -> None:
+def test_dwells_are_kept_over_a_restart() -> None:
     dwells, resumed = DwellTimes(resource("c", 0, 0, kind="charger")), DwellTimes(resource("c", 0, 0, kind="charger"))
     for _ in range(9):
         dwells.add(120.0)

@@ -32,17 +32,17 @@ def test_no_order_costs_less(given_: list[Task], places: int) -> None:
 
 
 @given(tasks(st.just(3), 5))
-def test_of_one_weight_at_one_place_no_order_costs_less(given_: list[Task]) -> None:
+def test_no_order_of_one_weight_at_one_place_costs_less(given_: list[Task]) -> None:
     assert least_weighted_ends(given_, 1) <= least(given_, 1)
 
 
 @given(st.lists(st.integers(1, 50), min_size=1, max_size=5))
-def test_where_all_are_there_and_weigh_the_same_it_is_what_the_best_order_costs(lengths: list[int]) -> None:
+def test_the_bound_is_exact_for_arrived_jobs_of_one_weight(lengths: list[int]) -> None:
     there = [Task(0, length, 1) for length in lengths]
     assert least_weighted_ends(there, 1) == least(there, 1)
 
 
 @given(st.lists(st.tuples(st.integers(1, 50), st.integers(1, 9)), min_size=1, max_size=4))
-def test_where_all_are_there_it_is_what_the_best_order_costs_at_any_weights(given_: list[tuple[int, int]]) -> None:
+def test_the_bound_is_exact_for_arrived_jobs_at_one_place(given_: list[tuple[int, int]]) -> None:
     there = [Task(0, length, weight) for length, weight in given_]
     assert least_weighted_ends(there, 1) == least(there, 1)

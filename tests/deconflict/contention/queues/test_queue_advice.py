@@ -29,7 +29,7 @@ def queues(chargers: int = 1) -> Scene:
     return Scene(site(*places), robots)
 
 
-def test_an_answer_of_a_thread_is_given_at_the_same_look() -> None:
+def test_an_answer_from_a_thread_is_given_at_the_same_look() -> None:
     def in_time(work: Callable[[], Recommendation]) -> PendingAnswer:
         answer = pool.submit(work)
         answer.result()
@@ -41,7 +41,7 @@ def test_an_answer_of_a_thread_is_given_at_the_same_look() -> None:
         assert threaded.run(20) == queues().run(20)
 
 
-def test_an_answer_that_is_late_holds_no_look_up_and_is_told_when_it_is_there() -> None:
+def test_a_late_answer_delays_no_look_and_is_given_when_it_is_ready() -> None:
     free = Event()
 
     def slow(work: Callable[[], Recommendation]) -> PendingAnswer:
@@ -60,7 +60,7 @@ def test_an_answer_that_is_late_holds_no_look_up_and_is_told_when_it_is_there() 
 
 
 @pytest.mark.parametrize("chargers", [MOST_SOLVED, 3 * MOST_SOLVED])
-def test_where_many_places_are_contended_each_gets_its_advice_in_turn(chargers: int) -> None:
+def test_many_contended_places_get_their_advice_in_turn(chargers: int) -> None:
     asked = [0]
 
     def counted(work: Callable[[], Recommendation]) -> PendingAnswer:

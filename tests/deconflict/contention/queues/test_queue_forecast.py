@@ -38,7 +38,7 @@ def test_one_place_serves_one_after_the_other() -> None:
     assert turns.longest_wait_s == 50.0
 
 
-def test_the_next_one_begins_when_the_one_before_is_out_of_its_way() -> None:
+def test_the_next_turn_begins_after_the_changeover() -> None:
     wanted = [inside("in", -9.0, 10.0), coming("a", 0.0), coming("b", 0.0), coming("c", 500.0)]
     turns = forecast_queues({"c1": wanted}, PlaceGeometry([resource("c1", 0, 0)], ()), 0.0)["c1"]
     assert turns.begin_s[1:] == [10.0 + CHANGEOVER_S, 70.0 + 2 * CHANGEOVER_S, 500.0]
@@ -57,7 +57,7 @@ def test_a_robot_inside_keeps_its_place_for_the_rest_of_its_service() -> None:
     assert turns.present_at(30.0) == ["late"]
 
 
-def test_two_inside_where_one_fits_make_others_wait_for_the_later_one() -> None:
+def test_with_two_inside_where_one_fits_others_wait_for_the_later_one() -> None:
     turns = served(inside("x", -9.0, 10.0), inside("y", -9.0, 40.0), coming("z", 0.0))
     assert turns.begin_s[-1] == 40.0
 
@@ -67,11 +67,11 @@ def test_the_longest_queue_counts_those_that_wait_together(arrivals: tuple[float
     assert served(*(coming(f"r{at}", float(at)) for at in arrivals)).longest_queue == longest
 
 
-def test_a_free_place_is_free_now() -> None:
+def test_a_place_without_a_queue_is_free_now() -> None:
     assert QueueForecast([], 0, [], [], 0.0, 0).free_s(1, 7.0) == 7.0
 
 
-def test_where_nobody_wants_anything_there_are_no_turns() -> None:
+def test_without_entries_there_are_no_queues() -> None:
     assert forecast_queues({}, PlaceGeometry((), ()), 0.0) == {}
 
 
@@ -85,7 +85,7 @@ WANTED = st.lists(
 
 
 @given(lists=st.lists(st.tuples(WANTED, st.integers(1, 3)), min_size=1, max_size=3))
-def test_many_places_are_served_as_each_alone_by_hand(
+def test_many_places_are_served_as_each_is_alone(
     lists: list[tuple[list[tuple[bool, float, float, tuple[float, float]]], int]],
 ) -> None:
     wanted: dict[str, list[QueueEntry]] = {}

@@ -57,7 +57,7 @@ def groups(draw: st.DrawFn, most: int) -> list[PlaceQueue]:
 
 @settings(max_examples=40, deadline=None)
 @given(groups(2))
-def test_small_cases_are_as_cheap_as_any(places: list[PlaceQueue]) -> None:
+def test_small_cases_cost_no_more_than_any_order(places: list[PlaceQueue]) -> None:
     advice = advise_slots(places, NOW_S)
     assert advice.proven_optimal
     assert advice.cost_s == pytest.approx(cheapest_s(places), abs=TIE_S)
@@ -65,7 +65,7 @@ def test_small_cases_are_as_cheap_as_any(places: list[PlaceQueue]) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(groups(7), st.sampled_from([1e-4, 0.02]), st.sampled_from([{}, {"acme": 30.0}]))
-def test_never_dearer_than_first_come_and_the_same_again(
+def test_advice_never_costs_more_than_first_come_and_is_deterministic(
     places: list[PlaceQueue], effort: float, burdens_s: dict[str, float]
 ) -> None:
     advice = advise_slots(places, NOW_S, effort=effort, burdens_s=burdens_s)
@@ -76,7 +76,7 @@ def test_never_dearer_than_first_come_and_the_same_again(
     assert sorted(slot.robot for slot in advice.slots) == sorted(held)
 
 
-def test_a_long_queue_is_known_to_be_near_the_least_that_it_can_cost() -> None:
+def test_the_bound_of_a_long_queue_is_near_its_cost() -> None:
     """Thirty robots in a quarter of an hour: too many to try every order, and more than one place can serve."""
     queue = tuple(request(f"r{row}", 37 * row % 900, 30 + 53 * row % 90) for row in range(30))
     advice = advise_slots([PlaceQueue("dock", 1, queue, 4.0)], NOW_S, effort=1e-4)
@@ -85,7 +85,7 @@ def test_a_long_queue_is_known_to_be_near_the_least_that_it_can_cost() -> None:
     assert 0.95 * advice.cost_s < advice.bound_s <= advice.cost_s
 
 
-def test_what_costs_no_more_than_arrivals_are_known_is_not_searched() -> None:
+def test_an_order_within_the_tie_of_its_bound_is_not_searched() -> None:
     """The bound is a millionth short, so that it is one whatever is rounded; to prove the rest took longest of all."""
     queue = [request(f"r{row}", 20.0 * row, 40.0) for row in range(8)]
     advice = advise_slots([PlaceQueue("dock", 1, (request("in", -5.0, 30.0, inside=True), *queue))], NOW_S, effort=0.0)
@@ -104,7 +104,7 @@ def test_a_short_visit_goes_before_a_long_one() -> None:
     assert advice.expected_saving_s == 639 - 69
 
 
-def test_a_twin_that_stands_free_is_used() -> None:
+def test_a_free_interchangeable_place_is_used() -> None:
     both = (request("a", 5, 60), request("b", 6, 60))
     advice = advise_slots([PlaceQueue("lift-1", 1, both), PlaceQueue("lift-2", 1, ())], NOW_S)
     assert {slot.resource for slot in advice.slots} == {"lift-1", "lift-2"}
@@ -118,13 +118,13 @@ def test_priority_goes_first() -> None:
 
 
 @pytest.mark.parametrize(("burdened", "first"), [("acme", "a"), ("bolt", "b")])
-def test_a_tie_goes_against_the_least_burdened(burdened: str, first: str) -> None:
+def test_in_a_tie_the_least_burdened_vendor_waits(burdened: str, first: str) -> None:
     dock = PlaceQueue("dock", 1, (request("a", 0, 60, vendor="acme"), request("b", 0, 60, vendor="bolt")))
     advice = advise_slots([dock], NOW_S, burdens_s={burdened: 120.0})
     assert advice.slots[0].robot == first
 
 
-def test_advice_stands_until_another_is_worth_the_change() -> None:
+def test_advice_stands_until_another_saves_enough() -> None:
     def order(b_s: float, standing: Recommendation | None = None) -> list[str]:
         return [slot.robot for slot in advised(b_s, standing).slots]
 
@@ -139,13 +139,13 @@ def test_advice_stands_until_another_is_worth_the_change() -> None:
     assert order(70, standing) == ["a", "b", "long", "longer"]
 
 
-def test_more_inside_than_there_is_room_for_are_waited_for() -> None:
+def test_jobs_wait_for_robots_inside_beyond_the_capacity() -> None:
     inside = tuple(request(f"in-{end}", -9, end, inside=True) for end in (10, 20, 30))
     advice = advise_slots([PlaceQueue("dock", 2, (*inside, request("next", 0, 5)))], NOW_S)
     assert [slot.wait_s for slot in advice.slots] == [20.0]
 
 
-def test_nobody_waits_for_nothing() -> None:
+def test_an_empty_group_costs_nothing() -> None:
     advice = advise_slots([PlaceQueue("dock", 1, ())], NOW_S)
     assert advice.slots == ()
     assert advice.proven_optimal

@@ -18,7 +18,7 @@ def test_flow_and_saturation_are_means_over_minutes() -> None:
     assert flow.saturation == pytest.approx(0.5, rel=0.01)
 
 
-def test_saturation_is_held_against_the_density_at_which_flow_was_greatest() -> None:
+def test_saturation_is_relative_to_the_density_of_the_greatest_flow() -> None:
     flow = ZoneFlow(capacity=10)
     run(flow, 600, inside=2, every_s=5)
     run(flow, 600, inside=3, every_s=3)

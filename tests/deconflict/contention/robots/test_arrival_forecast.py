@@ -70,7 +70,7 @@ def expected(arrivals: ArrivalForecast, vendor: str, now_s: float, told_s: float
     return float(stops["t_s"][0, 0]), float(stops["spread_s"][0, 0])
 
 
-def test_nothing_seen_means_that_the_robot_is_believed() -> None:
+def test_without_arrivals_the_announced_time_is_used() -> None:
     expected_s, spread_s = expected(ArrivalForecast(), "Alder", 100.0, 160.0)
     assert expected_s == 160.0
     assert 0 < spread_s < 30
@@ -86,11 +86,11 @@ def test_a_vendor_that_is_always_late_is_expected_late() -> None:
     assert expected(arrivals, "Corvid", 0.0, 100.0)[0] == 100.0
 
 
-def test_a_time_that_is_past_is_now() -> None:
+def test_a_past_announcement_counts_as_now() -> None:
     assert expected(ArrivalForecast(), "Alder", 100.0, 60.0) == (100.0, 0.0)
 
 
-def test_a_plan_that_is_given_up_teaches_nothing() -> None:
+def test_an_arrival_that_is_given_up_teaches_nothing() -> None:
     arrivals = ArrivalForecast()
     arrivals.add("r", "Alder", 0.0, AWAY, [DOCK], [60.0])
     arrivals.add("r", "Alder", 10.0, AWAY, [("hall", 50.0, 0.0)], [60.0])
@@ -105,7 +105,7 @@ def test_a_robot_that_stands_at_its_destination_teaches_nothing() -> None:
     assert arrivals.counts().get("Alder", 0) == 0
 
 
-def test_what_is_kept_is_bounded() -> None:
+def test_announcements_and_ratios_are_bounded() -> None:
     arrivals = ArrivalForecast()
     for number in range(2 * MOST_RATIOS):
         trip(arrivals, "r", 1000.0 * number, takes_s=60.0, told_s=60.0)
@@ -121,14 +121,14 @@ def test_what_was_learned_goes_on_after_a_restart() -> None:
     assert resumed.counts() == {"Alder": 20}
 
 
-def test_a_word_that_is_repeated_is_kept_every_half_minute_and_held_against_the_arrival() -> None:
+def test_a_repeated_announcement_is_kept_every_half_minute_and_compared_with_the_arrival() -> None:
     arrivals = ArrivalForecast()
     for t in range(101):
         arrivals.add("r", "Alder", float(t), DOCK if t == 100 else AWAY, [DOCK], [110.0])
     assert arrivals.counts() == {"Alder": 4}
 
 
-def test_where_a_robot_comes_and_whence_it_sets_out_again_is_seen_as_if_all_that_it_says_counted() -> None:
+def test_skipping_unchanged_reports_finds_the_same_arrivals() -> None:
     rng, points = np.random.default_rng(1), [DOCK, ("hall", 10.0, 2.04), ("yard", 10.0, 0.0), ("", 10.0, 0.0)]
     again, anew, came = AnnouncedArrivals(), AnnouncedArrivals(), 0
     for trip_number in range(20):
@@ -146,12 +146,12 @@ def test_where_a_robot_comes_and_whence_it_sets_out_again_is_seen_as_if_all_that
     assert came > 50
 
 
-def test_a_robot_that_is_in_a_batch_twice_is_heard_in_the_order_of_its_reports() -> None:
+def test_a_robot_that_is_in_a_batch_twice_counts_in_the_order_of_its_reports() -> None:
     batches = [report_of("r", t, ("hall", t, 0.0), [DOCK], [12.0]) for t in (0.0, 9.0, 10.0, 11.0)]
     assert arrivals_of(AnnouncedArrivals(), Batch.joined(batches)) == [(2, [[Announcement(0.0, 12.0)]])]
 
 
-def test_a_slot_that_a_robot_has_left_knows_nothing_of_it() -> None:
+def test_a_reused_slot_keeps_nothing_of_its_last_robot() -> None:
     announced = AnnouncedArrivals()
     arrivals_of(announced, report_of("r", 0.0, AWAY, [DOCK], [60.0]))
     announced.forget("r")

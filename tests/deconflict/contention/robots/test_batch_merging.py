@@ -30,7 +30,7 @@ def test_robots_wait_until_there_are_enough_of_them_and_each_keeps_its_own_tick(
     assert gathering.flush() == []
 
 
-def test_robots_that_are_gone_are_so_before_anything_later() -> None:
+def test_gone_robots_are_removed_before_later_batches() -> None:
     scene, gathering = floor_of(2), BatchMerger()
     here = cut(scene, 0.0)
     left = here.take(np.array([1]), gone=(robot("R-0"),))
@@ -39,7 +39,7 @@ def test_robots_that_are_gone_are_so_before_anything_later() -> None:
     assert (one.batch.robots, one.batch.gone) == ((*here.robots, here.robots[1]), left.gone)
 
 
-def test_batches_that_number_floors_otherwise_are_not_joined() -> None:
+def test_batches_with_other_floor_numbers_are_not_merged() -> None:
     gathering = BatchMerger()
     first, second = cut(floor_of(2), 0.0), cut(Scene(site(), {"L": Script([(0, 0, 0)], datum=LOFT)}), 0.0)
     assert gathering.add(first) == []
@@ -49,7 +49,7 @@ def test_batches_that_number_floors_otherwise_are_not_joined() -> None:
     assert rest.batch.floors == second.floors != first.floors
 
 
-def test_contention_says_the_same_however_often_it_has_to_catch_up() -> None:
+def test_contention_gives_the_same_revisions_however_often_it_catches_up() -> None:
     def scene() -> Scene:
         east = Script([(0, -16, 5), (40, 24, 5)], vendor="Corvid")
         comes = [Script([(0, -12, -n), (12 + n, 0, 0), (40, 0, 0)], [(12 + n, 0, 0)]) for n in range(2)]

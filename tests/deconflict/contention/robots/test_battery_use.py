@@ -33,13 +33,13 @@ def charge(
     made.leave_charger(0, vendor, charger, left_pct)
 
 
-def test_of_a_robot_that_tells_its_level_alone_eight_hours_are_assumed() -> None:
+def test_a_robot_that_reports_only_its_level_is_taken_to_last_eight_hours() -> None:
     made = batteries()
     tell(made, 0.0, 50.0)
     assert drain(made) == pytest.approx(PRIOR_DRAIN_PCT_PER_S)
 
 
-def test_of_one_that_tells_its_run_time_that_is_believed_until_its_level_tells_otherwise() -> None:
+def test_a_reported_run_time_is_used_until_the_drain_is_measured() -> None:
     made = batteries()
     tell(made, 0.0, 50.0, left_s=3600.0)
     assert drain(made) == pytest.approx(50.0 / 3600.0)
@@ -48,7 +48,7 @@ def test_of_one_that_tells_its_run_time_that_is_believed_until_its_level_tells_o
     assert drain(made) == pytest.approx(0.03)
 
 
-def test_of_others_of_a_vendor_their_fellows_tell_once_there_are_some() -> None:
+def test_the_usual_drain_of_a_vendor_is_used_for_its_other_robots() -> None:
     made = batteries(5)
     for slot, rate in enumerate((0.01, 0.02, 0.04)):
         for t_s in (0.0, 1000.0):
@@ -66,7 +66,7 @@ def test_a_level_that_rises_is_no_drain() -> None:
     assert drain(made) == pytest.approx(6.0 / 600.0)
 
 
-def test_what_is_not_told_changes_nothing() -> None:
+def test_reports_without_a_level_change_nothing() -> None:
     made = batteries()
     assert np.isnan(tell(made, 0.0, 50.0))
     assert tell(made, 10.0, nan) == 50.0
@@ -94,7 +94,7 @@ def test_levels_at_which_robots_came_are_learned_where_they_were_charged() -> No
 
 
 @pytest.mark.parametrize(("came_pct", "left_pct"), [(40.0, 40.5), (nan, 90.0), (40.0, nan)])
-def test_one_that_only_passed_or_whose_level_is_not_known_teaches_nothing(came_pct: float, left_pct: float) -> None:
+def test_a_robot_that_was_not_charged_or_has_no_level_teaches_nothing(came_pct: float, left_pct: float) -> None:
     made = batteries()
     charge(made, came_pct, left_pct)
     assert made.highest_pct("Alder") == 27.5

@@ -16,7 +16,7 @@ def test_all_boxes_that_touch_are_found_and_no_others(n: int, m: int) -> None:
     assert np.all(np.diff(found[:, 0]) >= 0)
 
 
-def test_a_box_that_is_grown_is_wider_by_that_on_every_side() -> None:
+def test_an_enlarged_box_is_wider_on_every_side() -> None:
     by_m = np.array([0.0, 1.0])
     west, south, east, north = enlarged(np.array([[0.0, 1.0, 2.0, 3.0]] * 2), by_m).T
     assert west == pytest.approx(-by_m - ROUNDING_M, abs=1e-9)

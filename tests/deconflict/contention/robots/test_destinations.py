@@ -24,17 +24,17 @@ def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[PlannedStop, ...
     return one.stops
 
 
-def test_what_a_robot_is_at_already_is_not_ahead_of_it() -> None:
+def test_stops_that_a_robot_is_at_already_are_left_out() -> None:
     assert [one.x_m for one in told((0, 0), (5, 0.6, 0), (60, 40, 0), (90, 9, 0))] == [40, 9]
 
 
-def test_nor_is_the_resource_that_it_has_however_far_from_its_middle() -> None:
+def test_a_stop_in_the_resource_that_a_robot_has_is_left_out() -> None:
     assert [one.x_m for one in told((39.1, 0), (5, 40.9, 0), (60, 9, 0))] == [9]
     assert [one.x_m for one in told((39.1, 0), (5, 40.9, 0), (50, 39.2, 0), (60, 9, 0), (70, 40, 0))] == [9, 40]
     assert [one.x_m for one in told((38.9, 0), (5, 40.9, 0), (60, 9, 0))] == [40.9, 9]
 
 
-def test_a_stop_is_expected_as_told_but_no_sooner_than_the_robot_can_be_there() -> None:
+def test_a_stop_is_expected_as_announced_but_no_sooner_than_possible() -> None:
     late, soon = told((0, 0), (60, 40, 0), (61, 300, 0))
     assert (late.t_s, late.resource) == (NOW_S + 60, "d1")
     assert late.spread_s == pytest.approx(12.0)
@@ -42,9 +42,9 @@ def test_a_stop_is_expected_as_told_but_no_sooner_than_the_robot_can_be_there() 
     assert soon.resource is None
 
 
-def test_of_more_stops_than_any_robot_has_told_before_all_are_kept() -> None:
+def test_all_stops_are_kept_if_a_robot_has_more_than_any_before() -> None:
     assert len(told((0, 0), *((60.0 + t, 9.0 + t, 30.0) for t in range(40)))) == 40
 
 
-def test_where_nobody_tells_anything_there_is_nowhere_to_go() -> None:
+def test_without_announcements_there_are_no_stops() -> None:
     assert told((0, 0)) == ()

@@ -27,7 +27,7 @@ def left_s(overdue: OverdueTimes, late_s: float) -> list[float]:
 @pytest.mark.parametrize(
     ("late_s", "expected_s"), [(0.0, 0.0), (10.0, 9.7), (100.0, 75.0), (300.0, 158.0), (1000.0, 266.0)]
 )
-def test_of_an_unknown_vendor_as_much_is_left_as_it_is_overdue_but_not_for_ever(
+def test_for_an_unknown_vendor_as_much_time_is_left_as_it_is_overdue_up_to_a_limit(
     late_s: float, expected_s: float
 ) -> None:
     low_s, middle_s, high_s = left_s(OverdueTimes(), late_s)
@@ -37,7 +37,7 @@ def test_of_an_unknown_vendor_as_much_is_left_as_it_is_overdue_but_not_for_ever(
 
 
 @pytest.mark.parametrize("wait_s", [60.0, 120.0])
-def test_many_short_waits_tell_of_a_long_one_of_which_none_was_seen(wait_s: float) -> None:
+def test_many_short_waits_predict_a_long_one(wait_s: float) -> None:
     """Waits that end at a constant rate: of one that has lasted as long as none before, as much is left as of any."""
     overdue, arrivals = OverdueTimes(), 100
     for number in range(arrivals):
@@ -46,7 +46,7 @@ def test_many_short_waits_tell_of_a_long_one_of_which_none_was_seen(wait_s: floa
         assert 0.6 * wait_s < left_s(overdue, late_s)[1] < 1.6 * wait_s
 
 
-def test_waits_that_last_the_longer_the_longer_they_have_lasted_are_learned_too() -> None:
+def test_heavy_tailed_waits_are_learned_too() -> None:
     overdue, arrivals = OverdueTimes(), 100
     for number in range(arrivals):
         overdue.record("Alder", 10.0 * arrivals / (number + 0.5), 100.0 * number)
@@ -54,7 +54,7 @@ def test_waits_that_last_the_longer_the_longer_they_have_lasted_are_learned_too(
     assert left_s(overdue, 600.0)[1] > 360.0
 
 
-def test_of_a_vendor_that_is_known_as_much_is_left_as_was_left_to_those_that_were_as_late() -> None:
+def test_for_a_known_vendor_the_time_left_is_that_of_arrivals_as_late() -> None:
     overdue = OverdueTimes()
     for number in range(60):
         overdue.record("Alder", (4.0, 200.0)[number % 2], 100.0 * number)
@@ -64,7 +64,7 @@ def test_of_a_vendor_that_is_known_as_much_is_left_as_was_left_to_those_that_wer
     assert 60.0 < left_s(overdue, 640.0)[1] < 640.0, "nobody was ever so late: the prior stands"
 
 
-def test_arrivals_in_time_teach_nothing_of_those_that_are_late() -> None:
+def test_arrivals_in_time_are_not_used_for_late_ones() -> None:
     overdue = OverdueTimes()
     for late_s in (0.0, -30.0):
         overdue.record("Alder", late_s, 100.0)
@@ -89,7 +89,7 @@ def test_what_was_learned_goes_on_after_a_restart() -> None:
     np.testing.assert_array_equal(resumed.table_s("Alder"), overdue.table_s("Alder"))
 
 
-def test_an_arrival_teaches_by_how_much_it_was_later_than_told_last() -> None:
+def test_an_arrival_is_late_by_its_last_announcement() -> None:
     arrivals = ArrivalForecast()
     dock, away = ("hall", 10.0, 0.0), ("hall", 0.0, 0.0)
     arrivals.add("r", "Alder", 0.0, away, [dock], [60.0])
@@ -112,7 +112,7 @@ def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> t
     return [one.expected_s - NOW_S - at_s for one in found], [one.spread_s for one in found]
 
 
-def test_one_that_stands_is_expected_the_later_the_longer_it_is_overdue() -> None:
+def test_a_standing_robot_is_expected_later_the_longer_it_is_overdue() -> None:
     told = (20.0, 0.0, 0.0)
     assert expected(10.0, True, told)[0] == [25.0], "no sooner than it can drive there"
     assert expected(60.0, True, told)[0] == [pytest.approx(35.4, abs=0.1)]
@@ -121,25 +121,25 @@ def test_one_that_stands_is_expected_the_later_the_longer_it_is_overdue() -> Non
     assert spread > left
 
 
-def test_one_that_is_overdue_and_drives_comes_at_its_pace() -> None:
+def test_an_overdue_robot_that_drives_comes_at_its_speed() -> None:
     assert expected(60.0, False, (20.0, 0.0, 0.0))[0] == [pytest.approx(50.0, abs=1.0)]
 
 
-def test_it_comes_as_much_later_to_the_stops_after_that() -> None:
+def test_the_next_stops_are_delayed_by_as_much() -> None:
     assert expected(60.0, True, (20.0, 0.0, 0.0), (50.0, 9.0, 0.0))[0] == [
         pytest.approx(35.4, abs=0.1),
         pytest.approx(65.4, abs=0.1),
     ]
 
 
-def test_nobody_is_thought_to_wait_for_one_that_has_not_come_for_minutes() -> None:
+def test_a_robot_overdue_for_minutes_makes_no_queue() -> None:
     stalled = Script([(0, 40, 0)], [(10, 0, 0)], state=waits)
     scene = Scene(site(DOCK), {"A": stalled, "B": Script([(0, 0, 130), (130, 0, 0)], [(130, 0, 0)])})
     scene.run(118)
     assert scene.engine.open() == []
 
 
-def test_one_that_has_not_left_in_time_is_expected_to_stay_on() -> None:
+def test_a_robot_that_has_not_left_in_time_is_expected_to_stay() -> None:
     """A keeps the dock long after it was to be elsewhere."""
     a = Script([(0, 0, 0)], [(30, 40, 0)], state=waits)
     scene = Scene(site(DOCK), {"A": a, "B": Script([(0, 0, 130), (130, 0, 0)], [(130, 0, 0)])})
@@ -149,7 +149,7 @@ def test_one_that_has_not_left_in_time_is_expected_to_stay_on() -> None:
     assert one.wait_s > 10
 
 
-def test_one_that_waits_at_a_place_that_is_taken_has_come() -> None:
+def test_a_robot_that_waits_at_a_taken_place_has_arrived() -> None:
     inside = Script([(0, 0, 0)], state=lambda _: "idle")
     scene = Scene(site(DOCK), {"A": inside, "B": Script([(0, 30, 0), (26, 4, 0), (500, 4, 0)], [(30, 0, 0)])})
     (one,) = raised(scene.run(20), "contention")

@@ -39,13 +39,13 @@ def passage(of: Forecasts, geometry: PlaceGeometry) -> ZonePassage | None:
     return geometry.passages([HALL], view, ways, of.length_m, of.width_m).get(0, {}).get("lane")
 
 
-def test_the_sampling_reads_between_knots_and_stands_after_the_last() -> None:
+def test_the_lookahead_interpolates_knots_and_stands_after_the_last() -> None:
     view: Lookahead = look_ahead(forecast((-1, 0, 0, 0), (1, 4, 0, 0), (3, 4, 2, 0)), np.array([NOW_S]))
     assert view.x_m[0, :5].tolist() == pytest.approx([2.0, 3.0, 4.0, 4.0, 4.0])
     assert view.y_m[0, [2, 4, 6, 20]].tolist() == pytest.approx([0.0, 1.0, 2.0, 2.0])
 
 
-def test_the_envelope_and_not_its_middle_is_in_a_zone() -> None:
+def test_an_envelope_is_in_a_zone_also_if_its_centre_is_not() -> None:
     found = passage(forecast((0, 0, 0, 0), (20, 20, 0, 0)), PlaceGeometry([], [LANE]))
     assert found
     assert found.enter_s == pytest.approx(NOW_S + 3.5, abs=0.01)
@@ -64,7 +64,7 @@ def test_a_robot_that_changes_floors_first_is_not_in_it() -> None:
     assert passage(forecast((0, 0, 0, 0), (2, 2, 0, 1), (20, 20, 0, 1)), PlaceGeometry([], [LANE])) is None
 
 
-def test_numbers_that_are_not_finite_are_nowhere() -> None:
+def test_a_robot_with_numbers_that_are_not_finite_is_on_no_floor() -> None:
     assert look_ahead(forecast((0, float("nan"), 0, 0)), np.array([NOW_S])).floor[0, 0] == -1
 
 
@@ -76,12 +76,12 @@ def test_a_lift_is_one_resource_on_all_its_floors() -> None:
     assert found == ["l1", "l1", None, None]
 
 
-def test_where_outlines_overlap_the_first_in_the_site_file_counts() -> None:
+def test_of_overlapping_outlines_the_first_in_the_site_file_counts() -> None:
     both = PlaceGeometry([resource("b", 0.5, 0), resource("a", 0, 0)], [])
     assert both.resources_at([HALL, HALL], np.array([0.4, -0.9]), np.zeros(2)) == ["b", "a"]
 
 
-def test_ways_are_held_where_a_robot_leaves_its_floor_or_its_future_is_unknown() -> None:
+def test_paths_end_where_a_robot_changes_floors_or_its_future_is_unknown() -> None:
     rng = np.random.default_rng(1)
     x_m, y_m = rng.normal(size=(2, 200, STEPS + 1)).cumsum(axis=2)
     floor, known = np.zeros_like(x_m, np.int64), rng.choice([6, STEPS], 200)

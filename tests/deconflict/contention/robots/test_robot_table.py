@@ -57,7 +57,7 @@ def known(robots: RobotTable) -> dict[str, list[str]]:
     }
 
 
-def test_batches_taken_in_together_leave_what_they_leave_one_by_one() -> None:
+def test_merged_batches_leave_the_same_table_as_single_ones() -> None:
     said, waited = batches(60), 0
     each, many = (RobotTable(PlaceGeometry([DOCK], [LANE])) for _ in range(2))
     for first in range(0, 60, 5):
@@ -68,7 +68,7 @@ def test_batches_taken_in_together_leave_what_they_leave_one_by_one() -> None:
     assert waited > 10
 
 
-def test_who_stands_and_since_when_is_as_its_reports_tell() -> None:
+def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
     robots = RobotTable(PlaceGeometry([DOCK], [LANE]))
     stood: dict[str, tuple[float, float, float]] = {}
     stands = 0
@@ -90,7 +90,7 @@ def test_who_stands_and_since_when_is_as_its_reports_tell() -> None:
     assert stands > 100
 
 
-def test_what_is_asked_of_shapes_lies_in_boxes_around_those_that_stand_and_go() -> None:
+def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
     robots = RobotTable(PlaceGeometry([DOCK], [LANE]))
     for batch in batches(30):
         robots.update(gathered([batch]))

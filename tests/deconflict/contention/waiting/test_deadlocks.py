@@ -18,7 +18,7 @@ def who(found: list[tuple[RingLink, ...]]) -> list[str]:
     return ["".join(link.waiter for link in ring) for ring in found]
 
 
-def test_two_that_want_each_others_are_a_ring_and_a_follower_is_not_in_it() -> None:
+def test_two_that_want_each_others_place_are_a_ring_without_their_follower() -> None:
     assert who(rings([want("a", "b"), want("b", "a"), want("c", "a")])) == ["ab"]
 
 
@@ -26,16 +26,16 @@ def test_a_chain_is_no_ring() -> None:
     assert rings([want("a", "b"), want("b", "c")]) == []
 
 
-def test_one_of_several_places_that_comes_free_is_enough() -> None:
+def test_one_free_holder_of_several_places_is_enough() -> None:
     assert rings([want("a", "b", "c"), want("b", "a")]) == []
     assert who(rings([want("a", "b", "c"), want("b", "a"), want("c", "a")])) == ["ab"]
 
 
-def test_everything_that_a_robot_wants_has_to_come_free() -> None:
+def test_all_wants_of_a_robot_must_become_free() -> None:
     assert who(rings([want("a", "c"), want("a", "b"), want("b", "a")])) == ["ab"]
 
 
-def test_two_rings_are_told_apart() -> None:
+def test_two_rings_are_separate() -> None:
     found = rings([want("a", "b"), want("b", "a"), want("d", "e"), want("e", "f"), want("f", "d")])
     assert who(found) == ["ab", "def"]
 
@@ -65,7 +65,7 @@ def free(given: list[Want]) -> set[Node]:
 
 
 @given(wants)
-def test_there_is_a_ring_just_where_somebody_can_never_go_on(given: list[Want]) -> None:
+def test_there_is_a_ring_exactly_if_a_robot_can_never_move_on(given: list[Want]) -> None:
     locked = set(ROBOTS) - free(given)
     found = rings(given)
     assert bool(found) == bool(locked)
