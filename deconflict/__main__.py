@@ -11,6 +11,7 @@ import sys
 import threading
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeAlias
 
 from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import access, api_descriptions, json_schemas
@@ -41,6 +42,8 @@ COLLECTED_EVERY = (50_000, 20, 100)
 million objects: with Python's own threshold of 700 the collector took a sixth of the time."""
 DESCRIBED = json_schemas.SCHEMAS | {"openapi": api_descriptions.openapi, "asyncapi": api_descriptions.asyncapi}
 
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
 
 def parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(
@@ -56,7 +59,18 @@ def parser() -> argparse.ArgumentParser:
         help=f"format of the log; the environment variable {VARIABLE} sets it too",
     )
     commands = root.add_subparsers(dest="command", required=True)
+    _add_service(commands)
+    _add_simulations(commands)
+    _add_check(commands)
+    _add_site(commands)
+    _add_simulate(commands)
+    logs.add(commands)
+    _add_descriptions(commands)
+    _add_role(commands)
+    return root
 
+
+def _add_service(commands: Commands) -> None:
     serve = commands.add_parser("serve", help="run the service")
     serve.add_argument(
         "site", nargs="?", type=Path, metavar="SITE.toml", help="the site file; without it, each datum is a floor"
@@ -68,6 +82,8 @@ def parser() -> argparse.ArgumentParser:
     )
     serve.set_defaults(run=_serve)
 
+
+def _add_simulations(commands: Commands) -> None:
     show = commands.add_parser("demo", help="run the service with simulated vendors on a bundled site")
     show.add_argument("--robots", type=_positive, default=demo.ROBOTS, metavar="N")
     show.add_argument(
@@ -83,14 +99,16 @@ def parser() -> argparse.ArgumentParser:
     practise.add_argument("--ignore", action="store_true", help="let the simulated robots ignore all advice")
     practise.set_defaults(run=_drill)
 
+
+def _add_check(commands: Commands) -> None:
     verify = commands.add_parser(
         "check", help="check a site file, and the fit of each vendor's map to the site's frame"
     )
     verify.add_argument("site", type=Path, metavar="SITE.toml")
     verify.set_defaults(run=lambda args: check(args.site, sys.stdout))
 
-    _add_site(commands)
 
+def _add_simulate(commands: Commands) -> None:
     pretend = commands.add_parser("simulate", help="run simulated vendors that report to a running service")
     pretend.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
     pretend.add_argument("--robots", type=_positive, default=demo.ROBOTS, metavar="N")
@@ -98,8 +116,8 @@ def parser() -> argparse.ArgumentParser:
     pretend.add_argument("--seed", type=int, default=1)
     pretend.set_defaults(run=_simulate)
 
-    logs.add(commands)
 
+def _add_descriptions(commands: Commands) -> None:
     describe = commands.add_parser("schema", help="print a JSON Schema, the OpenAPI or the AsyncAPI description")
     describe.add_argument("name", choices=sorted(DESCRIBED))
     describe.set_defaults(run=_schema)
@@ -108,15 +126,16 @@ def parser() -> argparse.ArgumentParser:
     boards.add_argument("folder", type=Path, metavar="DIR")
     boards.set_defaults(run=_dashboards)
 
+
+def _add_role(commands: Commands) -> None:
     role = commands.add_parser("role")
     role.add_argument("name")
     role.add_argument("runtime", type=Path)
     role.add_argument("data", type=Path)
     role.set_defaults(run=_role)
-    return root
 
 
-def _add_site(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def _add_site(commands: Commands) -> None:
     plans = commands.add_parser("site", help="write parts of a site file").add_subparsers(dest="part", required=True)
     importer = plans.add_parser(
         "import", help="print sections of a site file from an Open-RMF building file or an openTCS plant model"

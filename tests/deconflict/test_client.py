@@ -1,5 +1,7 @@
 import asyncio
 import socket
+import subprocess
+import sys
 from contextlib import aclosing, suppress
 from pathlib import Path
 
@@ -142,3 +144,10 @@ async def test_an_unreachable_service_is_an_error() -> None:
     async with Client("http://127.0.0.1:1") as one:
         with pytest.raises(httpx.ConnectError):
             await one.open()
+
+
+def test_the_client_loads_no_server_code() -> None:
+    servers = "{'fastapi', 'uvicorn', 'sqlite3', 'numpy', 'numba'}"
+    script = f"import sys, deconflict.client; print(*sorted({servers} & set(sys.modules)))"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert loaded.stdout.split() == []

@@ -40,13 +40,13 @@ class GlobalJudge:
         submit: Submit = answer_at_once,
         learned: Mapping[str, Part] | None = None,
     ) -> None:
-        """`learned` is what an earlier one's `learned()` told. Raises `UnreadableError` where it can't be that."""
+        """`learned` is what `learned()` of an earlier judge returned. Raises `UnreadableError`."""
         self.site, self.measures = site, Measures()
         self._live, self._floors = LiveRobots(), FloorNumbers()
         self._presence = Presence(self._live, self.measures)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
-        self._account, self._aside, priorities = Burden(), AsyncAnswers(submit), Priorities(site.vendors)
+        self._burden, self._answers, priorities = Burden(), AsyncAnswers(submit), Priorities(site.vendors)
 
         def priority(uuid: str) -> float:
             robot = self._live.robots[uuid]
@@ -55,9 +55,9 @@ class GlobalJudge:
         restored = tuple(restored)
         advising = partial(
             QueueAdvice,
-            burden=self._account,
+            burden=self._burden,
             effort=site.advice.effort,
-            submit=self._aside.submit,
+            submit=self._answers.submit,
             priority=priority,
             measures=self.measures,
         )
@@ -106,12 +106,12 @@ class GlobalJudge:
 
     def advance(self, now_s: float) -> list[FindingAdvisory]:
         """The revisions of this pass; none between the passes of contention."""
-        self._aside.settle(self._aside.pending())
+        self._answers.settle(self._answers.pending())
         for batch in contention_batches(self._live, self._presence.advance(now_s), now_s):
             self._contention.receive(batch)
         self._claims.receive(self._cross_ingest_claims.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
-        self._account.charge(revisions)
+        self._burden.charge(revisions)
         count_revisions(self.measures, revisions)
         set_open_count(self.measures, count_by_severity(self.open()))
         for revision in revisions:
