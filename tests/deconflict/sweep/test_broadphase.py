@@ -1,4 +1,4 @@
-"""What the broad phase leaves out could not have met: boxes against brute force, crowds against the oracle."""
+"""The broad phase leaves out no pair that meets: boxes against brute force, crowds against the oracle."""
 
 from itertools import combinations
 
@@ -21,7 +21,7 @@ SLABS = 4
 
 
 def swept(crowd: Forecasts, *, batch: int | None = None) -> PairConflicts:
-    """All at once, or in steps of `batch` robots, each held against those that are there already."""
+    """Sweep all at once, or in steps of `batch` robots, each against the robots already on the floor."""
     sweeper = Sweeper(clearance_m=CLEARANCE_M)
     keys = [f"{row:04d}" for row in range(len(crowd))]
     for begin in range(0, len(crowd), batch or len(crowd)):
@@ -36,7 +36,7 @@ def spread(rng: Generator, robots: int, side_m: float) -> list[Forecasts]:
 
 
 def mixed_sizes(rng: Generator) -> list[Forecasts]:
-    """Tow trains, fast ones and many small robots, some of which turn."""
+    """Tow trains, fast robots and many small ones, some of which turn."""
     trains = [
         robot([0, 11], rng.uniform(-20, 20, 2), rng.uniform(-20, 20, 2), rng.uniform(-3, 3), (14, 1)) for _ in range(4)
     ]
@@ -45,7 +45,7 @@ def mixed_sizes(rng: Generator) -> list[Forecasts]:
 
 
 def in_a_row(rng: Generator) -> list[Forecasts]:
-    """All in one aisle, far from the origin, all edges alike."""
+    """All robots in one aisle, far from the origin, with equal edges."""
     return [moved(robot([0], [1.3 * i], [0], 0, (1, 1)), -9_000.0, 9_000.0) for i in range(40)] + [
         moved(wanderer(rng, spread_m=3), -8_980.0, 9_000.0) for _ in range(10)
     ]
@@ -132,7 +132,7 @@ def sides(boxes: SweptBoxes) -> Floats:
 
 
 def reaches_of(boxes: SweptBoxes) -> Floats:
-    """(slots, 4) what is covered by all boxes that are there."""
+    """(slots, 4) the extent of all boxes that are not absent."""
     there = boxes.by_ring["floor"] != ABSENT
     low, high = (
         [np.where(there, boxes.by_ring[side], none) for side in sides]
@@ -143,7 +143,7 @@ def reaches_of(boxes: SweptBoxes) -> Floats:
 
 
 def by_force(boxes: SweptBoxes, changed: Ints) -> set[tuple[int, int, int]]:
-    """All pairs of ring row, lower and higher slot, tried one by one."""
+    """All pairs (ring row, lower slot, higher slot) that overlap, tried one by one."""
     found = set()
     for ring in range(SLABS):
         row = boxes.by_ring[ring]

@@ -1,4 +1,4 @@
-"""What pairs do in their slabs, put together, and the names under which they are listed."""
+"""Contact intervals merged and summarised by pair, and the names of listed pairs."""
 
 from itertools import groupby
 
@@ -13,7 +13,7 @@ RANKS = RNG.permutation(ROBOTS)
 
 
 def made(count: int, ranks: Ints) -> ContactIntervals:
-    """So many different intervals, in order; many separations are alike."""
+    """So many different intervals, sorted. Many have equal separations."""
     chosen = RNG.choice(ROBOTS * ROBOTS * 12, count, replace=False)
     a, b, slab = chosen // (12 * ROBOTS), chosen // 12 % ROBOTS, 100 + chosen % 12
     order = np.lexsort((slab, ranks[b], ranks[a]))

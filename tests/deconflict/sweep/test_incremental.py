@@ -1,4 +1,4 @@
-"""A floor that is swept again and again says what a fresh look at it would say."""
+"""Sweeping a floor pass after pass gives the result of a fresh sweep."""
 
 from collections.abc import Iterable
 
@@ -16,7 +16,7 @@ COLUMNS = ("contact_s", "separation_m", "separation_at_s", "start_separation_m")
 
 
 def said(rng: Generator, now_s: float) -> Forecasts:
-    """What a robot may say about `now_s`: it drives, stands, changes floor, appears later or spoke long ago."""
+    """A random forecast around `now_s`: it drives, stands, changes floor, appears later, or reported long ago."""
     one = wanderer(rng, spread_m=SIDE_M / 2)
     kind = rng.integers(0, 5)
     t = one.t_s + (now_s - NOW_S) + (3.0 if kind == 1 else -9.0 if kind == 2 else 0.0)

@@ -43,7 +43,7 @@ INSTANT_S = 1e-6
 
 
 def disagreements(forecasts: Forecasts, clearance_m: float, horizon_s: float = HORIZON_S) -> list[str]:
-    """What the sweep says of pairs (0, 1), (2, 3), ... that the oracle denies, `kind pair by-how-much`."""
+    """The differences between the sweep and the oracle on the pairs (0, 1), (2, 3), ...: `kind pair by-how-much`."""
     pairs = rows_of_pairs(len(forecasts) // 2)
     true = truth(forecasts, pairs, now_s=NOW_S, horizon_s=horizon_s, clearance_m=clearance_m)
     found = sweep(forecasts, now_s=NOW_S, horizon_s=horizon_s, clearance_m=clearance_m)
@@ -133,7 +133,7 @@ def test_the_comparison_detects_deliberate_faults(
 
 
 def _put_with_small_circles(table: SlotTable, keys: Sequence[str], forecasts: Forecasts, *rest: Any) -> Ints | None:
-    """So that turning counts for less than it does."""
+    """Makes turning count for less than it does."""
     slots = PUT(table, keys, forecasts, *rest)
     if slots is not None:
         table.robots["radius"][slots] *= 0.5
@@ -206,7 +206,7 @@ COLUMNS = ("contact_s", "separation_m", "separation_at_s", "start_separation_m")
 
 
 def crowd_of(robots: int, seed: int) -> Forecasts:
-    """On 24 m by 24 m; some headings have wound up over a long day."""
+    """Robots on 24 m by 24 m. Some headings have wound up over a long day."""
     rng = np.random.default_rng(seed)
     crowd = Forecasts.joined(wanderer(rng, spread_m=12.0) for _ in range(robots))
     crowd.yaw_rad[:] += np.repeat(rng.choice([0.0, -400.0, 50_000.0], robots), np.diff(crowd.start))
@@ -218,7 +218,7 @@ def crowd_of(robots: int, seed: int) -> Forecasts:
 def test_the_order_of_robots_makes_no_difference(
     rounds: int, clearance_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Times are near 0 here, so that their last digits would show one; without rounds FCL is asked most."""
+    """Times are near 0, so that a difference would show in the last digits. Without rounds, FCL decides most pairs."""
     monkeypatch.setattr(incremental, "ROUNDS", rounds)
     crowd = crowd_of(100, 3)
     crowd = replace(crowd, t_s=crowd.t_s - NOW_S)
@@ -280,7 +280,7 @@ def test_chosen_pairs_have_the_contacts_of_the_whole_floor(family: str, clearanc
 
 @pytest.mark.parametrize("rounds", [0, incremental.ROUNDS])
 def test_chosen_pairs_are_swept_until_their_own_times(monkeypatch: pytest.MonkeyPatch, rounds: int) -> None:
-    """And FCL, which decides where advancement may take no round, says the same to a millimetre."""
+    """FCL, which decides if advancement has no rounds, gives the same result to a millimetre."""
     forecasts = encounters("random", 60, 11, 0.25)
     a, b = np.array(rows_of_pairs(60)).T.copy()
     all_s, _ = first_contacts(

@@ -1,4 +1,4 @@
-"""A table holds the newest forecast of each robot, whoever came, left or said more than before."""
+"""The table holds the newest forecast of each robot while robots come, leave, and change their number of knots."""
 
 from dataclasses import replace as replaced
 
@@ -78,7 +78,7 @@ def test_ranks_follow_the_keys_not_the_slots() -> None:
 
 
 def test_columns_may_lie_anywhere_in_memory_and_need_not_be_writable() -> None:
-    """As they do where a batch was read from bytes."""
+    """As in a batch that was read from bytes."""
     said = wanderer(np.random.default_rng(74), knots=5)
     moved = {}
     for name in ("t_s", "x_m", "y_m", "yaw_rad", "floor"):

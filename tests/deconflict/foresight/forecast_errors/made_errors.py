@@ -1,4 +1,4 @@
-"""Errors of forecasts as tests make them up."""
+"""Errors of forecasts, made for tests."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from ingest.batch import Floats
 
 
 def off(kind: int, horizon_s: int, along_m: Floats, across_m: Floats, bands_m: Floats) -> Errors:
-    """Errors (n,) of n robots, so far ahead; `bands_m` are (3,) or (n, 3)."""
+    """Errors (n,) of n robots at one horizon; `bands_m` are (3,) or (n, 3)."""
     errors = np.zeros(len(along_m), ERROR)
     errors["kind"], errors["robot"], errors["horizon_s"] = kind, np.arange(len(along_m)), horizon_s
     errors["bands_m"] = bands_m

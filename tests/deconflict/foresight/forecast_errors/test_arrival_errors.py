@@ -11,7 +11,7 @@ NOW_S = 1_790_000_000.0
 
 
 def told(arrival_errors: ArrivalErrors) -> tuple[dict[tuple[str, ...], float], dict[tuple[str, ...], float]]:
-    """Errors, and the shares that were late."""
+    """The metrics of arrivals: errors, and shares that were late."""
     measures = Measures()
     arrival_errors.measure(measures)
     names = ("deconflict_arrival_error_seconds", "deconflict_arrivals_late_ratio")

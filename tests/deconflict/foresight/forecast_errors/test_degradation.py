@@ -21,7 +21,7 @@ KINDS = {
 
 
 def errors(rng: Generator, kind: int, robots: int, size_m: float) -> Errors:
-    """Of a few robots three seconds ahead, heavy in the tails as real ones are."""
+    """Errors of a few robots three seconds ahead, with heavy tails like real ones."""
     along_m, across_m = size_m * rng.standard_t(3, (2, robots))
     return off(kind, 3, along_m, across_m, np.zeros(3))
 
@@ -29,7 +29,7 @@ def errors(rng: Generator, kind: int, robots: int, size_m: float) -> Errors:
 def run(
     detector: DegradationDetector, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
 ) -> list[dict[str, LevelChange]]:
-    """What is told each minute while a vendor's robots are off by so much."""
+    """The result of each minute while the errors of a vendor's robots have these sizes."""
     rng, told = default_rng(seed), []
     for second in range(begin_s, end_s):
         detector.add_errors(errors(rng, kind, 3, size_m), KINDS, NOW_S + second)

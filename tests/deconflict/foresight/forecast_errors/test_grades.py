@@ -12,7 +12,7 @@ NOW_S = 1_790_000_000.0
 
 
 def told(error_m: float, cases: int) -> Measures:
-    """The measures of a vendor that was off by `error_m` three seconds ahead so often."""
+    """The measures of a vendor with so many errors of `error_m` three seconds ahead."""
     ledger, measures = Ledger(), Measures()
     row, alike = ledger.row("Alder", "A-7", Basis.PATH, NOW_S), np.zeros(cases)
     ledger.record(off(row, 3, alike, alike + error_m, ledger.bands_m[row, 2]), NOW_S)

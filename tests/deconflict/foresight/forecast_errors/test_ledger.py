@@ -29,7 +29,7 @@ def errors(ledger: Ledger, row: int, horizon_s: int, along_m: Floats) -> Errors:
 
 
 def reach(ledger: Ledger, row: int, ahead_s: float) -> float:
-    """Of a robot without size or doubt: the band alone."""
+    """The reach of a robot without size or position doubt, which is the band alone."""
     robot = np.zeros(1, ROBOT)
     robot["kind"] = row
     return float(reach_m(ledger.bands_m, np.array([0]), robot, np.zeros((2, 1)), 0.0, ahead_s, np.inf)[0])

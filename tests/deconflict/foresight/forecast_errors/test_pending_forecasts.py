@@ -1,4 +1,4 @@
-"""Forecasts against the next reports of the same robot."""
+"""Forecasts compared with the next reports of the same robot."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -24,7 +24,7 @@ BANDS_M = np.ones((1, HORIZONS, 3))
 
 
 def straight(t_s: float, x_m: float, y_m: float, speed_mps: float, yaw_rad: float = 0.0) -> Forecasts:
-    """A robot that says that it will go straight for 20 s."""
+    """A forecast that goes straight for 20 s."""
     far = (x_m + 20 * speed_mps * np.cos(yaw_rad), y_m + 20 * speed_mps * np.sin(yaw_rad))
     return robot([t_s - NOW_S, t_s - NOW_S + 20], [x_m, far[0]], [y_m, far[1]], yaw_rad, (1.0, 0.5))
 
@@ -78,7 +78,7 @@ def test_sizes_are_counted_in_the_bins_of_the_sketch() -> None:
 
 
 def test_robots_stand_by_their_forecasts_or_their_last_two_reports() -> None:
-    """And a track that does not say where its robot will be is left out."""
+    """A track that is not finite is left out."""
     pending, robots = PendingForecasts(), np.zeros(3, ROBOT)
     pending.grow(3)
     told = []
@@ -145,7 +145,7 @@ def test_another_robot_in_a_slot_has_no_pending_forecasts() -> None:
 
 
 def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
-    """Whatever way robots go and however old their reports are."""
+    """On random ways, and with reports of different ages."""
     pending, rng, robots = PendingForecasts(), np.random.default_rng(4), 60
     t_s, forecasts = [float(n) for n in range(0, 24, 2)], []
     for slot in range(robots):

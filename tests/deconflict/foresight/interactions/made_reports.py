@@ -1,4 +1,4 @@
-"""Robots that report once a second and tell their paths, as `InteractionFinder` hears them."""
+"""Robots that report once a second with their paths, as reports for `InteractionFinder`."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,7 +16,7 @@ Place = Callable[[float], tuple[float, float, float]]
 
 
 class Robot:
-    """What a robot does, and what it plans at each moment: `plan(t_s)` is where it will be, from then on."""
+    """The motion of a robot, and its plan at each moment: `plan(t_s)` is its place from then on."""
 
     def __init__(self, does: Place, plan: Callable[[float], Place] | None = None, vendor: int = 0) -> None:
         self.does, self.plan, self.vendor = does, plan or (lambda _: does), vendor
@@ -49,13 +49,13 @@ def found(
 
 
 def drives(start_m: float, speed_mps: float, y_m: float = 0.0) -> Place:
-    """Along x at a constant speed."""
+    """Drives along x at a constant speed."""
     yaw_rad = 0.0 if speed_mps >= 0 else np.pi
     return lambda t_s: (start_m + speed_mps * t_s, y_m, yaw_rad)
 
 
 def stops(start_m: float, speed_mps: float, at_s: float, until_s: float = np.inf, y_m: float = 0.0) -> Place:
-    """As `drives`, but for a stop at once from `at_s` to `until_s`."""
+    """As `drives`, with a sudden stop from `at_s` to `until_s`."""
     yaw_rad = 0.0 if speed_mps >= 0 else np.pi
 
     def place(t_s: float) -> tuple[float, float, float]:
@@ -66,7 +66,7 @@ def stops(start_m: float, speed_mps: float, at_s: float, until_s: float = np.inf
 
 
 def goes_on(does: Place, speed_mps: float) -> Callable[[float], Place]:
-    """The plan of a robot that means to go on straight from where it is, whatever stops it."""
+    """The plan of a robot that always expects to go on straight from its place."""
 
     def plan(made_s: float) -> Place:
         x_m, y_m, yaw_rad = does(made_s)
@@ -76,5 +76,5 @@ def goes_on(does: Place, speed_mps: float) -> Callable[[float], Place]:
 
 
 def blind(does: Place, speed_mps: float, vendor: int = 0) -> Robot:
-    """A robot whose plan knows nothing of what stops it."""
+    """A robot whose plan does not foresee what stops it."""
     return Robot(does, goes_on(does, speed_mps), vendor)

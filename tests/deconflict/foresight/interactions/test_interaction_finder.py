@@ -1,4 +1,4 @@
-"""Who gave way to whom: each class of what happens between robots, by a small named case."""
+"""Which robot gave way to which: one small case for each kind of interaction."""
 
 import numpy as np
 import pytest

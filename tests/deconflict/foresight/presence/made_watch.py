@@ -1,4 +1,4 @@
-"""Robots that say where they are, through the real receiving half, and who watches whether they are there."""
+"""Robots that report through the real ingest, and the `Presence` that watches them."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,7 +24,7 @@ DATUMS = (Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft"))
 
 @dataclass
 class Watch:
-    """A floor whose robots report what a test has them say; drives `Presence` as the engine does."""
+    """A floor whose robots report what a test says. Calls `Presence` as the engine does."""
 
     learned: dict[str, dict[str, Any]] | None = None
     measures: Measures = field(default_factory=Measures)
@@ -54,7 +54,7 @@ class Watch:
         self.fleet.receive(status(name, at_s, location=location, **said), at_s, LINE)
 
     def tick(self, everything: bool = False) -> PresenceChanges:
-        """Take in what was said, and step."""
+        """Receive the reports since the last tick, and advance."""
         self.take(self.fleet.next_batch(NOW_S + self.now_s, everything))
         self.changes.append(self.presence.advance(NOW_S + self.now_s))
         return self.changes[-1]
@@ -66,7 +66,7 @@ class Watch:
         self.live.remove(batch.gone)
 
     def wait(self, seconds: float) -> None:
-        """Nobody says anything for so long; there are fewer ticks where that is long."""
+        """No robot reports for this time. There are fewer ticks if it is long."""
         until_s, tick_s = self.now_s + seconds, max(TICK_S, seconds / 200)
         while self.now_s < until_s:
             self.now_s = min(self.now_s + tick_s, until_s)
@@ -97,6 +97,6 @@ DOOR_M = 20.0
 
 
 def leave(watch: Watch, robots: int, first: int = 0) -> None:
-    """Robots that drive to the door one after the other, and are not heard again."""
+    """Robots drive to the door one after the other, and are not heard again."""
     for number in range(first, first + robots):
         watch.drive(f"leaver {number}", DOOR_M - 6.0, number % 2, seconds=6)

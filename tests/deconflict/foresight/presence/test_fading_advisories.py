@@ -1,4 +1,4 @@
-"""Advisories on robots that may have left: raised, kept and cleared by how likely both are there."""
+"""Advisories on robots that may have left: raised, kept and cleared by the probability that both are present."""
 
 from dataclasses import dataclass, field
 
@@ -31,7 +31,7 @@ class Story(MadeScene):
         return 0.1
 
     def passes(self, seconds: float, start_m: float, probability: float, there: float) -> list[AdvisoryState]:
-        """Looks four times a second; what is told."""
+        """Looks four times a second. Returns the revisions."""
         told: list[ConflictAdvisory] = []
         for _ in range(round(seconds * 4)):
             self.now_s += 0.25

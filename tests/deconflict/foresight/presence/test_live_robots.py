@@ -21,7 +21,7 @@ def new_fleet() -> Fleet:
 
 
 def batch(fleet: Fleet, names: list[str], now_s: float) -> Batch:
-    """What these robots say from where they stand."""
+    """A batch of reports of these robots, standing at their places."""
     for name in names:
         x, y, datum = SPOTS[name]
         location = {"x": x, "y": y, "angle": {"x": 0, "y": 0, "z": 0, "w": 1}, "planarDatum": datum}
@@ -30,7 +30,7 @@ def batch(fleet: Fleet, names: list[str], now_s: float) -> Batch:
 
 
 def nearest(group: set[str], within_m: float, most: int, there: list[str]) -> list[str]:
-    """By looking at every robot."""
+    """The expected result, by looking at every robot."""
     away = []
     for name in set(there) - group:
         x, y, datum = SPOTS[name]

@@ -1,4 +1,4 @@
-"""Who is still there, by what is heard."""
+"""Which robots are still present, by their reports."""
 
 import pytest
 

@@ -25,14 +25,14 @@ ROBOTS, PAIRS, PAST = 8, 40, 5
 
 
 def band_m(bands_m: Floats, ahead_s: float) -> float:
-    """80 % of one kind, (horizons, 3), linear from 0 now."""
+    """Radius of the 80 % band of one kind (horizons, 3), linear from 0 at the report."""
     radii = np.concatenate([[0.0], bands_m[:, 1]])
     beyond = max(ahead_s - (len(radii) - 1), 0.0) * (radii[-1] - radii[-2])
     return float(np.interp(ahead_s, np.arange(len(radii)), radii) + beyond)
 
 
 def sd_m(robots: Robots, bands_m: Floats, newest: Floats, slots: tuple[int, int], after_s: float) -> float:
-    """Of the distance of two robots so long after now."""
+    """Standard deviation of the distance of two robots, `after_s` from now."""
     square = 0.0
     for slot in slots:
         one = robots[slot]

@@ -11,13 +11,13 @@ NOW_S = 1_790_000_000.0
 
 
 def pairs_of(n: int, seed: int) -> tuple[Floats, Floats]:
-    """Features of n pairs and the share of the errors within the clearance that they rest on."""
+    """Features of n pairs, and the shares of the errors within the clearance from which they are made."""
     likely = default_rng(seed).uniform(0, 1, n)
     return np.column_stack([np.ones(n), log_odds(likely), log_odds(likely / 2), np.full(n, 0.5), np.zeros(n)]), likely
 
 
 def alike(features: Floats) -> Ints:
-    """All pairs are of the same two vendors."""
+    """Vendors of pairs that are all of the same two vendors."""
     return np.zeros(len(features), np.int64)
 
 

@@ -70,7 +70,7 @@ def test_a_possible_order_of_the_fleet_is_left_out() -> None:
 
 
 def test_outcomes_equal_those_computed_pair_by_pair() -> None:
-    """Those that are no longer under watch did not meet."""
+    """Pairs that are no longer in the table did not meet."""
     rng, n = np.random.default_rng(6), 300
     every = pairs(*((int(a), int(b)) for a, b in rng.integers(0, 10, (n, 2))))
     every["started_s"], every["last_within_s"] = NOW_S + rng.uniform(-5, 15, (2, len(every)))

@@ -52,7 +52,7 @@ def test_pairs_of_reporting_robots_stay_watched_only_if_they_are_candidates_agai
 
 
 def some(n: int = 60) -> Pairs:
-    """Of robots 0 to 9, alike in nothing."""
+    """Random pairs of the robots 0 to 9."""
     rng = np.random.default_rng(9)
     found = np.zeros(n, PAIR)
     found["code"] = np.sort(codes(rng.integers(0, 10, n), rng.integers(0, 10, n)))
@@ -112,7 +112,7 @@ def test_an_earlier_conflict_with_a_third_robot_sets_the_features() -> None:
 
 
 def test_robots_that_stand_and_may_set_out_are_not_still() -> None:
-    """One of them may be about to drive into the other."""
+    """One robot may be about to drive into the other."""
     every, standing = pairs((0, 1)), np.ones(2, bool)
     every["gave_way_s"] = -np.inf
     set_preemption(every, standing, np.array([True, False]), np.full(2, -1), NOW_S, 0.3, 10.0)

@@ -1,4 +1,4 @@
-"""Robots that are driven on together: who gets in whose way, and who does not come that far."""
+"""Robots that are driven on together: which pairs get in each other's way."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from deconflict.foresight.rollout.start_samples import SAMPLES, key_of, paces, q
 
 HORIZON_S, CLEARANCE_M = 10.0, 0.3
 Way = tuple[tuple[float, float], tuple[float, float]]
-"""Where a robot is, in metres, and its velocity."""
+"""Place of a robot in metres, and its velocity."""
 
 
 def crowd(
@@ -55,7 +55,7 @@ def test_robots_that_pass_each_other_get_in_nobodys_way() -> None:
 
 
 def test_a_robot_stopped_by_a_third_one_does_not_meet_the_second() -> None:
-    """It waits for one that stands in its way, and so does not meet the one that crosses behind that."""
+    """It waits for a robot that stands in its way, and so does not meet the one that crosses behind that robot."""
     third = ((-3.0, 0.0), (0.0, 0.0))
     found = shares(run_rollout(crowd(EAST, NORTH, third, stands=(2,)), HORIZON_S, CLEARANCE_M))
     assert found[0, 2] > 0.95

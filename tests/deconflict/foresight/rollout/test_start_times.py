@@ -1,4 +1,4 @@
-"""When robots that stand and say that they go at once start."""
+"""When robots start that stand although their forecasts go at once."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def weights(start_times: StartTimes, kind: int, stood_s: float, blocked: Bools =
 
 
 def waited(start_times: StartTimes, kind: int, lasts_s: int, robots: int) -> None:
-    """Robots of a kind that stand for so many seconds, and then start."""
+    """Record robots of a kind that stand for `lasts_s` seconds and then start."""
     for robot in range(robots):
         for second in range(lasts_s):
             started = np.array([float(second == lasts_s - 1)])

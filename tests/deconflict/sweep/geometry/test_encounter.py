@@ -146,7 +146,7 @@ def test_robots_meet_where_their_poses_are(t_s: float) -> None:
 
 
 def test_robots_meet_by_what_is_swept_as_by_what_they_said() -> None:
-    """Wider than they are, as they are swept, and with headings in one turn."""
+    """Robots with widened envelopes, as they are swept, and with headings within one turn."""
     rng, sweeper = np.random.default_rng(81), Sweeper(clearance_m=0.3)
     said = Forecasts.joined(wanderer(rng, knots=int(rng.integers(1, 6))) for _ in range(40))
     said = replace(said, yaw_rad=said.yaw_rad + 2 * pi, floor=rng.integers(-1, 3, len(said.t_s)))

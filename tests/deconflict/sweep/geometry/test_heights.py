@@ -1,4 +1,4 @@
-"""Two robots that cross: all that is said of them at one height, and nothing where one passes above the other."""
+"""Two robots that cross: warned of at one height, and not if one passes above the other."""
 
 from math import inf
 from typing import NamedTuple
@@ -17,11 +17,11 @@ class Box(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """What was told and noticed until two robots had crossed."""
+    """Advisories and near misses until two robots have crossed."""
 
     scene: Scene
     conflicts: list[ConflictAdvisory]
-    """Those of the pair that were open after each step."""
+    """Open advisories of the pair after each step."""
     near_misses: int
 
     @property

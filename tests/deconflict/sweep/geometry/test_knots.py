@@ -1,4 +1,4 @@
-"""Knots and rates against the oracle's tracks; what is wrong with a forecast is named."""
+"""Knots and velocities against the oracle's tracks, and the reasons for invalid forecasts."""
 
 from math import inf, nan, pi
 
