@@ -1,7 +1,7 @@
 """The Grafana dashboards and the Prometheus rules, as files.
 
-Every metric of the catalogue is in one of the dashboards. A metric that neither `site_pages` nor `health_page` uses
-gets its own panel, in the last row of the third dashboard.
+Every metric of the catalogue is in one of the dashboards. A metric that none of `site_page`, `vendor_page` and
+`health_page` uses gets its own panel, in the last row of the third dashboard.
 """
 
 import json
@@ -13,7 +13,8 @@ from metrics.monitoring.catalogue import CATALOGUE, CatalogueEntry
 from metrics.monitoring.health_page import ENGINE
 from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query, as_json, names_in
 from metrics.monitoring.promql import level, quantile, rate
-from metrics.monitoring.site_pages import SITE, VENDORS, WINDOW
+from metrics.monitoring.site_page import SITE, WINDOW
+from metrics.monitoring.vendor_page import VENDORS
 
 
 def dashboards() -> list[Dashboard]:

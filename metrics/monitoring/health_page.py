@@ -3,7 +3,7 @@
 from metrics.monitoring.alert_rules import OBJECTIVE_S
 from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query
 from metrics.monitoring.promql import level, or_zero_by_vendor, quantile, rate, time_share
-from metrics.monitoring.site_pages import STATUS_WAIT, VENDOR, WINDOW, rare, rated
+from metrics.monitoring.site_page import STATUS_WAIT, VENDOR, WINDOW, rare, rated
 
 _STEP = "deconflict_sweep_duration_seconds"
 

@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from ingest.batch import Batch
+from ingest.batch import Batch, Forecasts
 
 Message = dict[str, Any]
 
@@ -74,17 +74,11 @@ def _floor(batch: Batch, row: int) -> int:
 
 def _entity(batch: Batch, row: int) -> Message:
     """One robot: its envelope, its name, and its announced path on this floor."""
-    forecast = batch.forecasts.single(row)
-    tall = np.isfinite(forecast.top_m[0])
-    height_m = float(forecast.top_m[0] - forecast.bottom_m[0]) if tall else UNKNOWN_HEIGHT_M
-    middle_m = height_m / 2
-    colour = _colour(batch.vendors[row])
+    forecast, colour = batch.forecasts.single(row), _colour(batch.vendors[row])
+    is_height_known = np.isfinite(forecast.top_m[0])
+    height_m = float(forecast.top_m[0] - forecast.bottom_m[0]) if is_height_known else UNKNOWN_HEIGHT_M
     x, y, yaw = float(forecast.x_m[0]), float(forecast.y_m[0]), float(forecast.yaw_rad[0])
-    on_floor = forecast.floor == forecast.floor[0]
-    path = [
-        _vector(px, py, 0.0)
-        for px, py in zip(forecast.x_m[on_floor].tolist(), forecast.y_m[on_floor].tolist(), strict=True)
-    ]
+    size = _vector(float(forecast.length_m[0]), float(forecast.width_m[0]), height_m)
     return {
         "timestamp": _stamp(float(batch.event_s[row])),
         "frame_id": batch.floors[_floor(batch, row)],
@@ -96,41 +90,44 @@ def _entity(batch: Batch, row: int) -> Message:
             {"key": "state", "value": batch.states[row]},
         ],
         "arrows": [],
-        "cubes": [
-            {
-                "pose": _pose(x, y, middle_m, yaw),
-                "size": _vector(float(forecast.length_m[0]), float(forecast.width_m[0]), height_m),
-                "color": colour,
-            }
-        ],
+        "cubes": [{"pose": _pose(x, y, height_m / 2, yaw), "size": size, "color": colour}],
         "spheres": [],
         "cylinders": [],
-        "lines": [
-            {
-                "type": 0,
-                "pose": _pose(0.0, 0.0, 0.0, 0.0),
-                "thickness": 0.05,
-                "scale_invariant": False,
-                "points": path,
-                "color": colour,
-                "colors": [],
-                "indices": [],
-            }
-        ]
-        if len(path) > 1
-        else [],
+        "lines": _path_lines(forecast, colour),
         "triangles": [],
-        "texts": [
-            {
-                "pose": _pose(x, y, height_m + 0.3, 0.0),
-                "billboard": True,
-                "font_size": 0.3,
-                "scale_invariant": False,
-                "color": colour,
-                "text": batch.names[row],
-            }
-        ],
+        "texts": [_name(batch.names[row], _pose(x, y, height_m + 0.3, 0.0), colour)],
         "models": [],
+    }
+
+
+def _path_lines(forecast: Forecasts, colour: Message) -> list[Message]:
+    """The forecast (of one robot) on its present floor as a line; empty if it has a single point."""
+    on_floor = forecast.floor == forecast.floor[0]
+    xs, ys = forecast.x_m[on_floor].tolist(), forecast.y_m[on_floor].tolist()
+    if len(xs) <= 1:
+        return []
+    return [
+        {
+            "type": 0,
+            "pose": _pose(0.0, 0.0, 0.0, 0.0),
+            "thickness": 0.05,
+            "scale_invariant": False,
+            "points": [_vector(x, y, 0.0) for x, y in zip(xs, ys, strict=True)],
+            "color": colour,
+            "colors": [],
+            "indices": [],
+        }
+    ]
+
+
+def _name(text: str, pose: Message, colour: Message) -> Message:
+    return {
+        "pose": pose,
+        "billboard": True,
+        "font_size": 0.3,
+        "scale_invariant": False,
+        "color": colour,
+        "text": text,
     }
 
 

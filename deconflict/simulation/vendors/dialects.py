@@ -27,7 +27,7 @@ PEOPLE_PER_PATH = 3
 
 
 @dataclass(frozen=True, slots=True)
-class VendorMap:
+class DialectMap:
     """A vendor's frame of a floor: its datum, and the floor's frame rotated and then shifted."""
 
     datum: str
@@ -55,7 +55,7 @@ def _to_the_second(t_s: float) -> str:
 class Dialect:
     """How one vendor encodes its messages."""
 
-    maps: tuple[VendorMap, VendorMap]
+    maps: tuple[DialectMap, DialectMap]
     """The map of each floor."""
     clock_fast_s: float = 0.0
     stamp: Callable[[float], str] = _to_the_millisecond
@@ -153,10 +153,10 @@ def _angle(yaw_rad: float) -> dict[str, float]:
     return {"x": 0.0, "y": 0.0, "z": round(sin(yaw_rad / 2), 6), "w": round(cos(yaw_rad / 2), 6)}
 
 
-SITE_MAPS = (VendorMap(GROUND_ID), VendorMap(MEZZANINE_ID))
+SITE_MAPS = (DialectMap(GROUND_ID), DialectMap(MEZZANINE_ID))
 BASALT_MAPS = (
-    VendorMap("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c801", radians(27.3), (112.4, -38.7)),
-    VendorMap("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c802", radians(-61.8), (-14.9, 220.3)),
+    DialectMap("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c801", radians(27.3), (112.4, -38.7)),
+    DialectMap("c19e4f70-8a2d-4b36-b5f1-04d7e6a9c802", radians(-61.8), (-14.9, 220.3)),
 )
 DIALECTS = {
     VendorName.ALDER: Dialect(SITE_MAPS, clock_fast_s=3.0),

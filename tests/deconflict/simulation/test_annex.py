@@ -21,7 +21,7 @@ from ingest.port.connection import Connection
 NOW_S = 1_790_000_000.0
 
 
-def test_everybody_is_in_the_halls_or_in_the_annex() -> None:
+def test_every_member_is_in_the_halls_or_in_the_annex() -> None:
     members = cast(24)
     halls, annex = split(members)
     assert tuple(one.make.vendor for one in annex.members) == ROLES
@@ -30,14 +30,14 @@ def test_everybody_is_in_the_halls_or_in_the_annex() -> None:
 
 
 @pytest.mark.parametrize("row", range(len(ROLES)))
-def test_players_move_without_jumps_and_come_round_again(row: int) -> None:
+def test_scripted_robots_move_without_jumps_and_repeat_their_script(row: int) -> None:
     _, annex = split(cast(24))
     robots = [annex.robot(row, t / 2) for t in range(2 * 350)]
     assert all(hypot(b.x_m - a.x_m, b.y_m - a.y_m) <= 0.61 for a, b in pairwise(robots))
     assert any(abs(one.linear_mps) > 0.5 for one in robots)
 
 
-def test_players_never_touch() -> None:
+def test_scripted_robots_never_touch() -> None:
     _, annex = split(cast(24))
     for t in range(0, 400, 2):
         robots = [annex.robot(row, float(t)) for row in range(len(ROLES))]
@@ -68,7 +68,7 @@ def told(seconds: int) -> list[AnyAdvisory]:
     return revisions
 
 
-def test_a_queue_and_a_deadlock_are_told_ahead_again_and_again() -> None:
+def test_a_queue_and_a_deadlock_are_repeatedly_raised_ahead() -> None:
     revisions = told(180)
     raised = [one for one in revisions if one.state is AdvisoryState.RAISED]
     locks = [one for one in raised if one.kind == "deadlock"]

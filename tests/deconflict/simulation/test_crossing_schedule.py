@@ -29,7 +29,7 @@ def two_that_cross(second: Make) -> World:
     return one
 
 
-def test_of_one_fleet_the_later_one_waits_until_the_other_is_out() -> None:
+def test_the_later_robot_of_a_fleet_waits_until_the_other_has_left() -> None:
     schedule = CrossingSchedule(two_that_cross(ALDER))
     assert schedule.waits(0) == []
     [(at_m, wait_s)] = schedule.waits(1)
@@ -37,13 +37,13 @@ def test_of_one_fleet_the_later_one_waits_until_the_other_is_out() -> None:
     assert 1.5 < wait_s < 3.5
 
 
-def test_of_two_fleets_nobody_waits() -> None:
+def test_robots_of_different_fleets_do_not_wait_for_each_other() -> None:
     schedule = CrossingSchedule(two_that_cross(CORVID))
     assert [schedule.waits(robot) for robot in (0, 1)] == [[], []]
 
 
 @pytest.mark.parametrize(("second", "waits"), [(ALDER, True), (CORVID, False)])
-def test_told_paths_keep_the_order_of_the_own_fleet_alone(second: Make, waits: bool) -> None:
+def test_reported_paths_keep_only_the_order_of_the_own_fleet(second: Make, waits: bool) -> None:
     one = two_that_cross(second)
     _, later = robots(one)
     at_line_s = 8.0 / second.max_speed_mps

@@ -29,7 +29,7 @@ def test_every_bay_can_be_reached_from_every_other_on_its_floor(layout: Layout, 
                 assert all(b in layout.onward[a] for a, b in pairwise(nodes))
 
 
-def test_no_way_turns_back_on_itself(layout: Layout) -> None:
+def test_no_path_has_a_u_turn(layout: Layout) -> None:
     opposite = layout.route(layout.bays[1].node, layout.bays[3].node, np.ones(len(layout.places)))
     for (ax, ay), (bx, by), (cx, cy) in zip(
         *(([layout.places[node] for node in opposite[skip:]]) for skip in range(3)), strict=False
@@ -46,7 +46,7 @@ def test_bays_open_on_the_right(layout: Layout) -> None:
         assert to_the_left < 0
 
 
-def test_detours_change_the_way(layout: Layout) -> None:
+def test_detours_change_the_path(layout: Layout) -> None:
     start, goal = layout.bays[1].node, layout.bays[-1 - len(layout.bays) // 2].node
     shortest = layout.route(start, goal, np.ones(len(layout.places)))
     hindered = np.ones(len(layout.places))
@@ -56,7 +56,7 @@ def test_detours_change_the_way(layout: Layout) -> None:
 
 
 @pytest.mark.parametrize("robots", [1, 4, 24, 25, 240, 1000])
-def test_more_robots_get_more_floor_at_no_greater_density(robots: int) -> None:
+def test_the_floor_grows_with_the_robots_at_equal_density(robots: int) -> None:
     layout = layout_for(robots)
     open_bays = [bay for bay in layout.bays if bay.kind is not BayKind.LIFT]
     assert len(open_bays) >= 2 * robots
@@ -73,7 +73,7 @@ def test_each_lift_has_its_other_end_on_the_other_floor(robots: int) -> None:
         assert layout.bays[lift].floor != layout.bays[layout.other_lift[lift]].floor
 
 
-def test_a_goal_on_the_other_floor_has_no_way(layout: Layout) -> None:
+def test_a_goal_on_the_other_floor_has_no_path(layout: Layout) -> None:
     start, goal = (next(bay.node for bay in layout.bays if bay.floor == floor) for floor in (GROUND, MEZZANINE))
     with pytest.raises(ValueError, match=f"no path from node {start} to node {goal}"):
         layout.route(start, goal, np.ones(len(layout.places)))

@@ -55,7 +55,7 @@ def test_alone_on_the_floor_a_robot_is_where_it_planned_to_be(row: int) -> None:
     assert compared > 20
 
 
-def test_a_plan_counts_the_time_that_gaining_speed_takes() -> None:
+def test_a_plan_includes_the_time_to_accelerate() -> None:
     one = world(1)
     while one.doing[0] != Activity.DRIVING or one.progress_m[0] < 5.0:
         one.step(STEP_S)
@@ -76,7 +76,7 @@ def told_while(one: World, seconds: float) -> list[RobotState]:
     return told
 
 
-def test_what_robots_tell_is_plausible() -> None:
+def test_reported_values_are_plausible() -> None:
     told = told_while(world(24), 240.0)
     assert {one.state for one in told} == STATES
     assert all(0.0 <= one.battery_pct <= 100.0 and 0.0 <= one.load_pct < 100.0 for one in told)
@@ -87,7 +87,7 @@ def test_what_robots_tell_is_plausible() -> None:
     assert 0.0 <= min(to_come_s) < max(to_come_s) < 900.0
 
 
-def test_who_rides_the_lift_tells_the_floor_it_will_be_on() -> None:
+def test_a_robot_in_a_lift_reports_destinations_on_the_other_floor() -> None:
     one = world(24, seed=3)
     for _ in range(3000):
         one.step(STEP_S)

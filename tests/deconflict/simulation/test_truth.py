@@ -15,7 +15,7 @@ CLEARANCE_M = 0.3
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_every_two_fleets_get_in_each_others_way(seed: int) -> None:
+def test_every_two_fleets_have_stops_for_each_other(seed: int) -> None:
     world = World(layout_for(24), cast(24), np.random.default_rng(seed))
     stops = Stops(world)
     for _ in range(6000):

@@ -109,7 +109,7 @@ def group(case: Case) -> dict[str, Any]:
 
 
 @needs_promtool
-def test_promtool_finds_nothing_to_complain_about(tmp_path: Path) -> None:
+def test_promtool_accepts_the_output(tmp_path: Path) -> None:
     (tmp_path / "rules.yml").write_text(rules_file())
     checked = subprocess.run(
         ["promtool", "check", "rules", str(tmp_path / "rules.yml")], capture_output=True, text=True, check=False
@@ -119,7 +119,7 @@ def test_promtool_finds_nothing_to_complain_about(tmp_path: Path) -> None:
 
 
 @needs_promtool
-def test_each_alert_fires_and_is_quiet_as_it_should_be(tmp_path: Path) -> None:
+def test_each_alert_fires_only_when_it_should(tmp_path: Path) -> None:
     done = promtool(tmp_path, [group(case) for case in CASES])
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -131,7 +131,7 @@ def test_each_alert_has_a_case_that_fires_and_one_that_is_quiet() -> None:
 
 
 @needs_promtool
-def test_an_alert_says_whom_it_concerns_and_how_much(tmp_path: Path) -> None:
+def test_an_alert_names_the_vendor_and_the_value(tmp_path: Path) -> None:
     late = next(one for one in CASES if one.alert == "DeconflictLatencyBurnFast" and one.fires)
     told = {
         "summary": "Advisories lag behind the messages of Acme",

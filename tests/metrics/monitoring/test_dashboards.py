@@ -15,7 +15,7 @@ def test_the_kept_files_are_what_the_code_writes() -> None:
     assert kept == files(), "run: deconflict dashboards dashboards"
 
 
-def test_every_metric_is_in_a_panel_and_told_of_in_its_description() -> None:
+def test_every_metric_is_in_a_panel_and_in_its_description() -> None:
     shown = set()
     for one in dashboards():
         for panel in as_json(one)["panels"]:
@@ -26,7 +26,7 @@ def test_every_metric_is_in_a_panel_and_told_of_in_its_description() -> None:
 
 
 @pytest.mark.parametrize("one", dashboards(), ids=lambda one: one.uid)
-def test_panels_lie_side_by_side(one: Dashboard) -> None:
+def test_panels_do_not_overlap(one: Dashboard) -> None:
     panels = as_json(one)["panels"]
     assert len({panel["id"] for panel in panels}) == len(panels)
     places = [panel["gridPos"] for panel in panels]
@@ -37,7 +37,7 @@ def test_panels_lie_side_by_side(one: Dashboard) -> None:
 
 
 @pytest.mark.parametrize("one", dashboards(), ids=lambda one: one.uid)
-def test_each_query_of_a_panel_has_a_letter_and_a_line_of_a_table_a_name(one: Dashboard) -> None:
+def test_each_query_has_a_letter_and_each_column_of_a_table_a_name(one: Dashboard) -> None:
     for panel in as_json(one)["panels"]:
         targets = panel.get("targets", [])
         assert [target["refId"] for target in targets] == list("ABCDEFGHIJ"[: len(targets)])

@@ -66,7 +66,7 @@ def test_counters_and_populations_of_two_roles_add_up_and_estimates_do_not() -> 
     assert seen["deconflict_clock_offset_seconds", (("vendor", "Acme"),)] == 4
 
 
-def test_what_does_not_add_up_over_roles_is_a_level_of_the_catalogue() -> None:
+def test_metrics_that_do_not_add_up_over_roles_are_gauges_of_the_catalogue() -> None:
     assert not LARGEST & FURTHEST
     assert {CATALOGUE[name].kind for name in LARGEST | FURTHEST} == {"gauge"}
 
@@ -84,14 +84,14 @@ def test_histograms_are_cumulative_and_add_up_over_roles() -> None:
     assert seen["deconflict_sweep_duration_seconds_sum", ()] == pytest.approx(99.404)
 
 
-def test_awkward_label_values_arrive_as_they_are() -> None:
+def test_unusual_label_values_are_unchanged() -> None:
     measures = Measures()
     vendor = 'Ac"me\\ GmbH\n{x="y"} é'
     measures.level("deconflict_forecast_age_seconds", {(vendor,): 1.0})
     assert scraped(measures)["deconflict_forecast_age_seconds", (("vendor", vendor),)] == 1.0
 
 
-def test_what_does_not_fit_the_catalogue_is_counted_by_name_and_the_rest_is_still_served() -> None:
+def test_series_outside_the_catalogue_are_counted_by_name_and_all_others_are_served() -> None:
     measures = Measures()
     measures.count("deconflict_ticks_total")
     measures.count("deconflict_unheard_of_total", "x")
@@ -126,7 +126,7 @@ def test_histograms_with_different_bounds_are_not_mixed() -> None:
     assert sum(combined.histograms["deconflict_sweep_duration_seconds"][()].counts) == 1
 
 
-def test_combining_leaves_the_documents_as_they_were() -> None:
+def test_combining_does_not_change_the_documents() -> None:
     document = everything().as_document()
     combine([document, document])
     assert document == everything().as_document()
@@ -144,7 +144,7 @@ def test_the_metrics_page_lists_the_catalogue() -> None:
 
 
 @pytest.mark.skipif(not shutil.which("promtool"), reason="promtool is not installed")
-def test_promtool_finds_nothing_to_complain_about() -> None:
+def test_promtool_accepts_the_output() -> None:
     body, _ = render([everything().as_document()])
     checked = subprocess.run(["promtool", "check", "metrics"], input=body, capture_output=True, check=False)
     assert (checked.returncode, checked.stdout, checked.stderr) == (0, b"", b"")

@@ -17,7 +17,7 @@ def test_queries_are_those_a_person_would_write() -> None:
     )
 
 
-def test_what_the_catalogue_does_not_have_is_refused() -> None:
+def test_a_metric_or_label_outside_the_catalogue_is_refused() -> None:
     with pytest.raises(UnknownSeriesError, match="no metric deconflict_mesages_total"):
         rate("deconflict_mesages_total", "5m")
     with pytest.raises(UnknownSeriesError, match="is a gauge, not a counter"):

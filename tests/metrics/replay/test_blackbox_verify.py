@@ -32,17 +32,17 @@ def file(floor: Floor) -> Path:
     return Path(floor.order().archive / made["file"])
 
 
-def test_the_replay_of_a_black_box_tells_what_was_told(file: Path) -> None:
+def test_the_replay_of_a_black_box_gives_the_published_advisories(file: Path) -> None:
     verdict = verify(file)
     assert (verdict.same, verdict.published > 2, verdict.restarts) == (True, True, 0), verdict.text()
 
 
-def test_without_what_the_engine_had_learned_it_would_not(file: Path, tmp_path: Path) -> None:
+def test_without_the_learned_state_the_replay_differs(file: Path, tmp_path: Path) -> None:
     forged = rewritten(file, tmp_path / "forged.jsonl", lambda head: head | {"learned": None})
     assert not verify(forged).same
 
 
-def test_decisions_that_were_written_into_it_are_found_out_by_the_replay(file: Path, tmp_path: Path) -> None:
+def test_changed_decisions_are_detected_by_the_replay(file: Path, tmp_path: Path) -> None:
     """Also where the chain was made anew, which the hash that the service logged would show."""
     forged, chain = tmp_path / "forged.jsonl", HashChain()
     with forged.open("wb") as out:
@@ -57,7 +57,7 @@ def test_decisions_that_were_written_into_it_are_found_out_by_the_replay(file: P
     assert [one["event"] for one in verdict.added] == ["raised"]
 
 
-def test_the_commands_prove_list_and_replay(floor: Floor, file: Path, tmp_path: Path) -> None:
+def test_the_commands_verify_list_and_replay(floor: Floor, file: Path, tmp_path: Path) -> None:
     proved = deconflict("blackbox", "verify", str(file))
     assert (proved.returncode, "the replay gives the same" in proved.stdout) == (0, True), proved.stderr
     listed = deconflict("blackbox", "list", "--data", str(floor.data)).stdout
@@ -70,14 +70,14 @@ def test_the_commands_prove_list_and_replay(floor: Floor, file: Path, tmp_path: 
     assert {one.id for one in floor.decided} == set(told)
 
 
-def test_a_changed_file_is_said_to_be_changed_and_where(file: Path, tmp_path: Path) -> None:
+def test_a_changed_file_is_reported_with_the_place_of_the_change(file: Path, tmp_path: Path) -> None:
     changed = tmp_path / "changed.jsonl"
     changed.write_bytes(b"".join(lines_of(file)).replace(b'"navigating"', b'"idle"', 1))
     with pytest.raises(BoxError, match=r"was changed or cut off: line \d+ does not carry the hash"):
         verify(changed)
 
 
-def test_a_box_that_was_cut_off_and_ended_anew_is_found_out_by_the_register_beside_it(file: Path) -> None:
+def test_a_truncated_and_resealed_box_is_detected_by_the_register(file: Path) -> None:
     """Its own chain holds: so it does for whoever leaves the last lines out."""
     before, chain = file.read_bytes(), HashChain()
     try:
@@ -93,7 +93,7 @@ def test_a_box_that_was_cut_off_and_ended_anew_is_found_out_by_the_register_besi
     assert verify(file).same
 
 
-def test_a_box_that_was_taken_out_of_the_chain_is_missed_by_the_next(floor: Floor, tmp_path: Path) -> None:
+def test_a_removed_box_is_detected_by_the_next_one(floor: Floor, tmp_path: Path) -> None:
     Archive(tmp_path).add({"file": "blackbox-20000101T000000000Z.jsonl.zst", "bytes": 1, "sha256": "ab" * 32})
     made = write_blackbox(replace(floor.order(), archive=tmp_path))
     assert made
@@ -109,7 +109,7 @@ def lines_of_bytes(packed: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize("content", [b"", b"{}\n", b"\x28\xb5\x2f\xfdnothing", b'{"blackbox":{"format":9}}\n'])
-def test_what_is_no_black_box_is_said_to_be_none(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_not_a_black_box_is_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "box.jsonl.zst"
     file.write_bytes(content if content[:1] != b"{" else zstandard.compress(content))
     with pytest.raises(BoxError, match=r"is not a black box|has format 9"):

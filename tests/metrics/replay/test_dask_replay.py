@@ -80,7 +80,7 @@ def test_windows_of_any_length_give_what_a_single_run_gives(
     assert (text(result), lines) == alone
 
 
-def test_a_worker_that_dies_on_the_way_changes_nothing(client: Client, log: Path, site: Site, alone: Run) -> None:
+def test_a_worker_that_dies_does_not_change_the_result(client: Client, log: Path, site: Site, alone: Run) -> None:
     reader, killed, seen = LogReader(), list[int](), list[float]()
 
     def kill(now_s: float, _: object) -> None:

@@ -33,7 +33,7 @@ def times_s(*events: Event) -> list[float]:
     return [engine_pass.now_s - NOW_S for engine_pass in passes(*events)]
 
 
-def test_what_came_before_the_engine_began_is_in_its_first_pass_and_makes_none_by_itself() -> None:
+def test_messages_before_the_engine_started_belong_to_its_first_pass() -> None:
     early = [Received(identity("A-1", NOW_S), NOW_S, OURS), *(said(n / 2) for n in range(10))]
     started = passes(*early, EngineStarted(NOW_S + 5.0), Tick(NOW_S + 5.1), said(5.2), Tick(NOW_S + 5.3))
     assert [one.now_s - NOW_S for one in started] == pytest.approx([5.1, 5.3])
@@ -43,11 +43,11 @@ def test_what_came_before_the_engine_began_is_in_its_first_pass_and_makes_none_b
 
 
 @pytest.mark.parametrize("connection", [OURS, ANOTHERS])
-def test_a_log_without_ticks_is_stepped_through_whoever_recorded_it(connection: Connection) -> None:
+def test_a_log_without_ticks_has_passes_at_regular_times(connection: Connection) -> None:
     assert times_s(said(0.0, connection), said(1.0, connection)) == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25])
 
 
-def test_where_time_goes_back_no_pass_is_made_twice_and_every_message_is_heard() -> None:
+def test_if_time_goes_back_no_pass_is_repeated_and_every_message_is_fed() -> None:
     reader, times_s = PassReader(DEFAULT), [0.0, 1.0, 0.4, 0.6, 1.1, 0.2, 1.3]
     made = [*reader.passes_of(said(t_s, ANOTHERS) for t_s in times_s), *reader.last_passes()]
     assert [one.now_s - NOW_S for one in made] == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25, 1.5])
@@ -61,7 +61,7 @@ def test_a_shuffled_log_makes_no_more_passes_than_one_in_order() -> None:
     assert len(passes(*Random(1).sample(events, len(events)))) <= len(passes(*events)) == 399
 
 
-def test_a_long_log_of_ours_without_ticks_is_not_kept_in_memory_until_its_end() -> None:
+def test_a_long_own_log_without_ticks_is_not_held_in_memory_to_its_end() -> None:
     reader = PassReader(DEFAULT)
     list(reader.passes_of([said(0.0), said(HELD_S - 1.0)]))
     assert reader.messages == 0
@@ -69,7 +69,7 @@ def test_a_long_log_of_ours_without_ticks_is_not_kept_in_memory_until_its_end() 
     assert reader.messages == 4
 
 
-def test_robots_of_the_services_own_recording_heard_its_advice_and_those_of_other_logs_did_not() -> None:
+def test_only_passes_of_an_own_log_are_marked_as_such() -> None:
     assert heard(said(0.0), Tick(NOW_S + 0.1), said(0.2), Tick(NOW_S + 0.3)) == [True, True]
     others = heard(said(0.0), said(1.0))
     assert len(others) >= 4

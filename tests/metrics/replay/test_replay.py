@@ -37,34 +37,34 @@ def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:
     assert figures["lead_time_s"]["median"] > 6
 
 
-def test_robots_that_say_they_stand_and_do_not_are_foreseen_by_their_motion(tmp_path: Path) -> None:
+def test_robots_that_report_standing_but_move_are_predicted_by_their_motion(tmp_path: Path) -> None:
     (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", told=False), [0.3])["scores"]
     assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
     assert figures["lead_time_s"]["median"] > 3
 
 
-def test_robots_that_are_suddenly_elsewhere_are_not_foreseen(tmp_path: Path) -> None:
+def test_robots_that_jump_are_not_predicted(tmp_path: Path) -> None:
     (figures,) = scored(log_of_a_jump(tmp_path / "log.jsonl"), [0.3])["scores"]
     assert (figures["encounters"], figures["foreseeable"], figures["recall"]) == (1, 1, 0.0)
     assert figures["lead_time_s"] is None
     assert figures["cases"]["recalled"] == "n"
 
 
-def test_where_nobody_meets_there_is_nothing_to_recall_and_nothing_said(tmp_path: Path) -> None:
+def test_without_encounters_there_is_no_recall_and_no_alert(tmp_path: Path) -> None:
     (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", apart_m=8.0), [0.3])["scores"]
     assert (figures["encounters"], figures["alerts"], figures["censored"]) == (0, 0, 0)
     assert figures["recall"] is figures["precision"] is None
     assert figures["robot_hours"] == pytest.approx(2 * 24 / 3600)
 
 
-def test_figures_are_told_by_vendor(tmp_path: Path) -> None:
+def test_figures_are_also_by_vendor(tmp_path: Path) -> None:
     (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl"), [0.3])["scores"]
     (alder,) = figures["by_vendor"]
     (both,) = figures["by_vendor_pair"]
     assert (alder["vendor"], alder["recall"], both["vendors"], both["alerts"]) == ("Alder", 1.0, ["Alder", "Alder"], 1)
 
 
-def test_the_command_writes_scores_and_what_the_stream_would_have_said(tmp_path: Path) -> None:
+def test_the_command_writes_scores_and_the_revisions_of_the_stream(tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
     told, results = [], []
     for run in ("1", "2"):
@@ -83,7 +83,7 @@ def test_the_command_writes_scores_and_what_the_stream_would_have_said(tmp_path:
 
 
 @pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
-def test_a_perfect_vendor_of_real_motion_is_foreseen() -> None:
+def test_a_perfect_vendor_of_real_motion_is_predicted() -> None:
     result = scored(Path(RECORDINGS or "") / "mrclam7.oracle.jsonl.gz", [0.3])
     (figures,) = result["scores"]
     assert figures["recall"] > 0.9
@@ -91,7 +91,7 @@ def test_a_perfect_vendor_of_real_motion_is_foreseen() -> None:
 
 
 @pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
-def test_forecasts_that_go_straight_on_still_give_a_higher_precision_by_two_fifths() -> None:
+def test_straight_forecasts_give_a_precision_at_least_two_fifths_above_the_baseline() -> None:
     result = scored(Path(RECORDINGS or "") / "mrclam7.cv.jsonl.gz", list(STRAIGHT_ON))
     for figures, (recall, precision) in zip(result["scores"], STRAIGHT_ON.values(), strict=True):
         assert figures["recall"] >= recall
@@ -101,7 +101,7 @@ def test_forecasts_that_go_straight_on_still_give_a_higher_precision_by_two_fift
     assert all(0.88 <= row["covered_90"] <= 0.92 for row in result["forecast_error"]["all"])
 
 
-def test_what_is_set_is_as_if_the_site_said_so_and_is_compared(tmp_path: Path) -> None:
+def test_an_override_acts_like_a_site_setting_and_results_are_compared(tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
     near, far = tmp_path / "near.json", tmp_path / "far.json"
     command = [sys.executable, "-m", "deconflict", "replay"]
@@ -111,7 +111,7 @@ def test_what_is_set_is_as_if_the_site_said_so_and_is_compared(tmp_path: Path) -
     assert "clearance 0.2 m and 0.6 m: 1 and 1 foreseeable encounters" in told.stdout
 
 
-def test_a_log_that_is_not_there_is_told_in_a_line(tmp_path: Path) -> None:
+def test_a_missing_log_is_reported_in_one_line(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "deconflict", "replay", str(tmp_path / "none.jsonl")]
     told = subprocess.run(command, check=False, capture_output=True, text=True)
     assert (told.returncode, told.stderr.count("\n")) == (2, 1)

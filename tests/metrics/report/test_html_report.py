@@ -95,7 +95,7 @@ def test_the_nearest_moment_is_shown_with_its_time_place_names_and_a_scale(resul
         (8.1, 2.0, "advisory 8.1 s before, cleared 2.0 s before"),
     ],
 )
-def test_a_moment_says_whether_its_advisory_had_been_cleared(
+def test_a_moment_shows_whether_its_advisory_was_cleared(
     result: dict[str, Any], warned_s: float | None, until_s: float | None, told: str
 ) -> None:
     changed = copy.deepcopy(result)

@@ -34,7 +34,7 @@ def read(path: Path) -> Told:
         ]
 
 
-def test_every_message_is_as_its_schema_says(exported: tuple[Path, Path]) -> None:
+def test_every_message_matches_its_schema(exported: tuple[Path, Path]) -> None:
     told = read(exported[0])
     assert {name for name, _, _ in told} == {"foxglove.SceneUpdate", "foxglove.Log"}
     for _, schema, message in told:

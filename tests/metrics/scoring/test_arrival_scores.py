@@ -31,12 +31,12 @@ def test_a_robot_that_comes_late_is_late_by_that_much(tmp_path: Path) -> None:
     assert all(one["late"] == one["out"] == 0 for one in early)
 
 
-def test_a_robot_that_has_not_come_yet_is_late_by_at_least_as_long_as_it_was_awaited(tmp_path: Path) -> None:
+def test_a_robot_that_has_not_arrived_is_late_by_the_time_to_its_last_report(tmp_path: Path) -> None:
     (one,) = scored(log_of_a_trip(tmp_path / "log.jsonl", 20.0, seconds=45), [0.3])["arrivals"]
     assert (one["ahead_up_to_s"], one["cases"], one["out"], one["late"]) == (30.0, 2, 2, 1.0)
     # it said at the beginning and half a minute later that it would be there after 30 s, and was awaited for 44 s
     assert one["off_median_s"] == pytest.approx(14.0, abs=0.3)
 
 
-def test_a_robot_that_goes_elsewhere_has_not_come_late(tmp_path: Path) -> None:
+def test_a_robot_that_changes_its_destination_is_not_late(tmp_path: Path) -> None:
     assert scored(log_of_a_trip(tmp_path / "log.jsonl", 0.0, changes_its_mind=True), [0.3])["arrivals"] == []

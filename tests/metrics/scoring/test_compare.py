@@ -24,12 +24,12 @@ def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> FigureChange:
     return next(one for one in changes(a["scores"][0], b["scores"][0], same_log=True) if one.figure == name)
 
 
-def test_a_result_is_no_different_from_itself() -> None:
+def test_a_result_compared_with_itself_shows_no_change() -> None:
     one = change("recall", result(30), result(30))
     assert (one.before, one.after, one.interval, one.meaning) == (0.5, 0.5, (0.0, 0.0), "no significant change")
 
 
-def test_fewer_encounters_foreseen_show_as_lower_recall() -> None:
+def test_fewer_predicted_encounters_show_as_lower_recall() -> None:
     one = change("recall", result(50), result(25))
     assert one.interval is not None
     assert one.interval[0] < 25 / 60 - 50 / 60 < one.interval[1] < 0
@@ -41,12 +41,12 @@ def test_a_longer_lead_shows_as_higher() -> None:
     assert (one.before, one.after, one.meaning) == (5.0, 7.0, "higher")
 
 
-def test_where_nothing_was_foreseen_or_published_there_is_no_interval() -> None:
+def test_without_predictions_there_is_no_interval() -> None:
     assert change("lead_time_s", result(0), result(30)).interval is None
     assert change("brier", result(30), result(30)).interval is None
 
 
-def test_the_page_says_when_the_logs_differ() -> None:
+def test_the_comparison_says_if_the_logs_differ() -> None:
     assert "The logs differ" in page(result(30), result(30, of=50))
     assert "The logs differ" not in page(result(30), result(20))
     assert "60 and 60 foreseeable encounters" in page(result(30), result(20))
@@ -61,7 +61,7 @@ def published(seed: int, off: float = 0.0) -> dict[str, Any]:
     return result(30) | {"scores": [score([], [], 0.3, tallies={("A", "B"): told})]}
 
 
-def test_the_same_probabilities_are_no_different() -> None:
+def test_the_same_probabilities_show_no_change() -> None:
     for name in ("brier", "brier_skill"):
         one = change(name, published(1), published(1))
         assert (one.before, one.interval) == (one.after, (0.0, 0.0))
@@ -76,7 +76,7 @@ def test_probabilities_that_are_a_little_worse_show() -> None:
     assert one.meaning == "higher"
 
 
-def test_results_that_do_not_list_every_group_are_drawn_on_either_side() -> None:
+def test_results_without_every_group_are_not_paired() -> None:
     a, b = published(1), published(1)
     for one in (a, b):
         cases = one["scores"][0]["cases"]

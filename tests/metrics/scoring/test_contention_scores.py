@@ -56,7 +56,7 @@ def comes(enters_s: float, *, says: bool = True) -> Script:
     return Script(knots, goals, state=lambda t: "navigating" if says or t >= enters_s - 2 else "idle")
 
 
-def test_a_queue_that_was_foretold_came_true_and_by_how_much_before(tmp_path: Path) -> None:
+def test_a_predicted_queue_came_true_with_its_lead_time(tmp_path: Path) -> None:
     one = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER)["contention"]
     assert (one["alerts"], one["censored"], one["precision"]) == (1, 0, 1.0)
     assert (one["happened"], one["recall"], one["recall_any"]) == (1, 1.0, 1.0)
@@ -66,24 +66,24 @@ def test_a_queue_that_was_foretold_came_true_and_by_how_much_before(tmp_path: Pa
     assert one["wait_error_s"] == pytest.approx(80 - 41, abs=5)
 
 
-def test_a_queue_that_does_not_come_about_is_a_false_one(tmp_path: Path) -> None:
+def test_a_predicted_queue_that_does_not_happen_is_false(tmp_path: Path) -> None:
     one = scored(tmp_path, {"A": charges(12), "B": comes(22)}, 130, CHARGER)["contention"]
     assert (one["alerts"], one["precision"], one["happened"]) == (1, 0.0, 0)
     assert (one["recall"], one["lead_time_s"]) == (None, None)
 
 
-def test_a_queue_of_a_robot_that_says_nothing_is_missed(tmp_path: Path) -> None:
+def test_a_queue_of_a_robot_without_announcements_is_missed(tmp_path: Path) -> None:
     one = scored(tmp_path, {"A": charges(60), "B": comes(66, says=False)}, 130, CHARGER)["contention"]
     assert (one["alerts"], one["happened"], one["recall"]) == (0, 1, 0.0)
     assert one["precision"] is None
 
 
-def test_what_the_log_does_not_show_any_more_is_not_scored(tmp_path: Path) -> None:
+def test_outcomes_after_the_end_of_the_log_are_not_scored(tmp_path: Path) -> None:
     one = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 15, CHARGER)["contention"]
     assert (one["alerts"], one["censored"], one["precision"]) == (1, 1, None)
 
 
-def test_a_crowd_is_told_of_while_it_lasts(tmp_path: Path) -> None:
+def test_a_double_occupancy_has_an_advisory_while_it_lasts(tmp_path: Path) -> None:
     crowd = {
         "A": Script([(0.0, -0.6, 0.0)], state=lambda _: "idle"),
         "B": Script([(0.0, 10.0, 0.6), (10.0, 0.6, 0.6), (40.0, 0.6, 0.6), (50.0, 10.0, 0.6)]),
@@ -96,7 +96,7 @@ def test_a_crowd_is_told_of_while_it_lasts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("gives_way", [False, True])
-def test_two_that_stand_before_each_other_in_a_lane_were_locked_as_foretold(tmp_path: Path, gives_way: bool) -> None:
+def test_two_robots_face_to_face_in_a_lane_are_a_predicted_deadlock(tmp_path: Path, gives_way: bool) -> None:
     east, west = [(0.0, -20.0, 0.0), (40.0, 20.0, 0.0)], [(0.0, 20.0, 0.0), (40.0, -20.0, 0.0)]
     stops = [(0.0, -20.0, 0.0), (18.0, -2.0, 0.0), (100.0, -2.0, 0.0)]
     backs = [(0.0, 20.0, 0.0), (18.0, 2.0, 0.0), (20.0, 2.0, 0.0), (36.0, 20.0, 0.0)]
@@ -205,5 +205,5 @@ def test_the_report_has_the_sections_about_shared_places(tmp_path: Path) -> None
         assert head in html
 
 
-def test_where_nothing_is_told_and_nothing_happens_there_are_no_figures(tmp_path: Path) -> None:
+def test_without_advisories_and_events_there_are_no_figures(tmp_path: Path) -> None:
     assert scored(tmp_path, {"A": Script([(0.0, 30.0, 0.0), (60.0, 90.0, 0.0)])}, 60, CHARGER) == {}

@@ -33,7 +33,7 @@ def figures(found: PlaceScores, stays_s: Any = NOBODY, last_s: float = LAST_S) -
 @pytest.mark.parametrize(
     ("ahead_s", "up_to_s"), [(0, 30), (30, 30), (31, 60), (100, 120), (299, 300), (301, 900), (900, 900)]
 )
-def test_what_was_said_counts_by_how_far_ahead_it_was_said(ahead_s: float, up_to_s: float) -> None:
+def test_predictions_are_counted_by_time_ahead(ahead_s: float, up_to_s: float) -> None:
     found = places()
     say(found, 0.0, [comes(ahead_s)])
     found.add_entry(PlaceEntry("d1", "r", ahead_s + 12.0, 0.0))
@@ -43,14 +43,14 @@ def test_what_was_said_counts_by_how_far_ahead_it_was_said(ahead_s: float, up_to
     assert (row["came"], row["late"], row["off_median_s"]) == (1.0, 1.0, pytest.approx(12.0, rel=0.02))
 
 
-def test_farther_ahead_than_a_quarter_of_an_hour_nothing_is_said() -> None:
+def test_predictions_beyond_a_quarter_of_an_hour_are_not_counted() -> None:
     found = places()
     say(found, 0.0, [comes(901.0)])
     found.add_entry(PlaceEntry("d1", "r", 901.0, 0.0))
     assert figures(found)[900.0]["said"] == 0
 
 
-def test_one_that_comes_early_is_not_late_and_as_far_off() -> None:
+def test_an_early_arrival_is_not_late_but_has_an_error() -> None:
     found = places()
     say(found, 0.0, [comes(50.0)])
     found.add_entry(PlaceEntry("d1", "r", 40.0, 0.0))
@@ -59,7 +59,7 @@ def test_one_that_comes_early_is_not_late_and_as_far_off() -> None:
 
 
 @pytest.mark.parametrize(("heard_s", "said"), [(40.0, 0), (200.0, 1)])
-def test_one_that_does_not_come_is_late_by_as_long_as_it_was_heard_of(heard_s: float, said: int) -> None:
+def test_a_robot_that_never_arrives_is_late_by_the_time_to_its_last_report(heard_s: float, said: int) -> None:
     found = PlaceScores([resource("d1", 0, 0)], {"r": heard_s})
     say(found, 0.0, [comes(50.0), comes(5.0, robot="s")])
     found.add_entry(PlaceEntry("d1", "s", 5.0, 0.0))
@@ -68,7 +68,7 @@ def test_one_that_does_not_come_is_late_by_as_long_as_it_was_heard_of(heard_s: f
     assert row["off_median_s"] == (pytest.approx(150.0, rel=0.02) if said else None)
 
 
-def test_of_one_that_has_left_it_is_not_known_what_would_have_come_of_it() -> None:
+def test_predictions_for_a_robot_that_left_are_not_counted() -> None:
     found = places()
     say(found, 0.0, [comes(50.0), comes(5.0, robot="s")])
     found.add_entry(PlaceEntry("d1", "s", 5.0, 0.0))
@@ -76,7 +76,7 @@ def test_of_one_that_has_left_it_is_not_known_what_would_have_come_of_it() -> No
     assert figures(found)[60.0]["said"] == 0
 
 
-def test_what_is_said_again_counts_again_until_the_robot_has_come() -> None:
+def test_a_repeated_prediction_counts_again_until_the_robot_arrives() -> None:
     found = places()
     for now_s in (0.0, 10.0, 20.0):
         say(found, now_s, [comes(70.0)])
@@ -88,7 +88,7 @@ def test_what_is_said_again_counts_again_until_the_robot_has_come() -> None:
     )
 
 
-def test_an_arrival_is_foretold_where_it_was_said_so_far_ahead_that_it_would_come() -> None:
+def test_an_arrival_is_predicted_in_the_classes_of_time_ahead_of_its_predictions() -> None:
     found = places()
     say(found, 0.0, [])
     say(found, 900.0, [comes(1500.0)])
@@ -100,7 +100,7 @@ def test_an_arrival_is_foretold_where_it_was_said_so_far_ahead_that_it_would_com
     assert {one: row["foretold"] for one, row in rows.items()} == {30: 0.0, 60: 1.0, 120: 1.0, 300: 0.0, 900: 0.0}
 
 
-def test_a_place_was_full_when_it_was_said_to_be() -> None:
+def test_a_place_was_full_as_predicted() -> None:
     found = places(capacity=2)
     say(found, 0.0, [PlannedStay("d1", "s", False, -9.0, 200.0), comes(50.0, 100.0)])
     found.add_entry(PlaceEntry("d1", "r", 50.0, 0.0))
@@ -116,7 +116,7 @@ def test_a_place_was_full_when_it_was_said_to_be() -> None:
     assert (rows[60.0]["full_precision"], rows[120.0]["full_recall"]) == (1.0, 0.0)
 
 
-def test_when_the_log_is_over_it_is_not_known_whether_a_place_is_full() -> None:
+def test_after_the_end_of_the_log_it_is_unknown_whether_a_place_is_full() -> None:
     found = places()
     say(found, 0.0, [comes(5.0)])
     found.add_entry(PlaceEntry("d1", "r", 5.0, 0.0))
@@ -124,7 +124,7 @@ def test_when_the_log_is_over_it_is_not_known_whether_a_place_is_full() -> None:
     assert [row["full_said"] for row in rows.values()] == [1, 1, 0, 0, 0]
 
 
-def test_one_that_is_too_late_does_not_come_any_more() -> None:
+def test_a_robot_that_is_too_late_counts_as_never_arriving() -> None:
     found = places()
     say(found, 0.0, [comes(50.0)])
     found.advance(1000.0)
@@ -133,13 +133,13 @@ def test_one_that_is_too_late_does_not_come_any_more() -> None:
     assert (row["came"], row["off_median_s"]) == (0.0, pytest.approx(900.0, rel=0.02))
 
 
-def test_where_nobody_comes_there_are_no_figures() -> None:
+def test_without_arrivals_and_predictions_there_are_no_figures() -> None:
     found = places()
     say(found, 0.0, [])
     assert figures(found) == {}
 
 
-def test_a_need_of_a_charger_is_held_against_whether_the_robot_has_come_to_one_by_then() -> None:
+def test_a_predicted_need_is_compared_with_whether_the_robot_came_to_a_charger_in_time() -> None:
     found = places()
     say(found, 0.0, [], r=[0.1, 0.2, 0.4, 0.6, 1.0], s=[0.0, 0.0, 0.0, 0.0, 0.5])
     found.add_entry(PlaceEntry("d1", "r", 200.0, 0.0))
@@ -151,7 +151,7 @@ def test_a_need_of_a_charger_is_held_against_whether_the_robot_has_come_to_one_b
     assert [row["need_brier"] for row in rows.values()] == pytest.approx([0.005, 0.02, 0.08, 0.08, 0.125])
 
 
-def test_what_comes_of_a_need_is_known_as_far_as_the_robot_was_heard_of() -> None:
+def test_the_outcome_of_a_need_is_known_up_to_the_last_report() -> None:
     found = PlaceScores([resource("c1", 0, 0, kind="charger")], {"r": 150.0})
     say(found, 0.0, [], r=[0.5] * 5)
     rows = {one["ahead_up_to_s"]: one for one in found.figures(1e4, {"c1": NOBODY})}
@@ -160,7 +160,7 @@ def test_what_comes_of_a_need_is_known_as_far_as_the_robot_was_heard_of() -> Non
 
 
 @pytest.mark.parametrize(("likely", "foretold"), [(0.6, 1.0), (0.4, 0.0)])
-def test_one_that_would_more_likely_than_not_need_a_charger_was_foretold(likely: float, foretold: float) -> None:
+def test_an_arrival_at_a_charger_is_predicted_by_a_probable_need(likely: float, foretold: float) -> None:
     found = places()
     say(found, 0.0, [], r=[0.0, 0.0, 0.0, 0.0, likely])
     found.add_entry(PlaceEntry("d1", "r", 900.0, 0.0))
@@ -168,7 +168,7 @@ def test_one_that_would_more_likely_than_not_need_a_charger_was_foretold(likely:
     assert figures(found)[60.0]["foretold"] == 0.0
 
 
-def test_a_need_is_over_once_the_robot_has_left_or_has_come() -> None:
+def test_a_need_ends_when_the_robot_leaves_or_arrives() -> None:
     found = places()
     say(found, 0.0, [comes(5.0, robot="s")], r=[0.5] * 5, s=[0.5] * 5)
     found.forget("r")

@@ -18,7 +18,7 @@ SAMPLES = ([3.0, 1.0, 2.0, nan], [nan, nan, nan, nan], [1.0, 0.0, 0.0, 1.0], [na
         (summaries.medians, summaries.median, statistics.median),
     ],
 )
-def test_each_sample_is_summed_up_by_what_is_known_of_it(
+def test_statistics_of_a_sample_use_only_its_known_values(
     many: Callable[[Floats], Floats],
     alone: Callable[[Floats], float | None],
     expected: Callable[[list[float]], float],
@@ -30,7 +30,7 @@ def test_each_sample_is_summed_up_by_what_is_known_of_it(
     assert alone(np.empty(0)) is None
 
 
-def test_errors_of_probabilities_are_told_of_each_sample_of_groups() -> None:
+def test_errors_of_probabilities_are_computed_for_each_sample_of_groups() -> None:
     group = np.array([[10.0, 5.0, 2.0], [10.0, 5.0, 1.0]])
     nothing, certain = np.zeros((2, 3)), np.array([[10.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
     every = np.stack([group, nothing, certain])

@@ -35,7 +35,7 @@ def measured(
     return [receiver.as_document(), engine.as_document()]
 
 
-def test_a_flag_that_stood_is_told_with_when_it_ended_and_its_largest_size() -> None:
+def test_an_ended_flag_is_kept_with_its_end_and_its_largest_size() -> None:
     records = VendorRecords()
     for minute, by_s in enumerate((None, 2.0, 3.0, 1.0, None, None)):
         records.update(NOW_S + 60 * minute, measured(by_s))
@@ -53,7 +53,7 @@ def test_a_flag_that_stands_at_the_end_has_no_end() -> None:
     assert [one["until"] for one in records.figures({})[0]["flags"]] == [None]
 
 
-def test_robots_that_did_other_than_they_said_are_told_at_their_most() -> None:
+def test_the_largest_number_of_distrusted_robots_is_kept() -> None:
     records = VendorRecords()
     for robots, forecasts in ((1, 4), (3, 9), (0, 9)):
         records.update(NOW_S, measured(distrusted=robots, forecasts=forecasts))
@@ -61,7 +61,7 @@ def test_robots_that_did_other_than_they_said_are_told_at_their_most() -> None:
     assert (alder["distrusted"], alder["forecasts_distrusted"], alder["ece"]) == (3, 9, None)
 
 
-def test_however_often_a_vendor_changes_the_newest_flags_are_kept() -> None:
+def test_of_many_flags_the_newest_are_kept() -> None:
     records = VendorRecords()
     for n in range(MOST_FLAGS + 20):
         records.update(NOW_S + 60 * n, measured(2.0, since_s=NOW_S + 60 * n))
@@ -83,7 +83,7 @@ def log_of_a_clock(path: Path) -> Path:
     return path
 
 
-def test_a_replay_tells_of_a_clock_that_was_off_for_a_while(tmp_path: Path) -> None:
+def test_a_replay_shows_a_temporary_clock_change(tmp_path: Path) -> None:
     log = log_of_a_clock(tmp_path / "log.jsonl")
     result = scored(log, [0.3])
     (alder,) = result["vendors"]

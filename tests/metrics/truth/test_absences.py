@@ -26,7 +26,7 @@ class Scored(Watch):
         return self.absences.is_gone(robot(name), NOW_S + at_s)
 
 
-def test_a_robot_is_gone_from_the_end_of_its_grace_on_if_it_is_never_heard_again() -> None:
+def test_a_robot_that_never_reports_again_is_gone_from_the_end_of_its_grace_period() -> None:
     floor = Scored()
     floor.drive("A", 0.0, seconds=9)
     floor.say("B", 50.0)
@@ -38,7 +38,7 @@ def test_a_robot_is_gone_from_the_end_of_its_grace_on_if_it_is_never_heard_again
     assert not floor.is_gone("nobody", 60.0)
 
 
-def test_a_robot_that_comes_back_elsewhere_was_gone_in_between() -> None:
+def test_a_robot_that_reports_from_another_place_was_gone_in_between() -> None:
     floor = Scored()
     elsewhere: tuple[tuple[str, float, dict[str, Any]], ...] = (
         ("far", 40.0, {}),
@@ -69,7 +69,7 @@ def with_meeting(back_m: float = 10.0) -> Scored:
     return floor
 
 
-def test_a_meeting_is_with_a_silent_robot_that_stood_there_all_the_while() -> None:
+def test_an_encounter_counts_with_a_silent_robot_that_stood_there_throughout() -> None:
     met_s = NOW_S + 15.0 + 9.0 - 0.25
     floor = with_meeting()
     told = floor.absences.figures(0.3, [(PAIR, met_s - 4.0, met_s + 3.0)], 2.0)
@@ -81,12 +81,12 @@ def test_a_meeting_is_with_a_silent_robot_that_stood_there_all_the_while() -> No
 
 
 @pytest.mark.parametrize("back_m", [11.0, 25.0])
-def test_one_that_has_moved_meanwhile_met_nobody_for_all_that_is_known(back_m: float) -> None:
+def test_a_robot_that_moved_while_silent_has_no_known_encounter(back_m: float) -> None:
     told = with_meeting(back_m).absences.figures(0.3, [], 2.0)
     assert (told["silent_there"], told["meetings"], told["told_of_share"]) == (int(back_m < 20), 0, None)
 
 
-def test_an_advisory_about_somebody_gone_is_one_that_was_raised_when_he_was() -> None:
+def test_an_advisory_is_about_a_gone_robot_if_it_was_raised_while_that_was_gone() -> None:
     floor = Scored()
     floor.drive("silent", 0.0, seconds=9)
     floor.drive("other", 20.0, seconds=30)

@@ -11,12 +11,12 @@ PASS = (0.0, 11.0, -1.0)
 
 
 @pytest.mark.parametrize(("above_m", "met"), [(0.0, True), (1.0, True), (1.1, False), (5.0, False), (-inf, True)])
-def test_robots_of_which_one_passes_above_the_other_have_no_encounter(above_m: float, met: bool) -> None:
+def test_a_robot_that_passes_above_another_has_no_encounter_with_it(above_m: float, met: bool) -> None:
     truth = driven(PASS, until_s=25, above_m=lambda _: above_m)
     assert bool(truth.encounters(0.3)) is met
     assert bool(truth.scenes.finish(truth.motion)) is met
 
 
-def test_an_encounter_begins_once_one_has_come_down_to_the_other() -> None:
+def test_an_encounter_begins_when_one_robot_reaches_the_height_of_the_other() -> None:
     (one,) = driven(PASS, until_s=25, above_m=lambda t_s: 5.0 if t_s < 11 else 0.0).encounters(0.3)
     assert one.start_s == pytest.approx(11.0, abs=0.11)

@@ -37,7 +37,7 @@ def by_hand(reports: list[Report], first: int) -> dict[int, list[float]]:
     return there
 
 
-def test_robots_are_where_the_reports_before_and_after_put_them_and_nowhere_in_between_those_too_far_apart() -> None:
+def test_poses_are_interpolated_between_reports_unless_these_are_too_far_apart() -> None:
     rng, motion = np.random.default_rng(1), RecordedMotion()
     taken: dict[str, list[Report]] = {}
     first = 0

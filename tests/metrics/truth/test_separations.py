@@ -29,7 +29,7 @@ def wandering(robots: int, size_m: float) -> SampledMotion:
 
 
 @pytest.mark.parametrize(("robots", "size_m", "fewest"), [(0, 1.0, 0), (1, 1.0, 0), (40, 6.0, 1000), (25, 60.0, 1)])
-def test_who_was_near_whom_is_what_every_two_robots_tell_by_themselves(robots: int, size_m: float, fewest: int) -> None:
+def test_separations_equal_those_of_every_pair_alone(robots: int, size_m: float, fewest: int) -> None:
     there, expected = wandering(robots, size_m), []
     radius_m = np.hypot(*there.half_m)
     for a, b in combinations(range(robots), 2):

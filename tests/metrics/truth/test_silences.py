@@ -31,7 +31,7 @@ def floor(passes_m: float) -> EncounterFinder:
 
 
 @pytest.mark.parametrize(("passes_m", "verdict"), [(-5.0, Verdict.KEPT_APART), (3.0, Verdict.UNKNOWN)])
-def test_a_pair_is_kept_apart_where_one_fell_silent_and_the_other_drove_through_its_place(
+def test_a_pair_is_kept_apart_if_one_became_silent_and_the_other_drove_through_its_place(
     passes_m: float, verdict: Verdict
 ) -> None:
     truth, at_s = floor(passes_m), float(SILENT_FROM_S - 1)

@@ -20,13 +20,13 @@ def hour(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def test_stops_are_told_of_in_the_last_minutes_of_an_hour_as_in_the_first(hour: Path) -> None:
+def test_stops_have_alerts_at_the_end_of_an_hour_as_at_its_start(hour: Path) -> None:
     last = log_cases(hour / LOG, hour, 0.3, after_s=LAST_S)[SERVICE]
     assert len(last.stops) >= 10
     assert figures(last)["stops told 4 s"]["value"] >= 0.95
 
 
-def test_robots_that_pass_with_room_raise_nothing(tmp_path: Path) -> None:
+def test_robots_that_pass_with_room_raise_no_alert(tmp_path: Path) -> None:
     make(Corridors("two_way", seconds=300.0, corridors=4), tmp_path)
     cases = log_cases(tmp_path / LOG, tmp_path, 0.3)[SERVICE]
     assert figures(cases)["alerts per robot-hour"]["value"] == 0.0

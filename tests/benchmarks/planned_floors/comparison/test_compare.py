@@ -28,7 +28,7 @@ def test_the_service_and_the_believer_are_scored_on_the_same_stops(corridor: Pat
     assert len(cases[SERVICE].probabilities) > 20
 
 
-def test_a_part_that_is_switched_off_changes_what_is_told(corridor: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_switching_off_a_part_changes_the_advisories(corridor: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def deaf(engine: Engine) -> None:
         monkeypatch.setattr(engine, "receive", lambda _batch: None)
 
@@ -48,7 +48,7 @@ def test_advisories_of_a_file_score_as_in_one_process(corridor: Path, tmp_path: 
     assert scores["late"]["alerts per robot-hour"]["value"] == 0.0
 
 
-def test_a_floor_that_is_there_is_not_made_again(tmp_path: Path) -> None:
+def test_an_existing_floor_is_not_made_again(tmp_path: Path) -> None:
     floor = Corridors("two_way", seconds=2.0, corridors=1)
     make(floor, tmp_path)
     (tmp_path / LOG).write_bytes(b"")
@@ -58,7 +58,7 @@ def test_a_floor_that_is_there_is_not_made_again(tmp_path: Path) -> None:
     assert (tmp_path / LOG).read_bytes()
 
 
-def test_floors_of_several_seeds_are_told_of_together(tmp_path: Path) -> None:
+def test_floors_of_several_seeds_are_scored_together(tmp_path: Path) -> None:
     plan = Plan(kinds=["two_way"], seeds=[1, 2], floors=tmp_path, clearance_m=0.3, seconds=30.0)
     [comparison] = compared(plan, 1)
     assert comparison.setting.name == "two_way"

@@ -23,7 +23,7 @@ def test_two_that_meet_head_on_brake_and_stand_at_the_gap(head_on: Recording) ->
     assert near(motion, 1.0).separation_m.min() == pytest.approx(0.6, abs=0.15)
 
 
-def test_they_meet_again_and_again(head_on: Recording) -> None:
+def test_the_robots_of_a_corridor_meet_repeatedly(head_on: Recording) -> None:
     half_width_m = dict.fromkeys(head_on.truth.motion.robots, 0.35)
     stops = fresh(head_on.truth.stops, half_width_m)
     by_pair = {stop.pair: [other.start_s for other in stops if other.pair == stop.pair] for stop in stops}
@@ -33,7 +33,7 @@ def test_they_meet_again_and_again(head_on: Recording) -> None:
         assert np.diff(starts_s) == pytest.approx(40.0, abs=0.3)
 
 
-def test_their_paths_go_straight_on(head_on: Recording) -> None:
+def test_paths_in_corridors_are_straight(head_on: Recording) -> None:
     """Eight seconds before the onset both tell that they will be beyond the place where they meet."""
     stop = head_on.truth.stops[-1]
     heard = [

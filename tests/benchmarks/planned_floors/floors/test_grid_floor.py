@@ -37,7 +37,7 @@ def test_the_same_seed_gives_the_same_bytes(blind: Recording, tmp_path: Path) ->
     assert other.lines != blind.lines
 
 
-def test_robots_touch_only_where_one_drives_around_another(blind: Recording) -> None:
+def test_robots_touch_only_while_one_drives_around_another(blind: Recording) -> None:
     met = encounters(blind.truth.motion, 0.0)
     assert met, "no robot drives around another: nothing is tested"
     assert natural(met, blind.truth.stops) == []
@@ -68,7 +68,7 @@ def test_stops_agree_with_the_motion(blind: Recording) -> None:
         assert away_m < 5.0
 
 
-def test_told_paths_are_what_robots_do_where_nothing_holds_them_up() -> None:
+def test_reported_paths_are_followed_without_obstacles() -> None:
     alone = replace(OWN, vendors=(Habits("Alder", 3),), stalls_per_s=0.0)
     recording = simulate(alone)
     motion, errors_m = recording.truth.motion, []
@@ -89,7 +89,7 @@ def _read(recording: Recording) -> list[Robot]:
     return robots_of_lines(stamped)
 
 
-def test_paths_and_states_are_told_as_the_habits_say() -> None:
+def test_paths_and_states_follow_the_vendors_habits() -> None:
     vendors = (Habits("Alder", 5, path_s=2, tells_waiting=True), Habits("Birch", 5, path_s=0), Habits("Corvid", 5))
     recording = simulate(replace(BLIND, vendors=vendors, seconds=40.0))
     messages = [json.loads(line.message) for line in recording.lines]
@@ -106,7 +106,7 @@ def test_paths_and_states_are_told_as_the_habits_say() -> None:
     assert states["Birch"] == states["Corvid"] == {"navigating"}
 
 
-def test_one_that_swerves_leaves_its_way_and_comes_back() -> None:
+def test_a_swerving_robot_leaves_its_path_and_returns() -> None:
     recording = simulate(SWERVING)
     swerved = [stop for stop in recording.truth.stops if stop.aside_m > 0.35]
     assert swerved
@@ -150,7 +150,7 @@ def test_the_truth_is_read_back_as_it_was_written(blind: Recording, tmp_path: Pa
     assert {robot.uuid for robot in robots} == set(truth.motion.robots)
 
 
-def test_reports_tell_where_robots_truly_are(blind: Recording) -> None:
+def test_reported_positions_are_the_true_ones(blind: Recording) -> None:
     motion = blind.truth.motion
     for robot in _read(blind):
         column = motion.robots.index(robot.uuid)

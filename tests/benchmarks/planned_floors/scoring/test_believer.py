@@ -13,14 +13,14 @@ def test_paths_that_meet_are_an_alert_of_consecutive_seconds() -> None:
     assert (alert.raised_s - START_S, alert.cleared_s - START_S) == (10.0, 20.0)
 
 
-def test_a_robot_without_a_path_goes_straight_on() -> None:
+def test_a_robot_without_a_path_is_extrapolated_straight() -> None:
     standing = reporting(A, [report(t_s, 0.0) for t_s in range(6)])
     coming = reporting(B, [report(t_s, t_s - 12.0, speed_mps=1.0) for t_s in range(6)])
     [alert] = believed_alerts([standing, coming], 0.3)
     assert alert.raised_s - START_S == 1.0
 
 
-def test_one_that_is_silent_for_long_is_forgotten() -> None:
+def test_a_robot_that_is_silent_for_long_is_removed() -> None:
     standing = reporting(A, [report(t_s, 0.0) for t_s in range(31)])
     # Its path ends 0.1 m before the other, so that only silence ends the alert.
     last = reporting(B, [report(t_s, -5.0, to_x_m=-1.1) for t_s in range(3)])

@@ -40,7 +40,7 @@ def stated(shift: float = 0.0) -> dict[str, Any]:
     return calibration(cases(np.column_stack([probability + shift, came_true, group]), [0.5, 0.49, 0.0, 0.9]))
 
 
-def test_probabilities_that_come_true_as_often_as_they_say() -> None:
+def test_correct_probabilities_have_a_small_calibration_error() -> None:
     found = stated()
     assert found["Brier skill"]["value"] == pytest.approx(1 - 0.16 / 0.25)
     assert found["above 0.5, pair-seconds"]["value"] == GROUPS * EACH / 2
@@ -49,7 +49,7 @@ def test_probabilities_that_come_true_as_often_as_they_say() -> None:
     assert found["outcomes above 0.5 at 2 s"]["value"] == 0.5
 
 
-def test_probabilities_that_are_all_too_high_by_a_tenth() -> None:
+def test_probabilities_too_high_by_a_tenth_have_that_calibration_error() -> None:
     assert stated(0.1)["calibration error"]["value"] == pytest.approx(0.1, abs=0.05)
     assert stated(0.1)["Brier skill"]["value"] < stated()["Brier skill"]["value"]
 
@@ -79,6 +79,6 @@ def test_figures_of_probabilities_come_with_intervals(name: str) -> None:
     assert low < figure["value"] < high
 
 
-def test_where_no_probabilities_were_published_there_are_no_figures() -> None:
+def test_without_probabilities_there_are_no_figures() -> None:
     found = calibration(cases(np.empty((0, 3))))
     assert {figure["value"] for figure in found.values()} == {None}

@@ -48,13 +48,13 @@ def verdicts(cases: Cases) -> list[Verdict]:
         (80.0, 89.0, [0, 0, 0, 0, 0]),
     ],
 )
-def test_told_of_is_raised_before_the_onset_and_standing_at_it(
+def test_a_warned_stop_has_an_alert_raised_before_and_open_at_the_onset(
     raised_s: float, cleared_s: float, expected: list[int]
 ) -> None:
     assert judged([alert(raised_s, cleared_s)], [stop(100.0)]).stops.tolist() == [expected]
 
 
-def test_a_stop_of_another_pair_tells_nothing() -> None:
+def test_an_alert_of_another_pair_does_not_count() -> None:
     assert judged([alert(93.0, 105.0, (A, C))], [stop(100.0)]).stops.tolist() == [[0.0] * 5]
 
 
@@ -98,7 +98,7 @@ def test_an_encounter_while_one_drives_around_is_not_natural() -> None:
     assert len(judged([], [stop(20.0, B, A, around_s=5.0)], motion).encounters) == 1
 
 
-def test_own_order_is_no_outcome() -> None:
+def test_an_order_of_the_own_fleet_is_not_an_outcome() -> None:
     own = replace(stop(50.0), robot="x", by="y", same_vendor=True)
     motion = motion_of(100.0, x=(0.0, 0.0), y=(20.0, 0.0))
     truth = FloorTruth(motion, [own], [])
@@ -113,14 +113,14 @@ def test_alerts_and_seconds_while_the_pair_gives_way_are_neither_true_nor_in_vai
     assert cases.seconds.tolist() == [[2, 0, 0, 4], [0, 0, 0, 3]]
 
 
-def test_what_is_not_known_is_counted_apart() -> None:
+def test_unknown_outcomes_are_counted_separately() -> None:
     motion = motion_of(200.0, **APART)
     motion.x_m[1500:, 1] = np.nan  # B is carried away after 150 s
     cases = judged([alert(145.0, 148.0), alert(120.0, 130.0), alert(195.0, 198.0, (A, C))], [], motion)
     assert verdicts(cases) == [Verdict.IN_VAIN, Verdict.UNKNOWN, Verdict.UNKNOWN]
 
 
-def test_alerts_about_somebody_gone_are_told_from_those_about_somebody_silent() -> None:
+def test_alerts_about_gone_robots_are_distinguished_from_those_about_silent_ones() -> None:
     motion = motion_of(200.0, **APART)
     motion.x_m[1000:, 1] = np.nan
     robots = [every_second(A, 200), every_second(B, 95), every_second(C, 95)]
@@ -128,13 +128,13 @@ def test_alerts_about_somebody_gone_are_told_from_those_about_somebody_silent() 
     assert cases.gone[:, 0].tolist() == [0, 1, 0]  # by time raised, then by pair
 
 
-def test_meetings_with_silent_robots_are_scored_apart() -> None:
+def test_encounters_with_silent_robots_are_scored_separately() -> None:
     robots = [every_second(A, 200), every_second(B, 95), every_second(C, 200)]
     cases = judged([alert(96.0, 110.0)], [stop(102.0), stop(150.0, A, C)], None, robots)
     assert cases.silent.tolist() == [[1, 1, 1, 1, 1]]
 
 
-def test_of_silent_robots_it_is_told_apart_who_stands_who_drove_on_and_who_is_gone() -> None:
+def test_silent_robots_that_stand_drive_on_or_are_gone_are_distinguished() -> None:
     motion = motion_of(200.0, **APART)
     line(motion, B, 20.0, 24.0, 96.0, 100.0)  # drives on, and stands from 100 s on
     motion.x_m[1500:, 2] = np.nan  # C stands until it is carried away after 150 s
@@ -156,7 +156,7 @@ def test_robots_that_pass_each_other_should_not_be_alerted() -> None:
     assert judged([alert(2.0, 4.0)], [], motion).passes.tolist() == [[0.0]]
 
 
-def test_probabilities_are_held_against_what_followed() -> None:
+def test_probabilities_are_compared_with_the_outcomes() -> None:
     samples = [((A, B), START_S + t_s, 0.9) for t_s in (80.0, 92.0, 98.0, 102.0)]
     cases = judged([], [stop(100.0)], samples=samples)
     assert cases.probabilities[:, :2].tolist() == [[0.9, 0], [0.9, 1], [0.9, 1]]
@@ -188,11 +188,11 @@ def test_pairs_of_joined_floors_are_in_groups_of_their_own() -> None:
     assert first != second
 
 
-def test_seconds_in_a_row_are_one_alert() -> None:
+def test_consecutive_seconds_are_one_alert() -> None:
     assert alerts_of_seconds({(A, B): [5, 6, 7, 9]}) == [Alert((A, B), 5.0, 8.0), Alert((A, B), 9.0, 10.0)]
 
 
-def test_an_advisory_stands_from_its_raising_to_its_clearing() -> None:
+def test_an_advisory_is_open_from_raised_to_cleared() -> None:
     revisions = [
         {"event": event, "at": f"2026-09-21T14:13:2{second}.000000Z", "id": key, "robots": [B, A]}
         for event, second, key in (("raised", 0, "1"), ("updated", 2, "1"), ("cleared", 5, "1"), ("raised", 7, "2"))

@@ -57,7 +57,7 @@ def test_following_the_advice_ends_it_at_the_promised_cost(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [one.name for one in DRILLS if one.kind != "conflict"])
-def test_what_is_told_ahead_and_advised_is_the_same_whether_anybody_listens(name: str) -> None:
+def test_advisories_and_advice_are_the_same_if_robots_ignore_them(name: str) -> None:
     heard, ignored = (played(ignored=one)[name] for one in (False, True))
     assert heard.told == ignored.told
     assert heard.lead_s == ignored.lead_s
@@ -66,14 +66,14 @@ def test_what_is_told_ahead_and_advised_is_the_same_whether_anybody_listens(name
 
 
 @pytest.mark.parametrize("name", ["aisle head-on", "swap", "ring of three"])
-def test_a_ring_that_nobody_breaks_locks(name: str) -> None:
+def test_a_ring_that_no_robot_breaks_is_a_deadlock(name: str) -> None:
     one = played(ignored=True)[name]
     assert not one.through
     assert one.ended == ""
     assert one.worst == "critical"
 
 
-def test_a_dock_that_is_taken_is_entered_all_the_same_by_one_that_ignores_it() -> None:
+def test_a_robot_that_ignores_advice_enters_an_occupied_dock() -> None:
     assert "double_occupancy" in played(ignored=True)["dock taken"].kinds
 
 
@@ -83,7 +83,7 @@ def test_ignored_advice_costs_what_it_would_have_saved(name: str) -> None:
     assert ignored.late_s > heard.late_s + 3
 
 
-def test_robots_that_ignore_advice_are_told_of_until_they_have_passed_each_other() -> None:
+def test_the_conflict_of_robots_that_ignore_advice_stays_open_until_they_have_passed() -> None:
     one = played(ignored=False)["robots that ignore advice"]
     assert "should wait" in one.advised
     assert one.passed_on == []

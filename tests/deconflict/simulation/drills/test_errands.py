@@ -22,7 +22,7 @@ def run(party: ErrandGroup, seconds: float) -> None:
         party.step(STEP_S)
 
 
-def test_it_does_as_it_says() -> None:
+def test_an_errand_follows_its_reported_plan() -> None:
     one = errand()
     plan, party = one.robot().plan, ErrandGroup([one])
     for step in range(1, 250):
@@ -34,7 +34,7 @@ def test_it_does_as_it_says() -> None:
     assert one.late_s == pytest.approx(0.0, abs=1e-6)
 
 
-def test_what_it_is_told_is_in_its_plan_and_costs_what_it_takes() -> None:
+def test_an_instruction_is_in_the_plan_and_costs_its_time() -> None:
     one = errand()
     comes_s = one.comes_s("dock") or 0.0
     assert comes_s == pytest.approx(10 / PACE_MPS + QUARTER_S)
@@ -47,7 +47,7 @@ def test_what_it_is_told_is_in_its_plan_and_costs_what_it_takes() -> None:
     assert one.late_s == pytest.approx(2.0)
 
 
-def test_one_that_is_sent_elsewhere_goes_there_instead_for_as_long() -> None:
+def test_a_robot_that_is_sent_elsewhere_stays_there_as_long() -> None:
     one = errand()
     one.go_instead(Visit(5, 7, "twin"))
     assert one.comes_s("dock") is None
@@ -55,7 +55,7 @@ def test_one_that_is_sent_elsewhere_goes_there_instead_for_as_long() -> None:
     assert one.late_s == pytest.approx(2.0 + (5**2 + 2**2) ** 0.5 - 5.0, abs=0.3)
 
 
-def test_one_that_is_deaf_does_nothing_that_it_is_told() -> None:
+def test_a_deaf_robot_ignores_instructions() -> None:
     one = errand(deaf=True)
     one.wait(5.0)
     one.go_instead(Visit(9, 9, "twin"))
@@ -64,12 +64,12 @@ def test_one_that_is_deaf_does_nothing_that_it_is_told() -> None:
     assert one.late_s == pytest.approx(0.0, abs=1e-6)
 
 
-def test_it_says_when_its_front_comes_into_an_outline() -> None:
+def test_an_errand_predicts_when_its_front_enters_an_outline() -> None:
     assert errand().enters_s(shapely.box(3, -1, 4, 1)) == pytest.approx(2.5, abs=STEP_S)
     assert errand().enters_s(shapely.box(3, 2, 4, 3)) is None
 
 
-def test_it_stops_for_one_that_stands_ahead_and_waits_for_a_place_that_is_taken() -> None:
+def test_a_robot_stops_for_one_ahead_and_waits_for_an_occupied_place() -> None:
     ahead = Errand(CastMember(2, BASALT), (3.0, 0.0), [Visit(3, 0, "dock", 20.0), Visit(3, 9)])
     behind = Errand(CastMember(1, ALDER), (0.0, 0.0), [Visit(9, 0)])
     waits = Errand(CastMember(3, ALDER), (0.0, 20.0), [Visit(0, 20, "other", 2.0), Visit(3, 0, "dock", 1.0)])

@@ -26,12 +26,12 @@ def passage(inward: tuple[int, int], *, left: bool = False) -> CrossingPassage:
         (passage(EAST), passage(NORTH), True),
     ],
 )
-def test_which_ways_meet(one: CrossingPassage, other: CrossingPassage, meet: bool) -> None:
+def test_paths_through_a_crossing_touch_as_expected(one: CrossingPassage, other: CrossingPassage, meet: bool) -> None:
     assert one.meets(other) is meet
     assert other.meets(one) is meet
 
 
-def test_the_second_waits_until_the_first_is_out() -> None:
+def test_the_second_robot_waits_until_the_first_has_left() -> None:
     crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
         crossings.set_drive(robot, [passage(inward)])
@@ -53,7 +53,7 @@ def test_fleets_do_not_know_of_each_other() -> None:
     assert crossings.stop_m.tolist() == [np.inf, np.inf]
 
 
-def test_a_robot_that_has_backed_out_asks_again() -> None:
+def test_a_robot_that_has_backed_out_requests_the_crossing_again() -> None:
     crossings = Crossings(np.zeros(2, np.int64))
     for robot, inward in enumerate((EAST, NORTH)):
         crossings.set_drive(robot, [passage(inward)])
@@ -64,7 +64,7 @@ def test_a_robot_that_has_backed_out_asks_again() -> None:
     assert crossings.stop_m.tolist() == [5.0, np.inf]
 
 
-def test_a_drive_meets_the_crossings_of_its_way_in_order() -> None:
+def test_a_drive_has_the_crossings_of_its_path_in_order() -> None:
     layout = layout_for(24)
     nodes = layout.route(layout.bays[1].node, layout.bays[20].node, np.ones(len(layout.places)))
     way = drive(lane(layout, nodes, 0.47), layout.heading_rad(layout.bays[1]), ALDER)
@@ -77,7 +77,7 @@ def test_a_drive_meets_the_crossings_of_its_way_in_order() -> None:
         assert 2.5 < one.leave_m - one.enter_m < 6.0
 
 
-def test_a_way_that_comes_back_to_where_it_began_meets_its_crossings_in_order() -> None:
+def test_a_path_that_returns_to_its_start_has_its_crossings_in_order() -> None:
     """A crossing near the start that is come through in the end is not taken for one at the start."""
     layout = layout_for(24)
     ways = 0

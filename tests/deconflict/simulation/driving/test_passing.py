@@ -18,7 +18,7 @@ def begins(ways: list[Way], progress_m: list[float], speed_mps: list[float]) -> 
     return passings.begin(seen, 0, 1, 0.0, 0.5), float(passings.aside_to_m[0])
 
 
-def test_a_robot_goes_past_one_that_stands_on_its_lane() -> None:
+def test_a_robot_passes_one_that_stands_on_its_lane() -> None:
     begun, aside_m = begins([EAST, EAST], [5.0, 7.0], [0.0, 0.0])
     assert begun
     assert 1.0 < aside_m < 1.2
@@ -35,11 +35,11 @@ def test_a_robot_goes_past_one_that_stands_on_its_lane() -> None:
     ],
     ids=["it drives on", "it is behind", "another one comes", "another one stands beside", "the way bends too soon"],
 )
-def test_it_stays_where_there_is_no_room(ways: list[Way], progress_m: list[float], speed_mps: list[float]) -> None:
+def test_a_robot_does_not_pass_without_room(ways: list[Way], progress_m: list[float], speed_mps: list[float]) -> None:
     assert begins(ways, progress_m, speed_mps) == (False, 0.0)
 
 
-def test_it_comes_back_once_it_is_past() -> None:
+def test_a_robot_returns_to_its_path_after_passing() -> None:
     seen = traffic([EAST, EAST], [5.0, 7.0], [0.5, 0.0], [0, 1])
     passings = Passings(np.full(2, LANE_M))
     assert passings.begin(seen, 0, 1, 0.0, 0.5)
@@ -52,7 +52,7 @@ def test_it_comes_back_once_it_is_past() -> None:
     assert 0 not in passings
 
 
-def test_its_plan_goes_round_and_comes_back() -> None:
+def test_the_plan_of_a_passing_robot_leaves_its_path_and_returns() -> None:
     seen = traffic([EAST, EAST], [5.0, 7.0], [0.5, 0.0], [0, 1])
     passings = Passings(np.full(2, LANE_M))
     assert passings.begin(seen, 0, 1, 0.0, 0.5)

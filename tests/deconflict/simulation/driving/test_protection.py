@@ -10,7 +10,7 @@ from deconflict.simulation.truth import corners
 from tests.deconflict.simulation.driving.made_traffic import Way, traffic
 
 
-def test_gaps_tell_overlap_and_never_more_than_the_distance() -> None:
+def test_gaps_are_negative_for_overlaps_and_at_most_the_distance() -> None:
     rng = np.random.default_rng(5)
     n = 2000
     a, b = (np.stack([*rng.uniform(-2, 2, (2, n)), rng.uniform(-4, 4, n)]) for _ in range(2))
@@ -29,7 +29,7 @@ AHEAD: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((2.5, 0.0), (2.5, 9.0))]
 CROSSING: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((10.0, -10.0), (10.0, 10.0))]
 
 
-def test_a_robot_sees_the_one_that_stands_in_its_way() -> None:
+def test_a_robot_senses_another_that_stands_on_its_path() -> None:
     free = free_ways(traffic(AHEAD, [0.0, 0.0], [1.0, 0.0], [0, 1]))
     gap_m = 2.5 - ALDER.body.length_m / 2 - ALDER.body.width_m / 2
     assert free.sensed.tolist() == [1, NOBODY]
@@ -38,30 +38,30 @@ def test_a_robot_sees_the_one_that_stands_in_its_way() -> None:
     assert free.known.tolist() == [NOBODY, NOBODY]
 
 
-def test_its_own_fleet_knows_of_it_instead() -> None:
+def test_a_robot_of_the_own_fleet_is_known_and_not_sensed() -> None:
     free = free_ways(traffic(AHEAD, [0.0, 0.0], [1.0, 0.0], [0, 0]))
     assert free.known.tolist() == [1, NOBODY]
     assert free.sensed.tolist() == [NOBODY, NOBODY]
 
 
-def test_robots_that_pass_in_their_lanes_are_in_nobodys_way() -> None:
+def test_robots_that_pass_in_their_lanes_do_not_block_each_other() -> None:
     passing: list[Way] = [((0.0, -0.7), (20.0, -0.7)), ((20.0, 0.7), (0.0, 0.7))]
     free = free_ways(traffic(passing, [9.0, 10.5], [1.4, 1.4], [0, 1]))
     assert free.sensed_m.tolist() == [np.inf, np.inf]
 
 
-def test_of_two_of_one_fleet_that_cross_the_later_rank_keeps_clear_of_the_other() -> None:
+def test_the_higher_rank_of_two_crossing_robots_of_a_fleet_keeps_clear() -> None:
     free = free_ways(traffic(CROSSING, [7.8, 8.2], [1.4, 1.2], [0, 0]))
     assert free.known.tolist() == [NOBODY, 0]
     assert free.known_m[1] < 1.5
 
 
-def test_of_two_fleets_that_cross_nobody_knows_where_the_other_goes() -> None:
+def test_crossing_robots_of_two_fleets_do_not_know_each_others_paths() -> None:
     free = free_ways(traffic(CROSSING, [7.0, 6.0], [1.4, 1.2], [0, 1]))
     assert free.sensed.tolist() == [NOBODY, NOBODY]
 
 
-def test_a_field_keeps_clear_of_what_the_other_covers_until_it_stands() -> None:
+def test_a_field_keeps_clear_of_the_other_robots_braking_path() -> None:
     """The other is 2 m from the robot's way, and needs 0.7 m to stop."""
     coming, standing = (traffic(CROSSING, [8.6, 7.8], [1.4, mps], [0, 1]) for mps in (1.4, 0.0))
     coming.speed_mps[1] = 2.2
@@ -69,21 +69,21 @@ def test_a_field_keeps_clear_of_what_the_other_covers_until_it_stands() -> None:
     assert free_ways(standing).sensed[0] == NOBODY
 
 
-def test_a_robot_may_leave_one_that_it_is_too_near_to() -> None:
+def test_a_robot_may_move_away_from_one_that_is_too_near() -> None:
     near: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((-1.01, 0.0), (-9.0, 0.0))]
     free = free_ways(traffic(near, [0.0, 0.0], [0.0, 0.0], [0, 1]))
     assert free.sensed_m.tolist() == [np.inf, np.inf]
 
 
 @pytest.mark.parametrize(("aside_m", "may"), [(0.3, True), (0.45, False)])
-def test_nobody_steps_aside_into_another(aside_m: float, may: bool) -> None:
+def test_no_robot_moves_sideways_into_another(aside_m: float, may: bool) -> None:
     beside: list[Way] = [((0.0, 0.0), (20.0, 0.0)), ((0.0, 1.2), (20.0, 1.2))]
     seen = traffic(beside, [5.0, 5.0], [0.5, 0.0], [0, 1])
     assert may_sidestep(seen, np.array([aside_m, 0.0])).tolist() == [may, True]
 
 
 @pytest.mark.parametrize("floors", [[0, 0], [0, 1]])
-def test_floors_are_apart(floors: list[int]) -> None:
+def test_robots_on_different_floors_do_not_affect_each_other(floors: list[int]) -> None:
     seen = traffic(AHEAD, [0.0, 0.0], [1.0, 0.0], [0, 1])
     seen.floor[:] = floors
     assert np.isfinite(free_ways(seen).sensed_m[0]) == (floors == [0, 0])

@@ -35,7 +35,7 @@ def test_a_robot_moves_along_its_heading() -> None:
     assert np.all(across < 0.02 * way.step_m)
 
 
-def test_it_turns_in_place_before_it_leaves_a_bay_head_first() -> None:
+def test_a_robot_turns_in_place_before_it_leaves_a_bay_forwards() -> None:
     way = drive(CORNERS, -pi / 2, CORVID)
     turning = round(pi * TURN_M / way.step_m)
     assert np.ptp(way.x_m[:turning]) == pytest.approx(0.0, abs=1e-9)
@@ -61,7 +61,7 @@ def test_corners_are_taken_slowly() -> None:
     assert sideways_mps2.max() <= SIDEWAYS_MPS2 * 1.01
 
 
-def test_lanes_lie_right_of_the_middle_and_ways_end_in_the_bays() -> None:
+def test_lanes_are_right_of_the_middle_and_paths_end_in_the_bays() -> None:
     layout = layout_for(24)
     start, goal = layout.bays[1], layout.bays[2]
     corners = lane(layout, layout.route(start.node, goal.node, np.ones(len(layout.places))), 0.5)

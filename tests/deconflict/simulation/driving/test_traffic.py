@@ -82,13 +82,13 @@ def seen(request: pytest.FixtureRequest) -> Seen:
     return found
 
 
-def test_nobody_jumps(seen: Seen) -> None:
+def test_no_robot_jumps(seen: Seen) -> None:
     greatest = np.array([member.make.max_speed_mps for member in cast(seen.robots)])
     assert np.all(seen.fastest_mps <= greatest + SLACK_MPS)
     assert np.all(seen.fastest_mps > 0.5)
 
 
-def test_nobody_is_stuck_for_good(seen: Seen) -> None:
+def test_no_robot_is_stuck_permanently(seen: Seen) -> None:
     assert seen.still_s.max() < LONGEST_STILL_S
     assert seen.trips.min() >= 2
     assert seen.trips.mean() >= 5
@@ -98,13 +98,13 @@ def test_bodies_never_touch(seen: Seen) -> None:
     assert seen.touched == []
 
 
-def test_everything_that_robots_do_is_done(seen: Seen) -> None:
+def test_every_activity_occurs(seen: Seen) -> None:
     assert seen.doing >= {Activity.STANDING, Activity.DRIVING, Activity.HALTED}
     assert seen.charged
     assert seen.rode or seen.robots < 24
 
 
-def test_robots_give_way_to_other_fleets_now_and_then(seen: Seen) -> None:
+def test_robots_sometimes_yield_to_other_fleets(seen: Seen) -> None:
     """Traffic is mostly calm: each robot stops for one of another fleet every two to fifteen minutes."""
     of_another = [stop for stop in seen.stops if stop.counts]
     per_robot_hour = len(of_another) / (seen.robots * MINUTES / 60)
@@ -125,7 +125,7 @@ def test_no_two_robots_stop_in_one_bay() -> None:
 
 
 @pytest.mark.parametrize(("robots", "seed"), [(12, 3), (12, 4), (60, 2)])
-def test_on_other_seeds_too_bodies_never_touch_and_nobody_freezes(robots: int, seed: int) -> None:
+def test_with_other_seeds_bodies_never_touch_and_no_robot_is_stuck(robots: int, seed: int) -> None:
     one = world(seed, robots)
     moved_s = np.zeros(robots)
     for _ in states(one, 180.0):
@@ -145,7 +145,7 @@ def head_on(seed: int) -> World:
     return one
 
 
-def test_two_that_drive_at_each_other_brake_apart() -> None:
+def test_two_oncoming_robots_brake_before_they_touch() -> None:
     one = head_on(1)
     for _ in states(one, 15.0):
         pass
@@ -156,7 +156,7 @@ def test_two_that_drive_at_each_other_brake_apart() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_of_two_that_wait_for_each_other_one_makes_room(seed: int) -> None:
+def test_one_of_two_mutually_waiting_robots_makes_room(seed: int) -> None:
     one = head_on(seed)
     through = np.zeros(2, np.bool_)
     for _ in states(one, 120.0):

@@ -59,7 +59,7 @@ def seconds(stamp: str) -> float:
     return datetime.fromisoformat(stamp).timestamp()
 
 
-def test_every_message_of_everybody_is_understood(told: list[RobotState]) -> None:
+def test_every_message_of_every_vendor_is_accepted(told: list[RobotState]) -> None:
     for robot in told:
         first, second = DIALECTS[robot.member.make.vendor].messages(robot, NOW_S, introduce=True)
         identity, now = read(first), read(second)
@@ -78,7 +78,7 @@ def test_three_vendors_keep_to_the_standard(told: list[RobotState], vendor: Vend
             assert reading.findings == ()
 
 
-def test_alder_is_three_seconds_fast_in_all_it_says(told: list[RobotState]) -> None:
+def test_all_timestamps_of_alder_are_three_seconds_fast(told: list[RobotState]) -> None:
     for robot in of(told, VendorName.ALDER, moving=True):
         said = status(robot)
         assert seconds(said["timestamp"]) == pytest.approx(NOW_S + 3.0, abs=1e-3)
@@ -88,7 +88,7 @@ def test_alder_is_three_seconds_fast_in_all_it_says(told: list[RobotState]) -> N
         assert np.array([(point["x"], point["y"]) for point in said["path"]]) == pytest.approx(planned[:, :2], abs=1e-3)
 
 
-def test_corvid_speaks_as_the_sample_sender_does(told: list[RobotState]) -> None:
+def test_corvid_sends_like_the_sample_sender(told: list[RobotState]) -> None:
     for robot in of(told, VendorName.CORVID, moving=True):
         said = status(robot)
         assert said["uuid"] == robot.member.uuid.upper()
@@ -105,7 +105,7 @@ def test_corvid_speaks_as_the_sample_sender_does(told: list[RobotState]) -> None
         assert {"uuid-upper-case", "stamp-offset-no-colon", "datum-key", "path-too-far"} <= set(reading.findings)
 
 
-def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[RobotState]) -> None:
+def test_the_maps_of_the_bundled_site_put_basalts_robots_at_their_true_positions(told: list[RobotState]) -> None:
     bundled = site_file.load(demo_site())
     frames = FrameRegistry(bundled.datums, bundled.vendors)
     for robot in of(told, VendorName.BASALT):
@@ -119,7 +119,7 @@ def test_basalt_lands_where_it_is_by_the_maps_of_the_bundled_site(told: list[Rob
         assert np.hypot(reading.x - robot.x_m, reading.y - robot.y_m) > 10.0
 
 
-def test_people_seldom_know_their_way_but_always_their_speed(told: list[RobotState]) -> None:
+def test_few_people_report_a_path_but_all_report_a_speed(told: list[RobotState]) -> None:
     walking = of(told, VendorName.WALKERS, moving=True)
     with_path = [robot for robot in walking if "path" in status(robot)]
     assert 0 < len(with_path) < len(walking) / 2

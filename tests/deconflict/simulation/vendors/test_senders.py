@@ -83,7 +83,7 @@ async def test_all_four_vendors_report_and_are_counted() -> None:
     assert sum(sent.values()) >= sum(map(len, service.messages.values()))
 
 
-async def test_it_ends_by_itself_after_the_seconds_asked_for() -> None:
+async def test_the_simulation_ends_after_the_given_seconds() -> None:
     service = Service()
     async with serve(service.take, "127.0.0.1", 0) as server, asyncio.timeout(PATIENCE_S):
         url = f"ws://127.0.0.1:{port_of(server)}"
@@ -94,7 +94,7 @@ async def test_it_ends_by_itself_after_the_seconds_asked_for() -> None:
 
 
 @pytest.mark.parametrize(("vendor", "answers"), [(VendorName.CORVID, 0), (VendorName.ALDER, 5)])
-async def test_who_answers_pings(vendor: VendorName, answers: int) -> None:
+async def test_only_corvid_does_not_answer_pings(vendor: VendorName, answers: int) -> None:
     """Frames are answered in their order, so the answer to a close shows that the pings before it were read."""
     pongs: list[bytes] = []
     closed = asyncio.Event()
@@ -122,7 +122,7 @@ async def test_who_answers_pings(vendor: VendorName, answers: int) -> None:
         assert len(pongs) == answers
 
 
-async def test_a_sender_that_never_answers_stays_while_it_is_pinged_in_vain() -> None:
+async def test_a_sender_that_never_answers_pings_stays_connected() -> None:
     line, service = Sender(VendorName.CORVID), Service()
     async with (
         serve(service.take, "127.0.0.1", 0, ping_interval=0.02, ping_timeout=None) as server,
@@ -137,7 +137,7 @@ async def test_a_sender_that_never_answers_stays_while_it_is_pinged_in_vain() ->
         assert service.connections[0].latency == 0.0
 
 
-async def test_a_line_comes_back_when_the_service_does() -> None:
+async def test_a_sender_reconnects_when_the_service_is_back() -> None:
     line, service = Sender(VendorName.ALDER), Service()
     async with serve(service.take, "127.0.0.1", 0) as server:
         port = port_of(server)
@@ -152,7 +152,7 @@ async def test_a_line_comes_back_when_the_service_does() -> None:
         await service.until(lambda: service.messages["/"] == [b"again"])
 
 
-async def test_corvid_says_who_it_is_once_for_all_its_connections() -> None:
+async def test_corvid_sends_its_identity_only_once() -> None:
     line, service = Sender(VendorName.CORVID), Service()
     async with (
         serve(service.take, "127.0.0.1", 0) as server,
@@ -165,7 +165,7 @@ async def test_corvid_says_who_it_is_once_for_all_its_connections() -> None:
         assert line.introduced == {0}
 
 
-async def test_basalts_fleet_manager_can_be_called(unused_tcp_port: int) -> None:
+async def test_the_service_can_connect_to_basalts_fleet_manager(unused_tcp_port: int) -> None:
     service, stop = Service(), asyncio.Event()
     async with serve(service.take, "127.0.0.1", 0) as server:
         url = f"ws://127.0.0.1:{port_of(server)}"

@@ -19,25 +19,25 @@ def alert(
     return Alert(PAIR, ("Alder", "Corvid"), raised_s, cleared_s, predicted_s, left_s, heeded=heeded)
 
 
-def test_nothing_happened_and_nothing_was_said() -> None:
+def test_without_encounters_and_alerts_there_are_no_shares() -> None:
     figures = score([], [], 0.3)
     assert (figures["encounters"], figures["alerts"]) == (0, 0)
     assert figures["recall"] is figures["precision"] is figures["lead_time_s"] is None
 
 
-def test_an_encounter_foreseen_in_time() -> None:
+def test_an_encounter_predicted_in_time_is_recalled() -> None:
     figures = score([encounter(20, 22)], [alert(14.2, 24, predicted_s=20.5)], 0.3)
     assert (figures["recall"], figures["recall_any"], figures["precision"]) == (1.0, 1.0, 1.0)
     assert figures["lead_time_s"]["median"] == 5.0
     assert figures["start_error_s"] == 0.5
 
 
-def test_silence_before_an_encounter_is_a_recall_of_zero() -> None:
+def test_an_encounter_without_an_alert_is_a_recall_of_zero() -> None:
     figures = score([encounter(20, 22)], [], 0.3)
     assert (figures["recall"], figures["recall_any"]) == (0.0, 0.0)
 
 
-def test_an_alert_that_was_given_up_too_early_counts_for_recall_any_alone() -> None:
+def test_an_alert_that_was_cleared_too_early_counts_only_for_recall_any() -> None:
     figures = score([encounter(20, 22)], [alert(11, 15)], 0.3)
     assert (figures["recall"], figures["recall_any"], figures["precision"]) == (0.0, 1.0, 1.0)
 
@@ -52,7 +52,7 @@ def test_an_alert_that_was_given_up_too_early_counts_for_recall_any_alone() -> N
         (18.9, 24.0, 1.0, 1.0, 1.0, 0.9),
     ],
 )
-def test_recall_is_by_the_same_whole_seconds_as_precision(
+def test_recall_uses_the_same_whole_seconds_as_precision(
     raised_s: float, cleared_s: float, recall: float, recall_any: float, precision: float | None, lead_s: float | None
 ) -> None:
     figures = score([encounter(19.9, 22)], [alert(raised_s, cleared_s)], 0.3)
@@ -91,7 +91,7 @@ def test_an_alert_within_an_encounter_that_ends_as_a_robot_leaves_is_not_scored(
     assert (figures["alerts"], figures["censored"], figures["precision"]) == (0, 0, None)
 
 
-def test_an_alert_that_nothing_follows_before_a_robot_leaves_after_its_time_is_a_nuisance() -> None:
+def test_an_alert_without_an_event_is_a_nuisance_if_the_robot_left_after_the_predicted_time() -> None:
     figures = score([], [alert(10, inf, predicted_s=12, left_s=14)], 0.3)
     assert (figures["alerts"], figures["precision"]) == (1, 0.0)
 
@@ -101,12 +101,12 @@ def test_an_alert_whose_robot_left_before_the_predicted_start_is_censored() -> N
     assert (figures["alerts"], figures["censored"], figures["precision"]) == (0, 1, None)
 
 
-def test_an_alert_that_came_to_nothing_since_its_advice_was_followed_is_counted_apart() -> None:
+def test_an_alert_whose_advice_was_followed_is_counted_separately() -> None:
     figures = score([encounter(40, 42)], [alert(10, 14, heeded=True), alert(35, 43, heeded=True)], 0.3)
     assert (figures["alerts"], figures["heeded"], figures["censored"], figures["precision"]) == (1, 1, 0, 1.0)
 
 
-def test_encounters_that_nobody_could_foresee_do_not_lower_recall() -> None:
+def test_unforeseeable_encounters_do_not_lower_recall() -> None:
     figures = score([encounter(20, 22), encounter(50, 52, foreseeable=False)], [alert(15, 24)], 0.3)
     assert (figures["encounters"], figures["foreseeable"], figures["recall"]) == (2, 1, 1.0)
 
@@ -123,7 +123,7 @@ def test_a_pair_that_begins_together_was_not_foreseeable() -> None:
     assert not one.foreseeable
 
 
-def test_drawing_apart_a_little_is_the_same_encounter_and_far_another() -> None:
+def test_a_small_separation_continues_an_encounter_and_a_large_one_ends_it() -> None:
     little = driven((0, 1.2, 0.0), (5, 1.35, 0.0), (9, 1.2, 0.0), until_s=15)
     assert len(little.encounters(0.3)) == 1
     far = driven((0, 1.2, 0.0), (5, 3.0, 0.0), (9, 1.2, 0.0), until_s=15)

@@ -30,7 +30,7 @@ def add(tally: CalibrationTally, group: int, probability: float, part: int) -> N
     )
 
 
-def test_probabilities_that_mean_what_they_say_have_no_calibration_error() -> None:
+def test_correct_probabilities_have_no_calibration_error() -> None:
     figures = tally((0.2, 100, 20), (0.8, 100, 80)).figures()
     assert figures["ece"] == pytest.approx(0.0)
     assert figures["brier"] == pytest.approx(0.16)
@@ -44,11 +44,11 @@ def test_probabilities_that_are_too_high_by_a_tenth_have_that_error_and_less_ski
     assert figures["brier"] == pytest.approx(0.16 + 0.01)
 
 
-def test_always_saying_the_base_rate_has_no_skill() -> None:
+def test_a_constant_base_rate_has_no_skill() -> None:
     assert tally((0.25, 400, 100)).figures()["brier_skill"] == pytest.approx(0.0)
 
 
-def test_where_nothing_was_published_or_nothing_ever_happened_there_is_no_figure() -> None:
+def test_without_probabilities_or_outcomes_there_is_no_figure() -> None:
     nothing = CalibrationTally().figures()
     assert nothing["samples"] == 0
     assert nothing["ece"] is nothing["brier"] is nothing["brier_skill"] is None
@@ -62,7 +62,7 @@ def test_bins_hold_the_same_number_of_samples() -> None:
     assert made.bins()[:, 0].tolist() == pytest.approx([500] * 10, abs=60)
 
 
-def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
+def test_known_samples_get_the_weight_of_censored_ones() -> None:
     # three in ten meet in the sixth second; before that, a robot of half of the pairs has left
     made = CalibrationTally()
     for n in range(200):
@@ -85,7 +85,7 @@ def test_pairs_that_are_known_stand_for_those_of_which_a_robot_left() -> None:
     assert made.figures()["ece_unweighted"] == pytest.approx(30 / 65 - 0.3)
 
 
-def test_all_who_left_may_be_taken_to_have_not_met() -> None:
+def test_censored_samples_can_count_as_not_met() -> None:
     made = tally((0.2, 100, 40), (0.8, 100, 100))
     n = np.arange(100)
     # whichever part of the horizon they left in
@@ -108,7 +108,7 @@ def followed(calibration: CalibrationScores, *probabilities: float) -> Calibrati
     return calibration
 
 
-def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_seconds() -> None:
+def test_a_sample_comes_true_if_an_encounter_begins_within_ten_seconds() -> None:
     made = followed(CalibrationScores(AdvisedWaits()), *[0.25] * 15)
     (whole,) = made.by_vendors.values()
     assert made.by_vendors.keys() == {("Alder", "Corvid")}
@@ -116,14 +116,14 @@ def test_a_sample_a_second_comes_true_where_an_encounter_begins_within_ten_secon
     assert (whole.known().sum(), whole.fine[0, :STAYED].sum()) == (15, 5)
 
 
-def test_seconds_within_an_encounter_and_those_before_a_robot_leaves_are_left_out() -> None:
+def test_seconds_within_an_encounter_or_before_a_robot_leaves_are_excluded() -> None:
     made = followed(CalibrationScores(AdvisedWaits()), *[0.25] * 30)
     (whole,) = made.by_vendors.values()
     # in the encounter from 19.35 to 20.65 s; after 20 s nobody knows what would have been in ten seconds
     assert (whole.known().sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
 
 
-def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
+def test_seconds_before_an_advised_wait_are_counted_separately() -> None:
     waits = AdvisedWaits()
     for at_s in (14.0, 15.0, 16.0):
         waits.add(at_s, ["a"])
@@ -134,7 +134,7 @@ def test_seconds_before_a_robot_waits_as_advised_are_counted_apart() -> None:
     assert (whole.known().sum(), whole.fine[0, :STAYED].sum()) == (4 + 4, 4)
 
 
-def test_the_first_minutes_are_counted_apart() -> None:
+def test_the_first_minutes_are_counted_separately() -> None:
     truth = driven((0, 40.0, 0.0), until_s=200)
     made = CalibrationScores(AdvisedWaits())
     for second in range(180):
@@ -143,7 +143,7 @@ def test_the_first_minutes_are_counted_apart() -> None:
     assert (made.whole().known().sum(), made.settled.known().sum()) == (180, 60)
 
 
-def test_nothing_is_counted_before_it_is_known() -> None:
+def test_no_sample_is_counted_before_its_outcome_is_known() -> None:
     made = CalibrationScores(AdvisedWaits())
     truth = driven((0, 40.0, 0.0), until_s=10, finished=False)
     made.sample(5.0, [(PAIR, 0.1)])
