@@ -121,7 +121,7 @@ def test_a_damaged_status_is_read_as_the_parser_reads_it_or_left_to_it() -> None
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=lambda vector: vector.name)
-def test_every_departure_from_the_standard_is_read_as_the_parser_reads_it(vector: Vector) -> None:
+def test_every_deviation_from_the_standard_is_read_as_the_parser_reads_it(vector: Vector) -> None:
     is_scanned(vector.raw)
 
 
@@ -190,7 +190,7 @@ def test_a_date_is_the_day_that_the_calendar_has() -> None:
 
 
 @pytest.mark.parametrize("points", [b"", b"[", b"[{", b"{}", b"null", b'[{"x":1}]', b"[" * 1000])
-def test_what_are_no_points_is_left_to_the_parser(points: bytes) -> None:
+def test_text_that_is_no_array_of_points_is_left_to_the_parser(points: bytes) -> None:
     assert not path_is_scanned(points)
 
 

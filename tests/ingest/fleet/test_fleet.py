@@ -56,7 +56,7 @@ def test_a_vendor_that_stays_is_read_by_its_changed_settings() -> None:
     assert one.next_batch(NOW_S + 1).forecasts.length_m[0] == 2.0
 
 
-def test_robots_of_a_kind_are_read_in_one_way_until_settings_change() -> None:
+def test_robots_of_one_kind_share_a_context_until_settings_change() -> None:
     one = fleet()
     for name in ("A-1", "A-2", "B-1"):
         one.receive(identity(name, NOW_S, robotModel=name[0], maxSpeed=1.0 + (name == "B-1")), NOW_S, LINE)
@@ -117,7 +117,7 @@ def test_made_up_uuids_are_bounded_and_another_vendors_robots_still_come() -> No
     assert one.receive(status("A-9", NOW_S + 102), NOW_S + 102, alder) is None
 
 
-def test_a_robot_known_by_name_is_told_under_its_uuid_throughout() -> None:
+def test_a_robot_known_by_name_has_its_uuid_everywhere() -> None:
     one = fleet(Vendor(name="Alder", names_as_uuid=True))
     alder = Connection(1, vendor="Alder")
     for raw in (identity("A-1", NOW_S, uuid="Truck 7"), status("A-1", NOW_S, uuid="Truck 7")):
@@ -156,7 +156,7 @@ def test_the_newest_status_wins_and_what_it_replaced_is_counted() -> None:
     assert (batch.statuses[0], batch.first_arrival_s[0], batch.arrival_s[0]) == (3, NOW_S, NOW_S + 2)
 
 
-def test_a_robot_that_is_told_again_brings_no_status() -> None:
+def test_a_repeated_robot_brings_no_status() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
     assert one.next_batch(NOW_S + 0.1).statuses.tolist() == [1]
@@ -195,7 +195,7 @@ def test_a_clock_set_forward_leaves_the_forecast_where_it_belongs_from_the_first
     assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 3, NOW_S + 7], abs=0.15)
 
 
-def test_whole_second_stamps_are_made_whole_again_in_the_forecast_too() -> None:
+def test_stamps_in_whole_seconds_are_corrected_in_the_forecast_too() -> None:
     one = fleet()
     for i in range(3):
         path = points((NOW_S + i + 4, 4.0, 0.0, 0.0))
@@ -205,7 +205,7 @@ def test_whole_second_stamps_are_made_whole_again_in_the_forecast_too() -> None:
     assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 2.8, NOW_S + 6.8], abs=0.01)
 
 
-def test_made_up_datums_bring_only_so_many_floors_and_another_vendors_come_all_the_same() -> None:
+def test_a_vendor_adds_a_limited_number_of_floors_by_unknown_datums() -> None:
     one = fleet(Vendor(name="Alder"), Vendor(name="Mallory"))
     mallory, alder = Connection(1, vendor="Mallory"), Connection(2, vendor="Alder")
     for i in range(2 * MOST_UNKNOWN):
@@ -245,7 +245,7 @@ def test_a_lost_robot_is_doubtful() -> None:
     assert one.next_batch(NOW_S).doubt_m[0] == 1.5
 
 
-def test_a_batch_tells_batteries_as_the_newest_status_does() -> None:
+def test_a_batch_has_the_battery_of_the_newest_status() -> None:
     one = fleet()
     one.receive(status("A", NOW_S, batteryPercentage=61.5, remainingRunTime=1.5), NOW_S, LINE)
     one.receive(status("B", NOW_S), NOW_S, LINE)
@@ -277,7 +277,7 @@ def test_silence_never_removes_a_robot_until_it_is_forgotten_and_counted() -> No
     assert fleet_report.robot_documents(one, NOW_S + 3601) == []
 
 
-def test_everything_the_standard_lets_a_robot_say_is_served() -> None:
+def test_the_robots_document_has_everything_that_its_messages_said() -> None:
     one = fleet()
     optional = {
         "maxSpeed": 1.5,

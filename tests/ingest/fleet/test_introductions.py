@@ -12,7 +12,7 @@ ELSEWHERE = Introduction(robot("A-1"), identity("A-1", NOW_S), NOW_S, None, "Ald
 LARGER = replace(ELSEWHERE, raw=identity("A-1", NOW_S, baseRobotEnvelope={"x": 2.0, "y": 1.0}), arrival_s=NOW_S + 1)
 
 
-def test_what_was_said_after_a_moment_is_told_in_order() -> None:
+def test_introductions_after_a_time_come_in_their_order() -> None:
     one = fleet(Vendor(name="Alder"))
     one.receive(identity("A-2", NOW_S), NOW_S + 2, Connection(2, vendor="Alder"))
     one.receive(identity("A-1", NOW_S), NOW_S + 1, LINE)
@@ -26,12 +26,12 @@ def test_what_was_said_after_a_moment_is_told_in_order() -> None:
     assert one.introductions(NOW_S + 1) == told[1:]
 
 
-def test_a_document_is_the_introduction_again_whatever_its_bytes() -> None:
+def test_an_introduction_survives_its_document_whatever_its_bytes() -> None:
     odd = Introduction(robot("A-1"), b"\xff\xfe\n{", 1.25, "Alder", "Basalt", assigned=True)
     assert Introduction.of_document(odd.document()) == odd
 
 
-def test_a_robot_that_is_here_without_a_word_lacks_it_until_it_is_introduced() -> None:
+def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() -> None:
     one = fleet()
     assert not one.lacks(ELSEWHERE)
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
@@ -43,7 +43,7 @@ def test_a_robot_that_is_here_without_a_word_lacks_it_until_it_is_introduced() -
     assert not one.introductions(NOW_S - 1), "it is told by who heard it"
 
 
-def test_what_was_said_later_elsewhere_is_lacking_though_the_earlier_came_here_after_it() -> None:
+def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_arrives_here_after_it() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
     one.introduce(ELSEWHERE, NOW_S + 5, Connection(7))
@@ -61,7 +61,7 @@ def test_an_introduction_to_another_vendors_robot_is_refused() -> None:
     assert one.lacks(ELSEWHERE)
 
 
-def test_another_vendor_has_no_say_unless_the_site_file_gives_it_the_robot() -> None:
+def test_another_vendors_introduction_is_no_news_unless_the_site_file_assigns_it_the_robot() -> None:
     taken = replace(LARGER, owner="Basalt")
     assert not taken.is_news_to(ELSEWHERE)
     assert replace(taken, assigned=True).is_news_to(ELSEWHERE)

@@ -5,7 +5,7 @@ def add(to: Quarantine, vendor: str, arrival_s: float, raw: bytes = b"{") -> Non
     to.add(rejected_message(raw, "not-json", "send JSON", 1, arrival_s), vendor)
 
 
-def test_a_reject_is_kept_with_what_a_person_needs() -> None:
+def test_a_rejected_message_is_kept_with_what_a_person_needs() -> None:
     one = Quarantine()
     add(one, "Alder", 1_790_000_000.0, b"\xffoops")
     assert one.documents() == [
@@ -22,7 +22,7 @@ def test_a_reject_is_kept_with_what_a_person_needs() -> None:
     ]
 
 
-def test_a_flood_of_one_vendor_hides_no_others() -> None:
+def test_many_rejected_messages_of_one_vendor_do_not_displace_those_of_others() -> None:
     one = Quarantine()
     add(one, "Alder", 1.0)
     for i in range(1000):

@@ -98,6 +98,6 @@ LINE = np.array([[0.0, 0.0], [10.0, 0.01], [25.0, 0.0], [31.0, -0.01]])
         (HALL[:2], np.array([[1e308, 0.0], [-1e308, 0.0]]), "reference points door, dock are too far away"),
     ],
 )
-def test_what_fits_nothing_is_refused_by_name(readings: Floats, reference: Floats, says: str) -> None:
+def test_readings_that_fit_nothing_are_refused_with_their_names(readings: Floats, reference: Floats, says: str) -> None:
     with pytest.raises(FitError, match=says):
         fitted(readings, reference)

@@ -53,7 +53,7 @@ def as_read(truth: Affine, floor: Floats) -> Floats:
 
 
 @given(similarities, st.integers(2, 6), st.floats(-3, 3))
-def test_a_pose_on_the_vendors_map_comes_to_lie_where_it_is(truth: Affine, count: int, yaw_rad: float) -> None:
+def test_a_pose_on_the_vendors_map_is_placed_on_the_floor(truth: Affine, count: int, yaw_rad: float) -> None:
     frame = frames(own_map(as_read(truth, HALL[:count]), mirrored=truth.mirrored)).frame("acme", "own")
     assert (frame.floor, frame.known, frame.comparable) == ("hall", True, True)
     place = np.array([[17.0, 9.0], [17.0 + np.cos(yaw_rad), 9.0 + np.sin(yaw_rad)]])

@@ -64,7 +64,7 @@ def test_beyond_the_hull_the_correction_is_that_of_its_nearest_point() -> None:
     np.testing.assert_allclose(placed, [jolted[0], (jolted[0] + jolted[1]) / 2], atol=1e-9)
 
 
-def test_three_points_along_a_wall_do_not_turn_headings_about() -> None:
+def test_three_points_along_a_wall_do_not_give_wrong_headings() -> None:
     wall = np.array([[0.0, 0.0], [10.0, 0.002], [20.0, 0.0], [10.0, 15.0]])
     jolted = np.array([[0.03, -0.02], [-0.03, 0.03], [0.02, 0.01], [0.0, 0.0]])
     transform = Adjusted(TURNED, wall, jolted)
@@ -85,7 +85,7 @@ def test_the_bend_names_the_points_that_are_too_near_for_their_residuals() -> No
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_an_affine_map_tells_its_parts(mirrored: bool) -> None:
+def test_an_affine_map_has_its_scales_rotation_and_shear(mirrored: bool) -> None:
     affine = similarity(radians(-50), 3.0, (1.0, 2.0), mirrored=mirrored)
     assert affine.mirrored is mirrored
     assert degrees(affine.rotation_rad) == pytest.approx(-50)

@@ -66,24 +66,24 @@ def test_a_slow_drift_is_a_change_too() -> None:
     assert followed(drifting)[-1] is not None
 
 
-def test_one_wild_value_is_none() -> None:
+def test_one_extreme_value_is_no_change() -> None:
     values = noise(100, 4)
     values[50] = 1e9
     assert not any(followed(values))
 
 
-def test_only_what_is_worse_where_that_is_asked() -> None:
+def test_falls_are_ignored_if_only_rises_count() -> None:
     better = [value - (1.0 if n >= 100 else 0.0) for n, value in enumerate(noise(200, 5, spread=0.1))]
     assert any(followed(better))
     assert not any(followed(better, ChangeLimits(0.1, 0.3, rises_only=True)))
 
 
-def test_less_than_is_of_interest_is_no_change() -> None:
+def test_a_change_below_the_limit_is_ignored() -> None:
     assert not any(followed([0.0] * 50 + [0.25] * 100))
     assert any(followed([0.0] * 50 + [0.35] * 100))
 
 
-def test_what_lasts_a_day_is_the_new_usual() -> None:
+def test_a_change_that_lasts_a_day_becomes_the_usual_level() -> None:
     told = followed([0.0] * 50 + [1.0] * (DAY + 50) + [0.0] * 50)
     flagged = [number for number, one in enumerate(told) if one]
     assert told[50 + int(ADOPTED_S / STEP_S) + LEARNED + 5] is None
@@ -102,7 +102,7 @@ def test_a_clock_that_is_set_back_by_years_neither_hides_nor_ends_a_change() -> 
     assert level.change is None
 
 
-def test_a_level_goes_on_after_a_restart() -> None:
+def test_a_detector_continues_after_a_restart() -> None:
     values = [value + (1.0 if n >= 60 else 0.0) for n, value in enumerate(noise(90, 6, spread=0.1))]
     for stop in (5, 40, 63, 80):
         level = ChangeDetector(LIMITS)
@@ -116,7 +116,7 @@ def test_a_level_goes_on_after_a_restart() -> None:
 @pytest.mark.parametrize(
     "wrong", [None, [], {"usual": float("nan")}, {"variance": -1.0}, {"sums": [1.0]}, {"seen": "x"}]
 )
-def test_what_is_no_level_is_refused(wrong: dict[str, object] | None) -> None:
+def test_a_state_that_is_not_valid_is_refused(wrong: dict[str, object] | None) -> None:
     told = ChangeDetector(LIMITS).learned() | wrong if isinstance(wrong, dict) else wrong
     with pytest.raises(ValueError, match="ChangeDetector"):
         ChangeDetector.resumed(LIMITS, told)

@@ -65,7 +65,7 @@ def replayed(directory: Path) -> tuple[list[Batch], Counter[str]]:
     return batches, kinds
 
 
-def test_of_what_waits_the_newest_status_of_a_robot_is_read_in_the_place_of_the_first(tmp_path: Path) -> None:
+def test_of_the_waiting_statuses_of_a_robot_only_the_newest_is_read(tmp_path: Path) -> None:
     async def run() -> Behind:
         one = Behind(tmp_path)
         for raw in (first, first_of_b, who, second, third):
@@ -81,7 +81,7 @@ def test_of_what_waits_the_newest_status_of_a_robot_is_read_in_the_place_of_the_
     assert one.overtaken == [first, second]
 
 
-def test_who_is_not_behind_reads_everything() -> None:
+def test_without_a_backlog_every_message_is_read() -> None:
     async def at_once() -> list[bytes]:
         delivered: list[bytes] = []
         backlog = Backlog(
@@ -107,7 +107,7 @@ def test_a_robot_reported_over_two_connections_waits_on_each(tmp_path: Path) -> 
     assert one.delivered == [status("A-1", NOW_S + 2), status("A-1", NOW_S + 3)]
 
 
-def test_what_was_overtaken_is_counted_recorded_and_as_late_as_it_came(tmp_path: Path) -> None:
+def test_an_overtaken_status_is_counted_and_recorded(tmp_path: Path) -> None:
     async def run() -> tuple[Behind, Batch]:
         one = Behind(tmp_path)
         one.put(status("A-1", NOW_S - 1), NOW_S - 1)
@@ -155,7 +155,7 @@ def test_what_another_vendor_says_of_a_robot_and_overtakes_itself_is_that_vendor
     assert (batch.statuses.tolist(), batch.first_arrival_s.tolist()) == ([1], [NOW_S + 4])
 
 
-def test_a_replay_of_who_was_behind_gives_the_same_batches(tmp_path: Path) -> None:
+def test_a_replay_of_an_overloaded_service_gives_the_same_batches(tmp_path: Path) -> None:
     async def run() -> list[Batch]:
         one, batches, rng = Behind(tmp_path), [], np.random.default_rng(1)
         for n in range(600):

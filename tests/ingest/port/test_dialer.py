@@ -134,7 +134,7 @@ async def test_a_message_that_breaks_the_reader_does_not_end_the_dialling(caplog
     assert "ZeroDivisionError" in caplog.text
 
 
-async def test_an_address_that_is_none_is_given_up_with_a_word(caplog: pytest.LogCaptureFixture) -> None:
+async def test_an_invalid_address_is_logged_and_given_up(caplog: pytest.LogCaptureFixture) -> None:
     one = Dialled("http://fleet.example")
     async with asyncio.timeout(PATIENCE_S):
         await one.dialer.run()
@@ -152,7 +152,7 @@ def test_waits_double_from_the_first_to_the_longest() -> None:
     assert longest == pytest.approx([0.5, 0.5, 1.0, 2.0, 30.0, 30.0], rel=0.02)
 
 
-async def test_a_connection_that_lasted_starts_the_back_off_afresh() -> None:
+async def test_a_connection_that_lasted_resets_the_back_off() -> None:
     async def say_long(socket: ServerConnection) -> None:
         await socket.send("hello")
         one.clock.now_s += STEADY_S + 1

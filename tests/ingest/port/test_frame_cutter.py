@@ -97,7 +97,7 @@ async def test_plain_frames_do_not_pass_through_websockets(monkeypatch: pytest.M
     assert heard == [b"%d" % n * 200 for n in range(20)]
 
 
-async def test_what_comes_before_anybody_listens_is_kept_and_more_has_to_wait() -> None:
+async def test_messages_before_there_is_a_listener_are_kept_up_to_a_limit() -> None:
     connection, transport = opened()
     heard: list[bytes] = []
     for n in range(16):
@@ -121,7 +121,7 @@ async def test_what_comes_before_anybody_listens_is_kept_and_more_has_to_wait() 
     ],
     ids=["too large", "much too large", "not masked", "compressed", "a message within one"],
 )
-async def test_what_is_wrong_is_left_to_websockets_and_nothing_after_it_is_heard(wrong: bytes) -> None:
+async def test_a_protocol_error_is_left_to_websockets_and_ends_the_connection(wrong: bytes) -> None:
     connection, _ = opened()
     heard: list[bytes] = []
     connection.listen(heard.append)
@@ -133,7 +133,7 @@ async def test_what_is_wrong_is_left_to_websockets_and_nothing_after_it_is_heard
     assert connection.protocol.close_sent
 
 
-def test_a_parser_stands_between_frames_only_there() -> None:
+def test_websockets_parser_waits_for_a_frame_at_one_place_only() -> None:
     protocol = ServerProtocol(max_size=MOST)
     request = (
         b"GET / HTTP/1.1\r\nHost: floor\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"

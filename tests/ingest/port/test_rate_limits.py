@@ -48,7 +48,7 @@ def test_an_identity_is_not_overtaken_by_a_status() -> None:
     assert shares.admit("Alder", arrived(status("A-1", 0.0)), 0.0) == (False, [])
 
 
-def test_what_cannot_be_told_apart_waits_as_one() -> None:
+def test_messages_without_a_uuid_wait_as_one_per_connection() -> None:
     shares = RateLimits(1.0)
     shares.admit("Alder", arrived(b"first"), 0.0)
     shed = [shares.admit("Alder", arrived(b"no uuid %d" % i), 0.0)[1] for i in range(50)]

@@ -17,7 +17,7 @@ def test_calls_are_made_in_their_order_and_at_once_where_there_is_time() -> None
     assert at_once == done == [0, 1, 2, 3, 4]
 
 
-def test_the_loop_goes_round_between_turns_and_nothing_changes_places() -> None:
+def test_the_loop_runs_between_slices_and_the_order_is_kept() -> None:
     async def run() -> list[str | int]:
         slices, done = TimeSlices(slice_s=0.0), list[str | int]()
         loop = asyncio.get_running_loop()
@@ -32,7 +32,7 @@ def test_the_loop_goes_round_between_turns_and_nothing_changes_places() -> None:
     assert asyncio.run(run()) == [0, "another", 1, 2]
 
 
-def test_at_the_end_all_that_waits_is_done() -> None:
+def test_finish_runs_everything_that_waits() -> None:
     async def run() -> list[int]:
         slices, done = TimeSlices(slice_s=0.0), list[int]()
         for n in range(3):
@@ -43,7 +43,7 @@ def test_at_the_end_all_that_waits_is_done() -> None:
     assert asyncio.run(run()) == [0, 1, 2]
 
 
-def test_what_takes_long_leaves_room_for_others() -> None:
+def test_long_work_leaves_time_for_other_work() -> None:
     """Three hundredths of a second of work, in slices of one."""
     now_s = 0.0
 
@@ -66,7 +66,7 @@ def test_what_takes_long_leaves_room_for_others() -> None:
 
 
 @pytest.mark.parametrize(("calls", "weight"), [(2 * MOST_WAITING, 0), (100, MOST_WEIGHT // 50)], ids=["many", "heavy"])
-def test_who_brings_too_much_is_told_when_there_is_room_again(calls: int, weight: int) -> None:
+def test_a_full_queue_calls_back_when_there_is_room_again(calls: int, weight: int) -> None:
     async def run() -> list[int]:
         slices, done, waited = TimeSlices(slice_s=0.0), list[int](), asyncio.Event()
         for n in range(calls):
@@ -83,7 +83,7 @@ def test_who_brings_too_much_is_told_when_there_is_room_again(calls: int, weight
 
 
 @pytest.mark.parametrize(("round_s", "calls"), [(0.01, 10), (0.03, 30), (1.0, 120)])
-def test_a_turn_is_as_long_as_what_the_loop_did_before_it_within_bounds(round_s: float, calls: int) -> None:
+def test_a_slice_lasts_as_long_as_the_last_loop_iteration_within_bounds(round_s: float, calls: int) -> None:
     """Who takes in messages all the time still reads them for as long."""
     now_s, done = 0.0, 0
 

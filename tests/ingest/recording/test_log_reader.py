@@ -84,7 +84,7 @@ def test_a_foreign_message_is_taken_as_it_stands(tmp_path: Path, line: str, mess
         b"\xff",
     ],
 )
-def test_a_line_that_is_none_is_counted_and_named(
+def test_an_unreadable_line_is_counted_and_logged(
     tmp_path: Path, line: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     log = tmp_path / "one.jsonl"
@@ -125,14 +125,14 @@ def test_files_are_put_in_the_order_of_their_first_times(tmp_path: Path) -> None
     assert by_time([tmp_path / "many", between]) == [early, between, late]
 
 
-def test_a_file_that_tells_no_time_stays_behind_the_one_before(tmp_path: Path) -> None:
+def test_a_file_without_a_time_stays_behind_the_one_before(tmp_path: Path) -> None:
     late, early = heard(tmp_path / "late", NOW_S + 9), heard(tmp_path / "early", NOW_S)
     empty, torn = heard(tmp_path / "empty"), tmp_path / "torn"
     torn.write_text("{")
     assert by_time([empty, late, torn, early]) == [empty, early, late, torn]
 
 
-def test_what_can_be_read_once_is_not_looked_into_for_its_order(tmp_path: Path) -> None:
+def test_a_pipe_is_not_read_to_find_its_order(tmp_path: Path) -> None:
     pipe, log = tmp_path / "pipe", heard(tmp_path / "log", NOW_S)
     os.mkfifo(pipe)
     assert by_time([pipe, log]) == [pipe, log]
@@ -146,7 +146,7 @@ def test_messages_that_stand_behind_later_ones_are_counted(tmp_path: Path) -> No
     assert reader.late_by_s == pytest.approx(1.0)
 
 
-def test_of_many_lines_left_out_only_the_first_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_of_many_unreadable_lines_only_the_first_are_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     log = tmp_path / "one.jsonl"
     log.write_text("nonsense\n" * 50)
     assert read(log) == ([], 50)
@@ -178,7 +178,7 @@ def test_a_compressed_log_that_breaks_off_gives_what_there_is(
     assert f"{broken}, line {len(events) + 1} is left out" in caplog.text
 
 
-def test_what_is_no_text_at_all_is_not_gathered_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_without_lines_is_not_read_into_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ingest.recording.log_reader.LONGEST_LINE", 1000)
     log = tmp_path / "one.jsonl"
     log.write_bytes(b"x" * 5500)

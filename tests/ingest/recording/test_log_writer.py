@@ -28,7 +28,7 @@ def disk() -> Iterator[Disk]:
     one.go_on.set()
 
 
-def test_a_disk_that_stalls_stops_nobody_and_loses_nothing_that_fits(disk: Disk) -> None:
+def test_a_stalled_disk_blocks_nothing_and_loses_nothing_that_fits_in_memory(disk: Disk) -> None:
     writer = LogWriter(disk.write, 1000)
     blocks = [b"%d\n" % i for i in range(100)]
     for block in blocks:
@@ -42,7 +42,7 @@ def test_a_disk_that_stalls_stops_nobody_and_loses_nothing_that_fits(disk: Disk)
     assert writer.take_counts() == (0, 0)
 
 
-def test_what_finds_no_room_is_counted_and_told_once(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
+def test_lines_without_room_are_counted_and_logged_once(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
     writer = LogWriter(disk.write, 10)
     for block in (b"one\n", b"two\n", b"a\nb\nc\n", b"d\n", b"e\n"):
         writer.add(block)

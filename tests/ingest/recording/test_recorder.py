@@ -99,7 +99,7 @@ def test_a_torn_log_is_never_written_on(tmp_path: Path) -> None:
     assert unreadable == 1
 
 
-def test_a_tick_puts_everything_before_it_out_of_the_process(tmp_path: Path) -> None:
+def test_a_tick_passes_all_earlier_lines_to_the_system(tmp_path: Path) -> None:
     writer, _ = recorder(tmp_path)
     writer.received(status("A-1", NOW_S), NOW_S, LINE, None)
     assert read(tmp_path)[0] == []
@@ -109,7 +109,7 @@ def test_a_tick_puts_everything_before_it_out_of_the_process(tmp_path: Path) -> 
     writer.close()
 
 
-def test_without_ticks_lines_are_not_hoarded(tmp_path: Path) -> None:
+def test_without_ticks_lines_are_written_all_the_same(tmp_path: Path) -> None:
     writer, _ = recorder(tmp_path)
     raw = status("A-1", NOW_S)
     for _ in range(FLUSH_BYTES // len(raw)):

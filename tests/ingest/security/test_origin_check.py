@@ -30,5 +30,5 @@ def test_a_page_is_of_this_machine_or_of_the_address_asked_or_elsewhere(
 
 
 @pytest.mark.parametrize("host", ["2130706433", "0x7f.1", "127.1", "localhost.", "elsewhere.example", ""])
-def test_what_only_looks_like_an_address_is_not_sure(host: str) -> None:
+def test_a_name_that_only_looks_like_an_address_is_not_fixed(host: str) -> None:
     assert not is_fixed(host)

@@ -15,7 +15,7 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     return {"Alder": f"file:{tmp_path / 'alder'}", "Basalt": "env:BASALT_TOKEN"}
 
 
-def test_a_token_tells_its_owner_and_nothing_else_does(sources: dict[str, str]) -> None:
+def test_only_a_token_gives_its_owner(sources: dict[str, str]) -> None:
     tokens = Tokens(sources)
     assert tokens.owner(f"Bearer {ALDER}") == "Alder"
     assert tokens.owner(f"bearer  {BASALT} ") == "Basalt"
@@ -59,9 +59,7 @@ def test_a_token_that_becomes_anothers_is_not_taken_up(sources: dict[str, str], 
         ("env:SHORT", "at least 16"),
     ],
 )
-def test_a_secret_that_cannot_be_had_says_what_to_change(
-    source: str, told: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unreadable_secret_says_what_to_change(source: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SHORT", "hunter2")
     with pytest.raises(SecretError, match=told) as error:
         secret(source)

@@ -36,16 +36,16 @@ def test_a_refused_report_stands_until_none_has_come_for_a_while() -> None:
     assert claims.standing(NOW_S + 5.1 + HELD_S) == ()
 
 
-def test_a_robot_that_is_there_and_back_and_there_again_is_in_two_places() -> None:
+def test_a_robot_that_jumps_three_times_is_in_two_places() -> None:
     (told,) = seen(*(at(t / 2, 40.0 * (t % 2)) for t in range(JUMPS + 1)))
     assert told == Claim("Alder", "Alder", ("r",), 1, NOW_S + JUMPS / 2)
 
 
-def test_floors_apart_are_places_apart() -> None:
+def test_a_change_of_floor_is_a_jump() -> None:
     assert seen(*(at(t, 0.0, floor=t % 2) for t in range(JUMPS + 1)))
 
 
-def test_what_a_robot_can_do_is_no_claim() -> None:
+def test_a_possible_motion_makes_no_claim() -> None:
     drives = [at(t, 3.0 * t) for t in range(10)]
     was_found = [at(0, 0.0), at(1, 60.0), at(2, 61.0), at(3, 62.0), at(4, 63.0)]
     by_lift = [at(0, 0.0), at(20, 0.0, floor=1), at(40, 0.0), at(60, 0.0, floor=1)]
@@ -53,7 +53,7 @@ def test_what_a_robot_can_do_is_no_claim() -> None:
     assert [seen(*one) for one in (drives, was_found, by_lift, delayed)] == [()] * 4
 
 
-def test_clocks_that_are_hours_apart_hide_no_two_places() -> None:
+def test_clocks_hours_apart_do_not_hide_a_robot_in_two_places() -> None:
     claims = OwnershipClaims()
     there, here = at(0, 0.0), at(7200, 500.0)
     for t in range(JUMPS):
@@ -74,7 +74,7 @@ def test_claims_are_bounded_whatever_is_claimed() -> None:
     assert much.robots[0] == "r0"
 
 
-def test_of_so_many_robots_that_jump_those_that_jumped_longest_ago_are_forgotten() -> None:
+def test_beyond_the_limit_robots_that_jumped_longest_ago_are_forgotten() -> None:
     claims, there, here = OwnershipClaims(), at(0, 0.0), at(0, 500.0)
     for uuid in ["r"] * (JUMPS - 1) + ["s"] * (JUMPS - 1) + [f"r{i}" for i in range(MOST_WATCHED - 1)] + ["r", "s"]:
         claims.add_sighting(uuid, "Alder", there, here, 0.5, NOW_S)

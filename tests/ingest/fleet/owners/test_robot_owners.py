@@ -6,7 +6,7 @@ from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
 
-def test_an_unidentified_robot_is_of_the_vendor_that_alone_speaks_on_its_connection() -> None:
+def test_an_unidentified_robot_belongs_to_the_only_vendor_on_its_connection() -> None:
     one = fleet()
     one.receive(identity("A-1", NOW_S), NOW_S, LINE)
     one.receive(status("A-2", NOW_S), NOW_S, LINE)
@@ -37,7 +37,7 @@ def test_a_robot_that_identified_itself_cannot_become_another_makers() -> None:
     assert document(one, "A-1")["vendor"] == "Alder"
 
 
-def test_a_vendors_own_connection_settles_whose_an_unidentified_robot_is() -> None:
+def test_a_vendors_own_connection_settles_the_owner_of_an_unidentified_robot() -> None:
     one = fleet(Vendor(name="Basalt"))
     one.receive(status("B-1", NOW_S), NOW_S, LINE)
     assert document(one, "B-1")["vendor"] == UNKNOWN
@@ -52,7 +52,7 @@ def test_the_site_gives_a_robot_to_one_vendor_and_refuses_it_from_another() -> N
     assert one.receive(status("A-1", NOW_S), NOW_S, Connection(2, vendor="Basalt")) is None
 
 
-def test_the_site_may_say_whose_a_robot_is() -> None:
+def test_the_site_file_may_name_the_owner_of_a_robot() -> None:
     one = fleet(Vendor(name="Basalt", robots=(robot("A-1").upper(),)))
     one.receive(identity("A-1", NOW_S), NOW_S, LINE)
     assert document(one, "A-1")["vendor"] == "Basalt"

@@ -47,25 +47,25 @@ def test_a_navigating_robot_follows_its_path() -> None:
     "state",
     ["charging", "disabled", "offline", "waitingHumanEvent", "waitingExternalEvent", "waitingInternalEvent"],
 )
-def test_every_other_state_stands_where_it_is_whatever_its_path(state: str) -> None:
+def test_a_robot_in_any_other_state_stands_whatever_its_path(state: str) -> None:
     one = ahead(operationalState=state, path=straight())
     assert one.basis is Basis.STATIONARY
     assert len(one.knots) == 1
 
 
-def test_an_idle_robot_that_says_when_it_sets_out_is_believed() -> None:
+def test_an_idle_robot_departs_when_its_path_says_so() -> None:
     one = ahead(operationalState="idle", path=straight(late_s=3.0))
     assert (one.basis, one.findings) == (Basis.PATH, ())
     assert one.knots[-1][1] == pytest.approx(11.0)
 
 
 @pytest.mark.parametrize(("speed_mps", "late_s"), [(1.0, -60.0), (0.0, 0.0), (0.008, 0.0)])
-def test_an_idle_robot_stands_where_its_path_is_of_the_past_or_leads_nowhere(speed_mps: float, late_s: float) -> None:
+def test_an_idle_robot_stands_if_its_path_is_past_or_leads_nowhere(speed_mps: float, late_s: float) -> None:
     one = ahead(operationalState="idle", path=straight(speed_mps, late_s))
     assert (one.basis, len(one.knots), one.findings) == (Basis.STATIONARY, 1, ())
 
 
-def test_manual_mode_is_not_held_to_its_path_but_to_its_velocity() -> None:
+def test_a_robot_in_manual_mode_follows_its_velocity_and_not_its_path() -> None:
     one = ahead(operationalState="manualOverride", path=straight(-1.0))
     assert one.basis is Basis.VELOCITY
     assert one.knots[-1][1] == pytest.approx(11.0)
@@ -77,7 +77,7 @@ def test_a_blocking_error_makes_an_obstacle(code: str) -> None:
     assert ahead(path=straight(), errorCodes=[code]).basis is Basis.STATIONARY
 
 
-def test_another_error_does_not() -> None:
+def test_any_other_error_does_not_make_an_obstacle() -> None:
     assert ahead(path=straight(), errorCodes=["battery low"]).basis is Basis.PATH
 
 
@@ -152,7 +152,7 @@ def test_a_speed_without_a_heading_leads_nowhere() -> None:
         assert (one.basis, one.knots) == (Basis.STATIONARY, ((NOW_S, 1.0, 2.0, 0.0),))
 
 
-def test_a_destination_is_headed_for_when_nothing_else_is_known() -> None:
+def test_a_robot_heads_for_its_destination_when_nothing_else_is_known() -> None:
     still = Sighting(NOW_S, 0, 1.0, 2.0, nan)
     one = ahead(still, destinations=points((NOW_S + 100, 1.0, 12.0, 0.0), (NOW_S + 5, 1.0, 7.0, 0.0)))
     assert one.basis is Basis.DESTINATION
@@ -160,7 +160,7 @@ def test_a_destination_is_headed_for_when_nothing_else_is_known() -> None:
     assert one.knots[0][3] == pytest.approx(pi / 2)
 
 
-def test_a_destination_beyond_fifteen_minutes_is_not() -> None:
+def test_a_destination_beyond_fifteen_minutes_is_not_used() -> None:
     still = Sighting(NOW_S, 0, 1.0, 2.0, 0.0)
     assert ahead(still, destinations=points((NOW_S + 1000, 1.0, 12.0, 0.0))).basis is Basis.STATIONARY
 

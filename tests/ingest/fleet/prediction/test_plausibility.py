@@ -18,7 +18,7 @@ def test_the_first_sighting_has_nothing_to_contradict() -> None:
     assert reconcile(None, AFTER) == (AFTER, ())
 
 
-def test_a_norm_gets_the_sign_of_the_motion() -> None:
+def test_a_speed_without_sign_gets_the_sign_of_the_motion() -> None:
     backing = replace(AFTER, yaw_rad=pi)
     mended, findings = reconcile(BEFORE, backing)
     assert mended.linear_mps == -1.0
@@ -48,9 +48,7 @@ def test_a_speed_that_was_not_sent_is_the_observed_one() -> None:
 
 
 @pytest.mark.parametrize(("turn_radps", "yaw_rad", "kept"), [(0.4, 0.4, True), (1.5, 0.0, False), (9.0, 0.0, False)])
-def test_a_turn_rate_that_the_headings_do_not_bear_out_is_set_aside(
-    turn_radps: float, yaw_rad: float, kept: bool
-) -> None:
+def test_a_turn_rate_that_contradicts_the_headings_is_ignored(turn_radps: float, yaw_rad: float, kept: bool) -> None:
     mended, findings = reconcile(BEFORE, replace(AFTER, turn_radps=turn_radps, yaw_rad=yaw_rad))
     assert mended.turn_radps == (turn_radps if kept else 0.0)
     assert ("turn-rate-contradicts-motion" in findings) is not kept
@@ -62,7 +60,7 @@ def test_sightings_too_far_apart_are_not_compared(change: dict[str, float]) -> N
     assert reconcile(BEFORE, later) == (later, ())
 
 
-def test_frequency_is_watched_both_ways() -> None:
+def test_too_frequent_and_too_rare_statuses_are_found() -> None:
     assert frequency(0.5, 30.0) == ("status-too-frequent",)
     assert frequency(1.0, 30.0) == frequency(29.0, 30.0) == ()
     assert frequency(31.0, 30.0) == ("status-too-rare",)

@@ -8,7 +8,7 @@ from tests.helpers.vectors import VECTORS
 PAGE = Path(__file__).parents[4] / "docs" / "conformance.md"
 
 
-def test_the_page_is_what_the_catalogue_says() -> None:
+def test_the_page_of_conformance_rules_is_up_to_date() -> None:
     assert PAGE.read_text() == page(), (
         "write it again: python -m ingest.languages.massrobotics.conformance_rules > docs/conformance.md"
     )
@@ -19,7 +19,7 @@ def test_a_code_names_one_rule() -> None:
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.code)
-def test_a_rule_is_a_label_value_and_a_sentence(rule: Rule) -> None:
+def test_a_rule_has_a_code_for_labels_and_a_sentence(rule: Rule) -> None:
     assert rule.code == "-".join(word for word in rule.code.lower().split("-") if word.isalnum())
     assert rule.sentence[0].isupper()
     assert rule.sentence[-1] == "."

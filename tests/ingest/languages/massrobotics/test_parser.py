@@ -32,7 +32,7 @@ def value(message: Any, where: str) -> Any:
 
 
 @pytest.mark.parametrize("vector", accepted, ids=lambda vector: vector.name)
-def test_an_understood_message_reads_as_it_was_meant(vector: Vector) -> None:
+def test_an_accepted_message_is_read_as_it_was_meant(vector: Vector) -> None:
     message = read(vector.raw, names_as_uuid=vector.names_as_uuid)
     assert not isinstance(message, Rejection), message
     assert sorted(message.findings) == sorted(vector.findings)
@@ -46,7 +46,7 @@ def near(expected: Any) -> Any:
 
 
 @pytest.mark.parametrize("vector", rejected, ids=lambda vector: vector.name)
-def test_a_message_that_cannot_be_understood_says_which_rule_and_why(vector: Vector) -> None:
+def test_a_rejection_names_the_rule_and_the_reason(vector: Vector) -> None:
     message = read(vector.raw)
     assert isinstance(message, Rejection)
     assert message.rule == vector.rejected
@@ -76,7 +76,7 @@ MENDED = {rule for rule in RULES if rule.startswith("stamp-")} | {
 
 
 @pytest.mark.parametrize("vector", accepted, ids=lambda vector: vector.name)
-def test_the_document_of_an_understood_message_is_mended(vector: Vector) -> None:
+def test_the_document_of_an_accepted_message_is_repaired(vector: Vector) -> None:
     again = read(json.dumps(message_document(vector.raw), allow_nan=False).encode(), names_as_uuid=vector.names_as_uuid)
     assert not isinstance(again, Rejection)
     assert set(again.findings) <= set(vector.findings) - MENDED
@@ -163,7 +163,7 @@ milliseconds = st.integers(0, 4_000_000_000_000).map(lambda ms: ms / 1000)
     shares_pct,
     st.lists(names, unique=True),
 )
-def test_a_conforming_status_comes_out_as_it_went_in(
+def test_a_conforming_status_is_read_without_changes(
     t_s: float, x: float, y: float, yaw_rad: float, turns_rad: list[float], share_pct: float, codes: list[str]
 ) -> None:
     along = [(t_s + i, x + i, y - i, turn_rad) for i, turn_rad in enumerate(turns_rad)]
@@ -179,7 +179,7 @@ def test_a_conforming_status_comes_out_as_it_went_in(
 
 
 @given(milliseconds, names, names, names, st.floats(0.01, 100), st.floats(0.01, 100), st.floats(0.01, 100))
-def test_a_conforming_identity_comes_out_as_it_went_in(
+def test_a_conforming_identity_is_read_without_changes(
     t_s: float, maker: str, model: str, serial: str, length_m: float, width_m: float, speed_mps: float
 ) -> None:
     raw = identity(
@@ -269,7 +269,7 @@ def test_null_is_left_out_at_every_level() -> None:
     assert message.path.datums == ("",)
 
 
-def test_a_heading_that_is_not_told_is_not_a_number() -> None:
+def test_a_heading_that_is_not_sent_is_nan() -> None:
     message = read(said(path=[at(T + 1, angle=None)]))
     assert isinstance(message, Status)
     assert isnan(message.path.poses[0][3])

@@ -20,13 +20,13 @@ REPORT: dict[str, Any] = {
 }
 
 
-def test_what_needs_no_mending_comes_out_as_it_was() -> None:
+def test_a_report_that_needs_no_repair_does_not_change() -> None:
     findings: Findings = {}
     assert repaired(REPORT, StatusReport, findings) == REPORT
     assert findings == {}
 
 
-def test_what_was_told_is_left_alone() -> None:
+def test_the_given_report_is_not_changed() -> None:
     told = REPORT | {"batteryPercentage": "81", "path": at(T), "location": here(x="1") | {"z": None}}
     before = repr(told)
     without_misfits(repaired(told, StatusReport, {}), StatusReport, {})
@@ -39,7 +39,7 @@ def test_a_time_sent_as_a_number_becomes_its_digits(timestamp: float) -> None:
 
 
 @pytest.mark.parametrize("value", [True, [], {}, nan])
-def test_what_is_neither_text_nor_number_is_not_guessed(value: Any) -> None:
+def test_a_value_that_is_neither_text_nor_number_is_not_changed(value: Any) -> None:
     findings: Findings = {}
     copy = repaired(REPORT | {"uuid": value}, StatusReport, findings)
     assert copy["uuid"] is value
@@ -82,7 +82,7 @@ def test_one_number_that_is_not_finite_is_found_at_any_depth(value: Any, odd: fl
 
 
 @pytest.mark.parametrize(("value", "expected"), [("12", 12.0), (" 1e3 ", 1000.0), ("left", "left"), (None, None)])
-def test_a_text_that_says_a_number_is_one(value: Any, expected: Any) -> None:
+def test_a_text_that_spells_a_number_becomes_a_number(value: Any, expected: Any) -> None:
     assert number(value, {}) == expected
 
 

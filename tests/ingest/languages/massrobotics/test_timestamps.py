@@ -63,7 +63,7 @@ def test_a_date_time_is_the_same_however_it_is_spelt(
         "1" * 21,
     ],
 )
-def test_what_names_no_moment_is_none(text: str) -> None:
+def test_a_text_that_is_no_time_gives_none(text: str) -> None:
     assert parse(text) is None
 
 

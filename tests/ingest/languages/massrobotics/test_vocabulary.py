@@ -37,7 +37,7 @@ def test_two_vendors_may_use_the_same_name() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "  "])
-def test_no_name_is_no_robot(text: str) -> None:
+def test_an_empty_name_is_no_robot(text: str) -> None:
     with pytest.raises(RejectedError, match="names_as_uuid"):
         robot_uuid(text, "Alder", {})
 
