@@ -1,4 +1,4 @@
-"""Answers the operator role's calls from all ingests of a cluster, as the receiver of a single machine does."""
+"""Answers the operator face's calls from all ingests of a cluster, as the receiver of a single machine does."""
 
 import asyncio
 import json

@@ -26,7 +26,7 @@ WHOLE = b"0"
 """The batch number that requests the whole floor from the receiver."""
 
 QUESTIONS = {"robots": b"", "quarantine": b"", "measures": b"", "unidentified": b"", "follow": WHOLE}
-"""The questions that an operator role may ask, and the payload of each call to the receiver."""
+"""The questions that an operator face may ask, and the payload of each call to the receiver."""
 
 
 class IngestFeed:

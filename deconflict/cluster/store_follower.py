@@ -1,4 +1,4 @@
-"""The follower's process: passes the durable stream on to the operator role of this machine, under its numbers.
+"""The follower's process: passes the durable stream on to the operator face of this machine, under its numbers.
 
 It also answers that role's questions on the robots, from all ingests.
 """
@@ -36,7 +36,7 @@ class AnotherStreamError(Exception):
 
 
 class StoreFollower:
-    """Connects one operator role to the cluster."""
+    """Connects one operator face to the cluster."""
 
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
         self._bus, self._runtime = Bus(settings, site.store.keep_days), runtime
@@ -83,11 +83,11 @@ class StoreFollower:
             raise AnotherStreamError
 
     async def _begin_anew(self) -> None:
-        """Have the operator role set aside its store and restart, as this process does."""
+        """Have the operator face set aside its store and restart, as this process does."""
         await self._call_operator("begin_anew")
 
     async def _call_operator(self, name: str, payload: bytes = b"") -> bytes:
-        """The operator role's answer. Retries until it answers."""
+        """The operator face's answer. Retries until it answers."""
         while True:
             try:
                 return await self._operator.call(name, payload)
@@ -95,7 +95,7 @@ class StoreFollower:
                 await asyncio.sleep(RETRY_S)
 
     async def _report_engines(self) -> None:
-        """Report to the operator role that engines are alive, with their measures and the robots' presence."""
+        """Report to the operator face that engines are alive, with their measures and the robots' presence."""
         members = self._bus.state.members().values()
         measures = [member["measures"] for member in members if "measures" in member]
         if measures:
@@ -110,7 +110,7 @@ class StoreFollower:
         return json.dumps(up).encode()
 
     async def _answer(self, payload: bytes) -> bytes:
-        """Write an answer to the stream, which returns it to every operator role with its number.
+        """Write an answer to the stream, which returns it to every operator face with its number.
 
         The result has that number; 0 if no server accepted it.
         """

@@ -8,7 +8,7 @@ from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 
 LEARNED_EVERY_S = 60.0
-"""The engine hands what it has learned to the operator role so often, and at its end."""
+"""The engine hands what it has learned to the operator face so often, and at its end."""
 
 
 STEPPED_S = 30.0

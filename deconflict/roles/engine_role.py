@@ -1,4 +1,4 @@
-"""The engine's process: requests batches from the receiver, runs the engine, and delivers to the operator role."""
+"""The engine's process: requests batches from the receiver, runs the engine, and delivers to the operator face."""
 
 import json
 import logging
@@ -30,7 +30,7 @@ from ingest.measures.measures import Measures
 RETRY_S = 0.2
 MEASURES_EVERY_S = 1.0
 MOST_WAITING_BYTES = 64 << 20
-"""Most bytes that wait for an operator role that does not answer: some five minutes of a crowded floor."""
+"""Most bytes that wait for an operator face that does not answer: some five minutes of a crowded floor."""
 EVERYTHING = b"everything"
 """The request of an engine that knows nothing of the floor. Its pass may take long and counts for no deadline."""
 LEFT_OUT = {
@@ -45,11 +45,11 @@ log = logging.getLogger(__name__)
 
 
 class UndeliveredError(Exception):
-    """The operator role has accepted nothing for long."""
+    """The operator face has accepted nothing for long."""
 
     def __init__(self) -> None:
         size = f"{MOST_WAITING_BYTES >> 20} MiB"
-        super().__init__(f"{size} wait for an operator role that does not answer; the engine restarts once it does")
+        super().__init__(f"{size} wait for an operator face that does not answer; the engine restarts once it does")
 
 
 class EngineRole:
@@ -101,7 +101,7 @@ class EngineRole:
         self._delivery.keep(engine.learned())
 
     def _restored_engine(self, stop: threading.Event) -> Engine | None:
-        """An engine with the stored state; None if `stop` is set before the operator role answers."""
+        """An engine with the stored state; None if `stop` is set before the operator face answers."""
         operator = Caller(self._delivery.runtime, "operator")
         while not stop.is_set():
             try:
@@ -172,7 +172,7 @@ class EngineRole:
 
 
 class Delivery:
-    """Delivers revisions in order, and retries until the operator role has stored them."""
+    """Delivers revisions in order, and retries until the operator face has stored them."""
 
     def __init__(self, runtime: Path) -> None:
         self.runtime = runtime

@@ -1,4 +1,4 @@
-"""The calls that the operator role answers: the engine's, and in a cluster the follower's."""
+"""The calls that the operator face answers: the engine's, and in a cluster the follower's."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""The operator role's process: stores what the engine decides, and serves the API, the streams and the metrics."""
+"""The operator face's process: stores what the engine decides, and serves the API, the streams and the metrics."""
 
 import asyncio
 import logging

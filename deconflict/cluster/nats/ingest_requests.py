@@ -1,4 +1,4 @@
-"""Requests to all ingests: questions of operator roles, and requests of engines for all robots of some channels."""
+"""Requests to all ingests: questions of operator faces, and requests of engines for all robots of some channels."""
 
 import asyncio
 import json

@@ -41,7 +41,7 @@ with a higher number."""
 def create_app(store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
     """The application. `app.state` holds what its owner uses:
 
-    `publisher` publishes advisories. `measures` are the operator role's own. `site` is the site that it shows, and
+    `publisher` publishes advisories. `measures` are the operator face's own. `site` is the site that it shows, and
     `people` are those who may use it; both may change while it runs.
     """
     app = FastAPI(

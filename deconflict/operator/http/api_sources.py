@@ -48,7 +48,7 @@ class Sources(FloorSource, Protocol):
         """The rejected messages that are kept."""
 
     async def measures(self) -> list[Document]:
-        """`Measures.as_document()` of each role that answers, except the operator role."""
+        """`Measures.as_document()` of each role that answers, except the operator face."""
 
     async def health(self) -> Document:
         """`status`, "ok" or "degraded", and `roles`."""

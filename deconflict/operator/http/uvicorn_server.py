@@ -134,7 +134,7 @@ class OperatorServer(uvicorn.Server):
 
 
 def create_server(app: FastAPI, certificates: Certificates | None = None) -> OperatorServer:
-    """A server for `app`: `await face_server(app).serve([listening_socket])`.
+    """A server for `app`: `await create_server(app).serve([listening_socket])`.
 
     The server sends pings, so that the network stack notices a dead peer. An unanswered ping closes nothing, because a
     slow subscriber answers only after it has read everything before the ping. Messages are not compressed: advisories

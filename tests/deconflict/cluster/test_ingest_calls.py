@@ -23,7 +23,7 @@ from tests.helpers.saying import robot
 pytestmark = needs_server
 
 
-async def test_an_operator_role_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
+async def test_an_operator_face_shows_the_robots_of_every_ingest(tmp_path: Path) -> None:
     async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
         base = f"http://127.0.0.1:{operator.port}"
         urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]

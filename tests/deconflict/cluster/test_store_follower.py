@@ -43,7 +43,7 @@ async def set_aside(data: Path) -> Store:
     return Store(data / "aside")
 
 
-async def test_an_operator_role_whose_server_lost_its_store_restarts_and_keeps_the_old_file(tmp_path: Path) -> None:
+async def test_an_operator_face_whose_server_lost_its_store_restarts_and_keeps_the_old_file(tmp_path: Path) -> None:
     broker, data = Broker(tmp_path / "nats"), tmp_path / "face"
     machines = Machines(tmp_path, broker)
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):

@@ -69,7 +69,7 @@ def test_undelivered_passes_are_bounded_and_the_engine_restarts(
     outbox.stop()
 
 
-async def test_any_amount_is_delivered_to_an_operator_role_that_answers(
+async def test_any_amount_is_delivered_to_an_operator_face_that_answers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engine_role, "MOST_WAITING_BYTES", 1 << 20)

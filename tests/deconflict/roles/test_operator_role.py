@@ -38,7 +38,7 @@ def kept_bytes() -> int:
     return tracemalloc.get_traced_memory()[0]
 
 
-async def test_the_memory_of_the_operator_role_stops_growing(tmp_path: Path, traced: None) -> None:
+async def test_the_memory_of_the_operator_face_stops_growing(tmp_path: Path, traced: None) -> None:
     with runtime_directory() as runtime:
         stop = asyncio.Event()
         role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), tmp_path, render)
