@@ -44,11 +44,11 @@ def closest_m(floor: Floor, until_s: float) -> float:
 
 def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> None:
     floor = crossing()
-    told, at_s = until_advised(floor)
-    assert told.recommendation
-    (hold,) = told.recommendation.holds
-    assert hold.hold_s == told.recommendation.cost_s
-    assert told.recommendation.proven_optimal
+    advisory, at_s = until_advised(floor)
+    assert advisory.recommendation
+    (hold,) = advisory.recommendation.holds
+    assert hold.hold_s == advisory.recommendation.cost_s
+    assert advisory.recommendation.proven_optimal
     name = next(one for one in floor.courses if robot(one) == hold.robot)
     free = floor.courses[name]
     floor.courses[name] = held(free, at_s, hold.hold_s)
@@ -56,22 +56,22 @@ def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> Non
     assert closest_m(floor, 40) > SITE.conflict.clearance_m
     assert after[-1].state is AdvisoryState.CLEARED
     assert after[-1].cleared_because == UNPREDICTED
-    assert floor.courses[name](40) == pytest.approx(free(40 - told.recommendation.cost_s))
+    assert floor.courses[name](40) == pytest.approx(free(40 - advisory.recommendation.cost_s))
     assert floor.engine._advice.burden.burdens_s == {"Alder": hold.hold_s}, "who waited as advised has yielded"
 
 
 def test_a_robot_that_ignores_advice_keeps_its_advisory() -> None:
     floor = crossing()
-    told = floor.run(40)
-    assert any(one.recommendation and one.recommendation.holds for one in told)
+    revisions = floor.run(40)
+    assert any(one.recommendation and one.recommendation.holds for one in revisions)
     assert closest_m(floor, 40) == 0
-    assert told[-1].cleared_because == PASSED
+    assert revisions[-1].cleared_because == PASSED
 
 
 def test_the_summary_says_who_should_wait_through_every_revision() -> None:
-    told, _ = until_advised(floor := crossing())
-    later = floor.run(12, told.updated_at.timestamp() - NOW_S + 0.25)
-    for one in [told, *later]:
+    advisory, _ = until_advised(floor := crossing())
+    later = floor.run(12, advisory.updated_at.timestamp() - NOW_S + 0.25)
+    for one in [advisory, *later]:
         assert one.recommendation
         if one.state is AdvisoryState.UPDATED and one.recommendation.holds:
             (hold,) = one.recommendation.holds
@@ -104,7 +104,7 @@ class Asking:
 
     def steps(self, count: int, *pairs: str) -> list[tuple[float, str]]:
         """The pairs that are answered while these are open, and when."""
-        told = []
+        answers = []
         for _ in range(count):
             wanted: dict[Pair, ConflictAdvisory] = {
                 (pair[0], pair[1]): made(1, robots=(pair[0], pair[1]), predicted_at=moment(NOW_S + 30))
@@ -112,9 +112,9 @@ class Asking:
             }
             changed, self.open = wanted.keys() ^ self.open.keys(), wanted
             due = self.desk.step(self.now_s, self.open, changed, lambda _: near([]))
-            told += [(self.now_s - NOW_S, "".join(pair)) for pair, _ in due]
+            answers += [(self.now_s - NOW_S, "".join(pair)) for pair, _ in due]
             self.now_s += 0.25
-        return told
+        return answers
 
 
 def test_a_group_that_grows_while_it_is_worked_out_is_answered_as_a_whole() -> None:
@@ -132,8 +132,8 @@ def test_a_group_that_gets_smaller_is_not_asked_of_again_before_its_time() -> No
 
 def test_a_group_that_keeps_growing_is_answered_nevertheless() -> None:
     asking, pairs = Asking(), ["ab", "bc", "cd", "de", "ef", "fg"]
-    told = [one for count in range(1, 7) for one in asking.steps(1, *pairs[:count])]
-    assert told == []
+    answers = [one for count in range(1, 7) for one in asking.steps(1, *pairs[:count])]
+    assert answers == []
     assert asking.steps(1, *pairs) == [(1.5, pair) for pair in pairs[:5]]
 
 
@@ -174,11 +174,11 @@ class Slow:
 def test_a_late_answer_is_as_late_in_a_replay() -> None:
     live, prompt = crossing(), crossing()
     live.engine = Engine(SITE, submit=Slow)
-    told = live.run(20)
-    assert told != prompt.run(20)
+    revisions = live.run(20)
+    assert revisions != prompt.run(20)
     again = crossing()
     again.pending = live.pending
-    assert again.run(20) == told
+    assert again.run(20) == revisions
 
 
 def test_a_crowded_floor_is_advised_in_parts_the_soonest_conflicts_first() -> None:
@@ -205,9 +205,9 @@ def test_a_crowded_floor_is_advised_in_parts_the_soonest_conflicts_first() -> No
 
 
 def test_advice_comes_no_sooner_than_its_time() -> None:
-    told, _ = until_advised(floor := crossing())
+    advisory, _ = until_advised(floor := crossing())
     raised = next(one for one in floor.advisories if one.state is AdvisoryState.RAISED)
-    late_s = (told.updated_at - raised.raised_at).total_seconds()
+    late_s = (advisory.updated_at - raised.raised_at).total_seconds()
     assert ANSWER_AFTER_S <= late_s < ANSWER_AFTER_S + 0.3
 
 
@@ -216,10 +216,10 @@ def test_the_vendor_that_waited_before_does_not_wait_again(burdened: str) -> Non
     """Both plans cost the same here, so the burden decides."""
     floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)}, makers={"B": "Basalt"})
     floor.engine = Engine(floor.site, burdens_s={burdened: 60.0})
-    told, _ = until_advised(floor)
-    assert told.recommendation
-    (hold,) = told.recommendation.holds
-    assert told.vendors[told.robots.index(hold.robot)] != burdened
+    advisory, _ = until_advised(floor)
+    assert advisory.recommendation
+    (hold,) = advisory.recommendation.holds
+    assert advisory.vendors[advisory.robots.index(hold.robot)] != burdened
 
 
 def test_what_was_advised_is_charged_when_the_advisory_ends() -> None:

@@ -106,7 +106,7 @@ def test_holds_resolve_the_conflicts_at_the_least_cost(courses: list[tuple[float
 
 @pytest.mark.parametrize("robots", [2, 3, 4])
 def test_few_robots_get_the_same_plan_as_by_the_solver(monkeypatch: pytest.MonkeyPatch, robots: int) -> None:
-    rng, told = Random(3), []
+    rng, has_holds = Random(3), []
     for _ in range(24 // robots):
         movers = [
             through(
@@ -126,8 +126,8 @@ def test_few_robots_get_the_same_plan_as_by_the_solver(monkeypatch: pytest.Monke
         with monkeypatch.context() as patched:
             patched.setattr(hold_search, "cheapest_plan", lambda *_: (UNKNOWN, None))
             assert tried == [plan_key(question(), movers), plan_key(again(), movers)]
-        told.append(bool(alone.holds))
-    assert sum(told) > 3
+        has_holds.append(bool(alone.holds))
+    assert sum(has_holds) > 3
 
 
 def plan_key(advice: Recommendation, movers: list[SeenRobot]) -> tuple[float, int, float, str]:

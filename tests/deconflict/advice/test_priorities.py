@@ -32,9 +32,9 @@ def test_of_two_that_cross_the_one_with_the_lower_priority_holds(vendor: Vendor,
     )
     against = {"A": {"Alder": 60.0}, "B": {"Basalt": 60.0}}
     floor.engine = Engine(floor.site, burdens_s=against[yields])
-    told, _ = until_advised(floor)
-    assert told.recommendation
-    (hold,) = told.recommendation.holds
+    advisory, _ = until_advised(floor)
+    assert advisory.recommendation
+    (hold,) = advisory.recommendation.holds
     assert hold.robot == robot(yields)
 
 

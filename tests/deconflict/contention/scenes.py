@@ -32,8 +32,8 @@ def box(x: float, y: float, width: float = 2.0, depth: float = 2.0) -> Box:
     return (x - w, y - d), (x + w, y - d), (x + w, y + d), (x - w, y + d)
 
 
-def resource(place: str, x: float, y: float, **told: Any) -> Resource:
-    return Resource(**{"id": place, "kind": "dock", "datum": HALL, "polygon": box(x, y)} | told)
+def resource(place: str, x: float, y: float, **settings: Any) -> Resource:
+    return Resource(**{"id": place, "kind": "dock", "datum": HALL, "polygon": box(x, y)} | settings)
 
 
 def aisle(name: str, x0: float, x1: float, y: float = 0.0) -> Zone:
@@ -42,13 +42,13 @@ def aisle(name: str, x0: float, x1: float, y: float = 0.0) -> Zone:
     return Zone(id=name, kind="aisle", datum=HALL, polygon=outline, axis=((x0, y), (x1, y)), capacity=2)
 
 
-def site(*places: Resource | Zone, **told: Any) -> Site:
+def site(*places: Resource | Zone, **settings: Any) -> Site:
     return Site(
         name="Test floor",
         datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")),
         resources=tuple(one for one in places if isinstance(one, Resource)),
         zones=tuple(one for one in places if isinstance(one, Zone)),
-        **told,
+        **settings,
     )
 
 

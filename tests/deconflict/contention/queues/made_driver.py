@@ -16,7 +16,7 @@ class Driver(Script):
     lasts_s: float | None = None
 
     def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
-        told = b'{"batteryPercentage":%g,' % self.level(t)
+        fields = b'{"batteryPercentage":%g,' % self.level(t)
         if self.lasts_s:
-            told += b'"remainingRunTime":%g,' % (self.lasts_s / 3600)
-        return told + super().says(name, t, start_s)[1:]
+            fields += b'"remainingRunTime":%g,' % (self.lasts_s / 3600)
+        return fields + super().says(name, t, start_s)[1:]

@@ -1,4 +1,4 @@
-"""What is learned of batteries, by levels that are told by hand."""
+"""What is learned of batteries from reported levels."""
 
 from math import nan
 
@@ -18,8 +18,8 @@ def tell(
     made: BatteryUse, t_s: float, level_pct: float, left_s: float = nan, slot: int = 0, vendor: str = "Alder"
 ) -> float:
     """One report; the level before it."""
-    told = (np.array([t_s]), np.array([level_pct]), np.array([left_s]))
-    return float(made.add_levels(np.array([slot]), [vendor], *told)[0])
+    report = (np.array([t_s]), np.array([level_pct]), np.array([left_s]))
+    return float(made.add_levels(np.array([slot]), [vendor], *report)[0])
 
 
 def drain(made: BatteryUse, slot: int = 0, vendor: str = "Alder") -> float:

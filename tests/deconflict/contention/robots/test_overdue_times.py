@@ -1,4 +1,4 @@
-"""Robots that are past the time they told and have not come."""
+"""Robots that are past the time they announced and have not arrived."""
 
 import numpy as np
 import pytest
@@ -113,10 +113,10 @@ def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> t
 
 
 def test_a_standing_robot_is_expected_later_the_longer_it_is_overdue() -> None:
-    told = (20.0, 0.0, 0.0)
-    assert expected(10.0, True, told)[0] == [25.0], "no sooner than it can drive there"
-    assert expected(60.0, True, told)[0] == [pytest.approx(35.4, abs=0.1)]
-    (left,), (spread,) = expected(180.0, True, told)
+    stop = (20.0, 0.0, 0.0)
+    assert expected(10.0, True, stop)[0] == [25.0], "no sooner than it can drive there"
+    assert expected(60.0, True, stop)[0] == [pytest.approx(35.4, abs=0.1)]
+    (left,), (spread,) = expected(180.0, True, stop)
     assert left == pytest.approx(107.5, abs=0.1)
     assert spread > left
 
@@ -154,6 +154,6 @@ def test_a_robot_that_waits_at_a_taken_place_has_arrived() -> None:
     scene = Scene(site(DOCK), {"A": inside, "B": Script([(0, 30, 0), (26, 4, 0), (500, 4, 0)], [(30, 0, 0)])})
     (one,) = raised(scene.run(20), "contention")
     assert isinstance(one, ContentionAdvisory)
-    told = [each for each in scene.run(45, from_s=20) if isinstance(each, ContentionAdvisory)]
+    revisions = [each for each in scene.run(45, from_s=20) if isinstance(each, ContentionAdvisory)]
     assert scene.engine.open() != []
-    assert all(each.queue_length == 1 for each in told)
+    assert all(each.queue_length == 1 for each in revisions)
