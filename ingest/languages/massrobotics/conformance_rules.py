@@ -44,17 +44,17 @@ def _in_context(code: str, sentence: str, clause: str) -> Rule:
 
 _REJECTING = (
     _rejecting("not-utf8", "Not UTF-8; send JSON text in UTF-8.", "6.2"),
-    _rejecting("not-json", "Not JSON; send one JSON object per message.", "6.2"),
-    _rejecting("too-deep", "Nested more than 200 levels deep.", "6.2"),
-    _rejecting("not-object", "JSON, but not an object; send one report per message.", "6.2"),
+    _rejecting("not-json", "Not JSON; send one JSON object a message.", "6.2"),
+    _rejecting("too-deep", "Nested more than 200 deep; no report is.", "6.2"),
+    _rejecting("not-object", "JSON, but no object; send one report a message.", "6.2"),
     _rejecting("number-not-finite", "A number is NaN or infinite; leave out what is not known.", "6.2"),
     _rejecting("report-unknown", "Neither an identity nor a status report by its keys.", "schema"),
     _rejecting("key-missing", "A required key is missing.", "schema"),
     _rejecting("type-wrong", "A required value can't be read as what belongs there.", "schema"),
-    _rejecting("uuid-unreadable", "The UUID can't be read, and the vendor is not set to use names.", "2.13"),
+    _rejecting("uuid-unreadable", "The UUID is none, and the vendor is not set to use names.", "2.13"),
     _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send RFC 3339 in UTC.", "5.1.2"),
     _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "5.1.2"),
-    _rejecting("position-absurd", "The location lies more than ten thousand kilometres from the origin.", "3.3"),
+    _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
     _rejecting("envelope-not-positive", "The envelope's length or width is not above zero.", "4.1.6"),
     _rejecting("envelope-absurd", "The envelope is longer, wider or higher than 100 m.", "4.1.6"),
     Rule(
@@ -75,13 +75,13 @@ _REJECTING = (
 )
 _WHO = (
     Rule("uuid-upper-case", "The UUID has upper-case letters; folded to lower case.", "2.13"),
-    Rule("uuid-no-dashes", "The UUID lacks dashes, or has braces, `urn:uuid:` or spaces around it; read.", "2.13"),
-    Rule("uuid-not-rfc4122", "The UUID's version or variant is not of RFC 4122; used as it is.", "2.13"),
-    Rule("uuid-is-name", "A name is sent as the UUID; the robot gets a UUID derived from it.", "2.13"),
+    Rule("uuid-no-dashes", "The UUID lacks dashes, or has braces, `urn:uuid:` or spaces about it; read.", "2.13"),
+    Rule("uuid-not-rfc4122", "The UUID's version or variant is none of RFC 4122; used as it is.", "2.13"),
+    Rule("uuid-is-name", "A name stands where a UUID belongs; the robot has a UUID derived from it.", "2.13"),
     _in_context("identity-missing", "A status before any identity; the default envelope is used.", "4.4"),
     _in_context("identity-changed", "The robot now names another maker, model, serial number or envelope.", "4.4"),
-    Rule("text-too-long", "A name or model is longer than 100 characters; cut.", "4.1"),
-    Rule("text-empty", "A required text is empty, kept; or an error code is empty, left out.", "4.1"),
+    Rule("text-too-long", "A name or model is longer than 100 letters; cut.", "4.1"),
+    Rule("text-empty", "A required text or an error code is empty; kept, the error code left out.", "4.1"),
 )
 _KEYS_AND_TYPES = (
     Rule("byte-order-mark", "A byte order mark comes before the JSON; skipped.", "6.2"),
@@ -90,29 +90,25 @@ _KEYS_AND_TYPES = (
     Rule("number-as-text", "A number was sent as text; read as the number.", "schema"),
     Rule("text-as-number", "A text was sent as a number; read as text.", "schema"),
     Rule("single-not-list", "One value stands where a list belongs; read as a list of one.", "schema"),
-    Rule("duplicate-items", "A list repeats an item; kept.", "schema"),
+    Rule("duplicate-items", "A list that should hold different items repeats one; kept.", "schema"),
     Rule("value-unreadable", "An optional value can't be read as what belongs there; left out.", "schema"),
 )
 _WHEN = (
     Rule("stamp-offset-no-colon", "A timestamp's offset has no colon or no minutes; read.", "5.1.2"),
     Rule("stamp-not-utc", "A timestamp has an offset other than UTC; converted.", "5.1.2"),
     Rule("stamp-no-offset", "A timestamp has no offset; read as UTC.", "5.1.2"),
-    Rule("stamp-spelling", "A timestamp has a space for its T, a lower-case letter, a comma or spaces; read.", "5.1.2"),
+    Rule("stamp-spelling", "A timestamp has a space for T, a lower-case letter, a comma or spaces; read.", "5.1.2"),
     Rule("stamp-epoch", "A timestamp counts from 1970; read as seconds, ms, us or ns by its size.", "5.1.2"),
-    _in_context("stamp-not-increasing", "Older than an earlier received status; the newer one is used.", "5.1.2"),
-    _in_context(
-        "stamp-stale",
-        "Took two seconds longer than others to arrive; used as of when it was sent.",
-        "5.1.2",
-    ),
-    _in_context("clock-off", "The sender's clock is off; corrected by an estimate.", "5.1.2"),
+    _in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
+    _in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
+    _in_context("clock-off", "The sender's clock is off; corrected by the estimate.", "5.1.2"),
     _in_context("status-too-frequent", "More than one status a second; used.", "5.4"),
     _in_context("status-too-rare", "More than thirty seconds since the last status.", "5.4"),
 )
 _STATE = (
-    Rule("state-alias", "The state is spelt differently from the schema; read as the state meant.", "5.1.3"),
-    Rule("state-unknown", "Not a state of the standard; kept as text, and the robot counts as standing.", "5.1.3"),
-    Rule("state-offline", "A robot reports that it is offline; it counts as present and standing.", "5.1.3.4"),
+    Rule("state-alias", "The state is spelt otherwise than in the schema; read as the state meant.", "5.1.3"),
+    Rule("state-unknown", "No state of the standard; kept as text, present and not navigating.", "5.1.3"),
+    Rule("state-offline", "A robot says that it is offline; it counts as present and standing.", "5.1.3.4"),
 )
 _WHERE = (
     Rule("datum-upper-case", "The datum has upper-case letters; folded to lower case.", "3.3.1"),
@@ -120,40 +116,40 @@ _WHERE = (
     Rule("datum-missing", "The location's datum is absent, empty or nil; compared with nothing.", "3.3.1"),
     Rule("datum-empty", "A point's datum is empty or nil; read as the robot's own.", "3.3.1"),
     Rule("datum-not-uuid", "The datum is no UUID; used as a name, in lower case.", "3.2.1"),
-    _in_context("datum-unknown", "The site file has no such datum; it becomes a floor of its own.", "3.3.1"),
+    _in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
     _in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
-    Rule("angle-missing", "A location has no angle; the heading is unknown.", "3.3.5"),
-    Rule("angle-zero", "A quaternion is all zeros; the heading is unknown.", "3.3.5"),
+    Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
+    Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),
     _in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
-    _in_context("turn-rate-contradicts-motion", "The angular velocity contradicts the headings; ignored.", "5.2.2"),
-    _in_context("speed-sign-lost", "The robot moves backwards with a positive speed; read as negative.", "5.2.1"),
+    _in_context(
+        "turn-rate-contradicts-motion", "The headings do not bear out the angular velocity; set aside.", "5.2.2"
+    ),
+    _in_context("speed-sign-lost", "The robot backs up with a positive speed; taken as negative.", "5.2.1"),
 )
 _AMOUNTS = (
     Rule("battery-out-of-range", "The battery is not within 0 to 100 %; clamped.", "5.3.1"),
     Rule("battery-fraction", "The battery lies between 0 and 1, perhaps a fraction; read as percent.", "5.3.1"),
     Rule("run-time-negative", "A run time is negative; read as zero.", "5.3.2"),
     Rule("load-out-of-range", "The load is not within 0 to 100 %; clamped.", "5.3.4"),
-    Rule("load-used-key", "The load used is sent instead of the load available; read if that is missing.", "5.3.4"),
+    Rule("load-used-key", "The load used is told, not what is left; read where that is missing.", "5.3.4"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "5.2.1"),
     Rule("speed-limit-not-positive", "The greatest speed is not above zero; ignored.", "4.2.1"),
 )
 _WHERE_TO = (
     Rule("destinations-too-many", "More than ten destinations; the first two hundred used.", "5.2.3"),
     Rule("destinations-too-far", "A destination beyond fifteen minutes; kept, not used yet.", "5.2.3"),
-    Rule("destinations-past", "All destinations' times are past; kept.", "5.2.3"),
+    Rule("destinations-past", "Every destination's time is over; kept.", "5.2.3"),
     Rule("destinations-unsorted", "Destinations are not in the order of their times; sorted.", "5.2.3"),
     Rule("path-too-many", "More than ten points; the first two hundred used.", "5.3.3"),
-    Rule("path-too-far", "A point beyond ten seconds; used once the horizon reaches it.", "5.3.3"),
-    Rule("path-past", "All points' times are past; they get new times by speed.", "5.3.3"),
-    Rule("path-partly-past", "Some points' times are past; the others are used.", "5.3.3"),
-    Rule("path-times-1970", "The points' times lie at the beginning of 1970; they get new times.", "5.3.3"),
-    Rule("path-times-equal", "Two points have the same time; they get new times by speed.", "5.3.3"),
-    Rule("path-unordered", "Points are not in the order of their times; they get new times.", "5.3.3"),
+    Rule("path-too-far", "A point beyond ten seconds; used when the horizon reaches it.", "5.3.3"),
+    Rule("path-past", "Every point's time is over; kept, for new times by speed.", "5.3.3"),
+    Rule("path-partly-past", "Some points' times are over; the others are used.", "5.3.3"),
+    Rule("path-times-1970", "The points' times lie at the beginning of 1970; kept, for new times.", "5.3.3"),
+    Rule("path-times-equal", "Two points have the same time; kept, for new times by speed.", "5.3.3"),
+    Rule("path-unordered", "Points are not in the order of their times; kept, for new times.", "5.3.3"),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "5.3.3"),
-    _in_context(
-        "path-contradicts-motion", "The path jumps further than the robot can go; used up to the jump.", "5.3.3"
-    ),
+    _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used up to there.", "5.3.3"),
     Rule("point-unreadable", "A point's time or position can't be read; the point is left out.", "3.3"),
     Rule("point-absurd", "A point lies beyond 10,000 km, before 1970 or after 2100; left out.", "3.3"),
 )
