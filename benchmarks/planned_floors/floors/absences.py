@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.planned_floors.floors.habits import GridFloor
 
 CARRIED_AFTER_S = (0.0, 5.0)
-"""A robot that is switched off is carried away so soon."""
+"""A robot that is switched off is carried away within this time."""
 AWAY_S = (60.0, 150.0)
 """It comes back after this."""
 
@@ -18,9 +18,9 @@ class Absence:
 
     start_s: float
     end_s: float
-    """When it is heard again, or may come back."""
+    """When it reports again, or may come back."""
     gone_s: float | None
-    """When it is carried away, if it is."""
+    """When it is carried away. None if it is not."""
     stands: bool
 
 

@@ -1,4 +1,4 @@
-"""Corridors with two robots of two vendors each, which set out towards each other again and again.
+"""Corridors with two robots of two vendors each, which repeatedly drive towards each other.
 
 `head_on`: both tell that they go straight on, brake, stand in front of each other, back off and start again.
 `two_way`: they pass each other on lanes of their own, turn round at the ends and come back.
@@ -29,11 +29,11 @@ LENGTH_M, WIDTH_M = 0.9, 0.7
 BRAKING_MPS2 = 1.0
 BACKING_MPS = 0.8
 TURN_S = 4.0
-"""Half a turn takes so long."""
+"""Duration of a half turn."""
 AT_END_M = 0.01
 VENDORS = ("Alder Robotics", "Birch Robotics")
 STANDING_S = (3.0, 8.0)
-"""Least and greatest time for which two that met head-on stand."""
+"""Least and greatest time for which two robots stand after they met head-on."""
 
 
 class Phase(IntEnum):
@@ -44,15 +44,15 @@ class Phase(IntEnum):
     GO = 1
     BRAKE = 2
     STAND = 3
-    """In front of the other."""
+    """It stands in front of the other."""
     BACK = 4
-    """Goes back to where it set out."""
+    """It returns to its start."""
     TURN = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Corridors:
-    """What a floor of corridors is made of."""
+    """The parameters of a floor of corridors."""
 
     kind: str = "head_on"
     """`head_on` or `two_way`."""
@@ -60,15 +60,15 @@ class Corridors:
     corridors: int = 20
     length_m: float = 24.0
     apart_m: float = 10.0
-    """From one corridor to the next."""
+    """Distance from one corridor to the next."""
     every_s: float = 40.0
-    """From one meeting of a corridor to its next."""
+    """Time from one encounter in a corridor to the next."""
     top_mps: float = 1.0
-    """Give or take a tenth, by robot."""
+    """Speed; each robot is up to a tenth faster or slower."""
     gap_m: float = 0.6
-    """Between the bodies, when both stand head-on."""
+    """Gap between the bodies when both stand head-on."""
     lateral_gap_m: float = 0.8
-    """Between the bodies, when they pass each other."""
+    """Gap between the bodies when they pass each other."""
     report_every_s: float = 1.0
     path_s: int = 10
     """Length in seconds of the path in its reports; 0 for none."""
@@ -92,16 +92,16 @@ def travelled_m(t_s: Floats, distance_m: Floats, top_mps: float, speed_mps: Floa
 
 
 class Trace:
-    """What one robot did, sample by sample. Arrays are (s,)."""
+    """The motion of one robot at s samples. Arrays are (s,)."""
 
     def __init__(self, samples: int) -> None:
         self.gone_m = np.zeros(samples)
-        """From the end at which it set out."""
+        """Distance from the end where it set out."""
         self.speed_mps = np.zeros(samples)
         """Negative when backing."""
         self.phase = np.zeros(samples, np.int64)
         self.turned_rad = np.zeros(samples)
-        """Since the beginning."""
+        """Seconds since the start."""
         self.returning = np.zeros(samples, bool)
         """Whether it set out at the far end."""
 
@@ -122,7 +122,7 @@ class _Robot:
     returning: bool = False
 
     def advance(self, length_m: float) -> None:
-        """Go on by one step as the phase says, and end the phase where it has come to its end."""
+        """Advance by one step of the phase, and end the phase if it is complete."""
         faster_mps = abs(self.speed_mps) + BRAKING_MPS2 * STEP_S
         if self.phase is Phase.GO:
             self.speed_mps = min(faster_mps, self.top_mps, (2 * BRAKING_MPS2 * max(length_m - self.gone_m, 0)) ** 0.5)
@@ -146,7 +146,7 @@ class _Robot:
 
 
 def simulate(floor: Corridors) -> Recording:
-    """Two robots in each corridor, the one of the second vendor from its far end."""
+    """Two robots in each corridor. The robot of the second vendor starts at the far end."""
     rng = np.random.default_rng([floor.seed, 17])
     samples = round(floor.seconds / STEP_S)
     lines: list[Line] = []
@@ -235,7 +235,7 @@ def _stops(models: list[Model], start_s: float, end_s: float, v0_mps: list[float
 
 
 class _Teller:
-    """What one robot of a corridor reports."""
+    """The reports of one robot of a corridor."""
 
     def __init__(
         self, floor: Corridors, corridor: int, side: int, first_start_s: float, model: Model, trace: Trace
@@ -282,7 +282,7 @@ class _Teller:
         return np.concatenate([START_S + at_s[..., None], poses], axis=-1)
 
     def _started(self, along_m: Floats, now_s: Floats, at_s: Floats) -> Floats:
-        """Where it will be at `at_s`, if it also sets out at its next start after `now_s`."""
+        """Its position at `at_s`, including its next start after `now_s`."""
         every_s = self._floor.every_s
         starts_s = self._first_start_s + np.maximum(np.ceil((now_s - self._first_start_s) / every_s), 0) * every_s
         distance_m, standing_mps = np.full(1, self._floor.length_m), np.zeros(1)

@@ -1,4 +1,4 @@
-"""Floors of cells as recordings: what the robots report while they drive, and what truly happened."""
+"""Recordings of floors of cells: the reports of the driving robots, and the truth."""
 
 import numpy as np
 
@@ -23,9 +23,9 @@ from benchmarks.planned_floors.truth.motion import STEP_S, Motion
 from ingest.batch import Floats
 
 TOP_MPS = 1.8
-"""What robots tell of themselves."""
+"""Values that robots report about themselves."""
 CELL_S = 1.3
-"""What vendors reckon with for one cell of an errand."""
+"""Time that vendors assume for one cell of an errand."""
 
 
 def simulate(made_of: GridFloor) -> Recording:
@@ -62,7 +62,7 @@ def _models(made_of: GridFloor) -> list[Model]:
 
 
 def _due(traffic: Traffic, samples: int, rng: np.random.Generator) -> list[list[int]]:
-    """By sample, the robots that report then."""
+    """By sample: the robots that report then."""
     due: list[list[int]] = [[] for _ in range(samples)]
     for robot, habits in enumerate(traffic.habits):
         for sample in report_samples(rng, samples, STEP_S, habits.report_every_s):
@@ -119,7 +119,7 @@ def _paths(traffic: Traffic, fleet: int, robots: list[int]) -> dict[int, Floats]
 
 
 def _silences(traffic: Traffic, motion: Motion) -> list[Silence]:
-    """The silences that began, and where the robot was when it fell silent."""
+    """The silences that began, and the robot's position at the begin of each."""
     found = []
     for robot, absences in enumerate(traffic.absences):
         for absence in absences:

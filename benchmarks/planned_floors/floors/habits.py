@@ -1,4 +1,4 @@
-"""How the robots of a vendor behave and what they tell, and what a floor of them is made of."""
+"""How the robots of a vendor behave and what they report, and the parameters of a floor."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ class Habits:
     path_s: int = 10
     """Length in seconds of the path in its reports; 0 for none."""
     tells_order: bool = True
-    """Whether paths keep the order of the own fleet, or are as if each robot were alone."""
+    """Whether paths keep the order of the own fleet. Otherwise each robot plans as if it were alone."""
     tells_waiting: bool = False
-    """Whether robots that stand for others say so, or are always `navigating`."""
+    """Whether robots that stand for others report it. Otherwise they are always `navigating`."""
     report_every_s: float = 1.0
-    """From one report of a robot to its next, give or take a tenth."""
+    """Time between two reports of a robot, plus or minus a tenth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class GridFloor:
     height: int = 26
     aisle_cells: int = 2
     stalls_per_s: float = 0.015
-    """How likely a robot stalls in a second."""
+    """Probability that a robot stalls in a second."""
     stall_s: tuple[float, float] = (2.0, 10.0)
     silences_per_hour: float = 0.0
     """Of one robot."""
@@ -42,7 +42,7 @@ class GridFloor:
     carried_away: float = 0.4
     """Share of silences in which the robot is switched off and carried away."""
     drives_on: float = 0.2
-    """Share of silences in which it drives on; in the rest it stands until it is heard again."""
+    """Share of silences in which it drives on. In the rest it stands until it reports again."""
     patience_s: tuple[float, float] = (13.0, 17.0)
     """Least and greatest time for which a robot stands for another before it drives around it."""
     seed: int = 1

@@ -26,7 +26,7 @@ def _coordinated(kind: str, tells_order: bool) -> GridFloor:
 
 
 def _mixed(kind: str) -> GridFloor:
-    """Vendors that differ in what their protective stops do, and in what they tell."""
+    """Vendors that differ in their protective stops and in their reports."""
     return _blind(
         kind,
         Habits(VENDORS[0], 14, protection="stop", tells_waiting=True),
@@ -54,7 +54,7 @@ KINDS: dict[str, Callable[[str], MadeOf]] = {
 
 
 def made_of(kind: str, seed: int, seconds: float | None = None, report_every_s: float | None = None) -> MadeOf:
-    """What a floor of a kind is made of; its length and the time between reports only where they are to differ."""
+    """The parameters of a floor of a kind. Length and report interval are given only if they differ from the kind's."""
     floor = replace(KINDS[kind](kind), seed=seed)
     if seconds is not None:
         floor = replace(floor, seconds=seconds)

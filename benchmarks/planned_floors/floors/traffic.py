@@ -1,4 +1,4 @@
-"""A floor of cells, step by step: robots plan, drive, stop for each other, stall, fall silent and come back."""
+"""A floor of cells in time steps: robots plan, drive, stop for each other, stall, become silent and come back."""
 
 from math import floor
 
@@ -24,7 +24,7 @@ from benchmarks.planned_floors.truth.motion import STEP_S, Bools
 from ingest.batch import Floats, Ints
 
 NOMINAL_MPS = 1.5
-"""What vendors take the speed of their robots for; each robot is up to a tenth faster or slower."""
+"""Speed that vendors assume for their robots. Each robot is up to a tenth faster or slower."""
 PLANS_EVERY = 10
 """Steps."""
 
@@ -49,12 +49,12 @@ class Traffic:
         """(n, 3) x, y, yaw"""
         self.present: Bools = np.ones(n, bool)
         self.moves: Ints = np.full(n, NO_PLAN)
-        """What each would do next: see `driving`."""
+        """(n,) next action of each robot, see `driving`."""
         self.silent: Bools = np.zeros(n, bool)
         self.absences: list[list[Absence]] = drawn(made_of, n, silence_rng)
         self.sample = 0
         self._stands: Bools = np.zeros(n, bool)
-        """Whether each stands because it is silent."""
+        """(n,) whether each robot stands because it is silent."""
         self._stalled_until_s: Floats = np.zeros(n)
         top_mps = NOMINAL_MPS * self._rng.uniform(0.9, 1.1, n)
         patience_s = self._rng.uniform(*made_of.patience_s, n)
@@ -67,13 +67,13 @@ class Traffic:
         return self.sample * STEP_S
 
     def begin_step(self) -> None:
-        """Plan, and see who falls silent, is carried away or comes back now."""
+        """Plan, and update which robots are silent, carried away or back."""
         if self.sample % PLANS_EVERY == 0:
             self.fleets.plan(self.driving, self.present)
         self._stands = self._silences()
 
     def step(self) -> None:
-        """Go on by `STEP_S`, after `begin_step`."""
+        """Advance by `STEP_S`. Call it after `begin_step`."""
         stands, visits = self._stands | self._stalls(), self.fleets.visits
         self.moves = next_moves(self.driving, visits.count, visits.ways)
         wanting = self.present & ~stands & ((self.moves == GOES) | (self.moves == TURNS))
@@ -84,11 +84,11 @@ class Traffic:
         self.sample += 1
 
     def waits_for_order(self, robot: int) -> bool:
-        """Whether it stands until its own fleet lets it into the next cell."""
+        """Whether a robot stands until its own fleet lets it into the next cell."""
         return bool(self.moves[robot] == AWAITS_ORDER)
 
     def _stalls(self) -> Bools:
-        """Whether each robot stalls. None begins to while it gives way to another."""
+        """(n,) whether each robot stalls. A yielding robot does not begin to stall."""
         begins = self._rng.random(len(self.present)) < self._made_of.stalls_per_s * STEP_S
         lasts_s = self._rng.uniform(*self._made_of.stall_s, len(self.present))
         gives_way = np.array([note is not None for note in self.protection.stopped])
@@ -98,7 +98,7 @@ class Traffic:
         return stalled
 
     def _silences(self) -> Bools:
-        """Whether each robot stands because it is silent; carries robots away and puts them back."""
+        """(n,) whether each robot stands because it is silent. Also carries robots away and brings them back."""
         stands = np.zeros(len(self.present), bool)
         for robot, absences in enumerate(self.absences):
             current = next((absence for absence in absences if absence.start_s <= self.now_s < absence.end_s), None)
@@ -120,7 +120,7 @@ class Traffic:
             self.driving[name][robot] = 0.0
 
     def _put_back(self, robot: int, absences: list[Absence]) -> None:
-        """Its silence ends now, or as soon as there is room."""
+        """End a robot's silence now, or as soon as there is room for it."""
         if self.fleets.put_back(robot, self.driving, self.poses, self.present):
             visits = self.fleets.visits
             visit = int(visits.count[robot]) - 1

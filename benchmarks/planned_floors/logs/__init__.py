@@ -1,1 +1,1 @@
-"""Logs of messages, written and read as a stranger reads them."""
+"""Logs of messages, written and read without code of the service."""

@@ -1,4 +1,4 @@
-"""Lines of a log as the MassRobotics standard 1.0 has the messages: identity first, then status as it arrives."""
+"""Lines of a log with messages of the MassRobotics standard 1.0: first identities, then statuses by arrival."""
 
 import gzip
 import uuid
@@ -24,7 +24,7 @@ DATUM = str(uuid.uuid5(uuid.NAMESPACE_URL, "planned_floors/datum"))
 
 @dataclass(frozen=True)
 class Model:
-    """One simulated robot, as it introduces itself."""
+    """The identity of one simulated robot."""
 
     serial: str
     vendor: str
@@ -38,14 +38,14 @@ class Model:
 
 
 class Line(NamedTuple):
-    """One message and when it is received."""
+    """One message with its time of reception."""
 
     received_s: float
     message: str
 
 
 def identity(model: Model) -> Line:
-    """Sent a second before the floor begins."""
+    """The identity report, sent a second before the start of the floor."""
     at_s = START_S - 1
     return Line(
         at_s,
@@ -100,7 +100,7 @@ def _seconds(whole_s: int) -> str:
 
 
 def report_samples(rng: np.random.Generator, samples: int, step_s: float, interval_s: float) -> list[int]:
-    """The samples at which one robot reports: every `interval_s`, give or take a tenth, with a phase of its own."""
+    """The samples at which one robot reports: every `interval_s`, plus or minus a tenth, with its own phase."""
     count = int(samples * step_s / (0.9 * interval_s)) + 2
     times_s = rng.uniform(0, interval_s) + np.cumsum(rng.uniform(0.9, 1.1, count) * interval_s) - interval_s
     found = np.unique(np.rint(times_s / step_s).astype(np.int64))

@@ -1,4 +1,4 @@
-"""What a simulated floor leaves: the messages that were received, and the truth."""
+"""The output of a simulated floor: the received messages, and the truth."""
 
 import json
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from benchmarks.planned_floors.logs.messages import Line, write_log
 from benchmarks.planned_floors.truth.floor_truth import LOG, FloorTruth
 
 MADE = "floor.json"
-"""What the floor was made of."""
+"""The parameters of the floor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

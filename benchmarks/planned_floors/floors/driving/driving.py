@@ -1,4 +1,4 @@
-"""How robots drive along the cells that they visit, and where they would be if nothing held them up. Compiled."""
+"""How robots drive along the cells that they visit, and where they would be without obstacles. Compiled."""
 
 from math import cos, pi, sin, sqrt
 from typing import Any
@@ -17,21 +17,21 @@ ACCELERATION_MPS2 = 1.0
 TURNING_RADPS = pi / 2
 SIDEWAYS_MPS = 0.4
 MOSTLY_GONE = 0.7
-"""A cell may be entered when the robot before has gone so much of the way to its next."""
+"""A cell may be entered when the previous robot has driven this share of the way to its next cell."""
 SNAP_M = 0.02
-"""One that is so near to where it must stop is there."""
+"""A robot that is this near to its stopping point has reached it."""
 TURNS_ASIDE_M = 0.5
-"""One that is no further aside may turn into its next leg."""
+"""A robot whose offset is at most this may turn into its next leg."""
 FACING_RAD = 1e-3
 NOTHING_M = 1e-6
 LEAST_MPS = 1e-3
-"""Keeps a robot from coming to rest a millimetre before where it must stop."""
+"""Prevents that a robot stops a millimetre before its stopping point."""
 SAMPLES_PER_S = round(1 / STEP_S)
 NO_PLAN, AWAITS_ORDER, TURNS, GOES = range(4)
-"""What a robot would do next."""
+"""The next action of a robot without obstacles."""
 
 Driving = NDArray[Any]
-"""Of `DRIVING`."""
+"""One record of `DRIVING` for each robot."""
 
 DRIVING = np.dtype(
     [
@@ -66,7 +66,7 @@ _ROWS, _POSES = numba.int64[::1], numba.float64[:, ::1]
 
 @inner
 def _granted(driving: Driving, ways: Ways, robot: int, visit: int) -> bool:
-    """Whether a robot may enter the cell of a visit by the order of its fleet."""
+    """Whether the order of its fleet allows a robot to enter the cell of a visit."""
     entry = ways[robot, visit]
     if entry.first_robot < 0:
         return True
@@ -97,7 +97,8 @@ def _next_move(driving: Driving, count: Ints, ways: Ways, robot: int, in_order: 
 
 @inner
 def _free_m(driving: Driving, count: Ints, ways: Ways, robot: int, in_order: bool) -> float:
-    """Metres to the place at which a robot under way must stop: a corner, the end of its plan, a cell not granted."""
+    """Metres to the next point at which a driving robot must stop: a corner, the end of its plan, or a cell that it may
+    not enter."""
     me = driving[robot]
     free_m, at, most_m = CELL_M - me.gone_m, me.visit + 1, 2 * CELL_M
     heading = ways[robot, me.visit].heading_rad
@@ -122,7 +123,7 @@ def _turn(me: Any, heading_rad: float) -> None:
 
 @inner
 def _go(me: Any, free_m: float) -> None:
-    """Drive for one step, with `free_m` to the next place at which to stop."""
+    """Drive for one step, with `free_m` to the next stopping point."""
     least_mps = max(me.speed_mps - ACCELERATION_MPS2 * STEP_S, 0.0)
     wanted_mps = max(min(me.speed_mps + ACCELERATION_MPS2 * STEP_S, me.top_mps), least_mps)
     left_m = max(free_m - wanted_mps * STEP_S / 2, 0.0)
@@ -140,7 +141,7 @@ def _go(me: Any, free_m: float) -> None:
 
 @inner
 def _step(driving: Driving, count: Ints, ways: Ways, robot: int, in_order: bool) -> None:
-    """One robot's next `STEP_S`."""
+    """Advance one robot by `STEP_S`."""
     me = driving[robot]
     sideways_m = SIDEWAYS_MPS * STEP_S
     me.aside_m += min(max(me.aside_to_m - me.aside_m, -sideways_m), sideways_m)
@@ -166,7 +167,7 @@ def _set_pose(driving: Driving, ways: Ways, robot: int, pose: Floats) -> None:
 
 @kernel(numba.int64[::1](_DRIVING, _ROWS, _WAYS))
 def next_moves(driving: Driving, count: Ints, ways: Ways) -> Ints:
-    """(n,) what each robot would do next if nobody were in its way; `count` (n,) visits of each are known."""
+    """(n,) next action of each robot without obstacles. `count` (n,) is the number of its known visits."""
     moves = np.empty(len(driving), np.int64)
     for robot in range(len(driving)):
         moves[robot] = _next_move(driving, count, ways, robot, True)
@@ -175,7 +176,7 @@ def next_moves(driving: Driving, count: Ints, ways: Ways) -> Ints:
 
 @kernel(numba.void(_DRIVING, _ROWS, _WAYS, _POSES))
 def advance(driving: Driving, count: Ints, ways: Ways, poses: Floats) -> None:
-    """All robots' next `STEP_S`, in the order of their fleets; writes x, y, yaw then into `poses` (n, 3)."""
+    """Advance all robots by `STEP_S`, in the order of their fleets. Writes x, y, yaw into `poses` (n, 3)."""
     for robot in range(len(driving)):
         _step(driving, count, ways, robot, True)
         _set_pose(driving, ways, robot, poses[robot])

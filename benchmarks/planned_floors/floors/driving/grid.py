@@ -13,7 +13,7 @@ CELL_M = 1.5
 RACK_CELLS = 4
 """Length of a rack, along y."""
 Step = tuple[int, int]
-"""A cell and when a robot is in it."""
+"""A cell, and the step at which a robot is in it."""
 UNREACHED = np.iinfo(np.int64).max
 
 
@@ -27,12 +27,12 @@ class Grid:
     """(width * height,)"""
 
     def place_m(self, cell: int) -> tuple[float, float]:
-        """The middle of a cell."""
+        """The centre of a cell."""
         x, y = divmod(cell, self.height)
         return x * CELL_M, y * CELL_M
 
     def free(self, x_m: float, y_m: float) -> bool:
-        """Whether a place lies in a cell of the floor that is not blocked."""
+        """Whether a position is in a free cell of the floor."""
         x, y = round(x_m / CELL_M), round(y_m / CELL_M)
         return 0 <= x < self.width and 0 <= y < self.height and not self.blocked[x * self.height + y]
 

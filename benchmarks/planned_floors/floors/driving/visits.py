@@ -25,16 +25,16 @@ class Visits:
         robots = len(fleet_of)
         self._grid, self._fleet_of = grid, fleet_of
         self._uses: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
-        """By fleet and cell the visits of it, ascending: step, robot, visit."""
+        """By fleet and cell: its visits as step, robot and visit, ascending."""
         self._steps: list[list[int]] = [[] for _ in range(robots)]
         self._cells: list[list[int]] = [[] for _ in range(robots)]
         self.count: Ints = np.zeros(robots, np.int64)
-        """(n,) visits known so far."""
+        """(n,) number of known visits."""
         self.ways: Ways = np.zeros((robots, 64), VISIT)
         """(n, k)"""
 
     def extend(self, robot: int, way: list[Step]) -> None:
-        """Append the visits of a way; steps in the cell where the last one ends are the same visit."""
+        """Append the visits of a path. Steps in the cell where the last visit ends belong to that visit."""
         for cell, step in way:
             if not self._cells[robot] or self._cells[robot][-1] != cell:
                 self._append(robot, cell, step)
@@ -47,7 +47,7 @@ class Visits:
         return self._cells[robot][visit]
 
     def withdraw(self, robot: int, from_visit: int) -> None:
-        """Take a robot that is carried away out of the order, from a visit on; those visits are forgotten."""
+        """Remove a robot that is carried away from the order. Its visits from the given one on are dropped."""
         for visit in range(from_visit, int(self.count[robot])):
             uses = self._uses[self._fleet_of[robot], self._cells[robot][visit]]
             index = bisect_left(uses, (self._steps[robot][visit], robot, visit))

@@ -1,4 +1,4 @@
-"""The vendors' fleets on one floor: each plans for its own robots, and none knows of the others."""
+"""The vendors' fleets on one floor. Each plans for its own robots and does not know the others."""
 
 import numpy as np
 
@@ -13,10 +13,10 @@ LEAST_ERRAND_CELLS = 5
 PLANNED_AHEAD = 14
 """A robot gets its next errand when its plan holds fewer visits than this."""
 COMMITTED = 2
-"""A robot under way can't be made to wait before so many visits ahead."""
+"""A driving robot can't be made to wait within this many visits ahead."""
 GOALS_TRIED = 4
 CLEAR_M = 3.0
-"""A robot that comes back is put down so far from all others."""
+"""A robot that comes back is placed at least this far from all others."""
 
 
 class Fleets:
@@ -29,24 +29,24 @@ class Fleets:
         self._free = np.flatnonzero(~grid.blocked)
         self.visits = Visits(grid, fleet_of)
         self.goals: list[list[tuple[int, int]]] = [[] for _ in range(n)]
-        """By robot, the visit and the cell at which each errand ends."""
+        """By robot: the visit and the cell at which each errand ends."""
         for robot, cell in enumerate(rng.choice(self._free, n, replace=False).tolist()):
             self._place(robot, cell, 0)
 
     def plan(self, driving: Driving, present: Bools) -> None:
-        """Give new errands to the robots whose plan comes to an end."""
+        """Give new errands to robots whose plan ends soon."""
         visit = driving["visit"]
         for robot in np.flatnonzero(present & (self.visits.count - visit < PLANNED_AHEAD)).tolist():
             self._next_errand(robot, self._frontier(self._fleet_of[robot], driving, present) + 1)
 
     def withdraw(self, robot: int, visit: int) -> None:
-        """A robot is carried away from the cell of a visit."""
+        """Remove a robot that is carried away from the cell of a visit."""
         self._planners[self._fleet_of[robot]].remove(robot)
         self.visits.withdraw(robot, visit)
         self.goals[robot].clear()
 
     def put_back(self, robot: int, driving: Driving, poses: Floats, present: Bools) -> bool:
-        """Put a robot down in a cell that its fleet does not need; False where none was found."""
+        """Place a robot in a cell that its fleet does not need. Returns False if none was found."""
         fleet = self._fleet_of[robot]
         step = self._frontier(fleet, driving, present) + 1
         for cell in self._rng.choice(self._free, 10, replace=False).tolist():
@@ -83,7 +83,7 @@ class Fleets:
                 return
 
     def errand(self, robot: int, visit: int) -> tuple[int, float, float] | None:
-        """The end of the errand that a robot is on: visits until then, and where."""
+        """The end of a robot's present errand: the number of visits until then, and the cell."""
         goals = self.goals[robot]
         while goals and goals[0][0] <= visit:
             goals.pop(0)

@@ -12,29 +12,29 @@ from benchmarks.planned_floors.floors.driving.grid import UNREACHED, Grid, Step
 
 MOST_EXPANDED = 3000
 MOST_EXTRA_STEPS = 40
-"""A plan may take so many steps longer than the shortest way."""
+"""A plan may take this many steps more than the shortest path."""
 TURN_COST = 0.01
-"""Of two ways as long, the one with fewer turns is taken."""
+"""Cost of a turn. Of two equally long paths the one with fewer turns is taken."""
 
 
 class Planner:
-    """What the robots of one vendor have reserved."""
+    """The reservations of the robots of one vendor."""
 
     def __init__(self, grid: Grid) -> None:
         self._grid = grid
         self._reserved: dict[int, dict[int, int]] = {}
         """By cell and step, the robot."""
         self._ends: dict[int, tuple[int, int]] = {}
-        """By robot, the last cell of its plan and the step from which it keeps it."""
+        """By robot: the last cell of its plan, and the step from which it keeps it."""
         self._kept: dict[int, int] = {}
-        """By cell, the robot that keeps it."""
+        """By cell: the robot that keeps it."""
 
     def place(self, robot: int, cell: int, step: int) -> None:
-        """Put a robot that has no plan into a cell."""
+        """Place a robot without a plan in a cell."""
         self._keep(robot, cell, step)
 
     def remove(self, robot: int) -> None:
-        """Forget all of a robot's reservations."""
+        """Drop all reservations of a robot."""
         cell, _ = self._ends.pop(robot)
         del self._kept[cell]
         for steps in self._reserved.values():
@@ -46,7 +46,7 @@ class Planner:
         return cell in self._kept
 
     def unused_from(self, cell: int, step: int) -> bool:
-        """Whether nobody means to use a cell from a step on."""
+        """Whether no robot will use a cell from a step on."""
         return cell not in self._kept and all(used < step for used in self._reserved.get(cell, ()))
 
     def extend(self, robot: int, goal: int, not_before: int) -> list[Step]:

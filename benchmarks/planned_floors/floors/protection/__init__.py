@@ -1,1 +1,1 @@
-"""Protective stops, and notes of them."""
+"""Protective stops, and their records."""

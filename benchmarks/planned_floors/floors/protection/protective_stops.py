@@ -1,4 +1,4 @@
-"""The protective stops of the robots of a floor: what each robot does about bodies in its field.
+"""The protective stops of the robots of a floor: how each robot reacts to bodies in its field.
 
 Three kinds: `stop` brakes, `slow` slows down in a wider field before it brakes, `swerve` leaves its way sideways where
 there is room. One that has stood for another for long drives around it at walking pace, where bodies may overlap.
@@ -17,45 +17,45 @@ from benchmarks.planned_floors.truth.motion import STEP_S, Bools
 from ingest.batch import Floats, Ints
 
 TURNING_M = float(np.hypot(*HALF_M)) + 0.02
-"""A robot that turns keeps this free around its middle."""
+"""A turning robot needs this radius free around its centre."""
 MARGIN_M, BESIDE_M = 0.45, 0.05
-"""How much longer and wider on each side than the robot its field is."""
+"""How much longer than the robot, and wider on each side, its field is."""
 WIDER_M, WIDER_BESIDE_M = 1.5, 0.15
-"""The same of the field in which one slows down."""
+"""The same for the field in which a robot slows down."""
 SWERVING_M = 2.0
-"""So much further ahead a robot looks for one to swerve from."""
+"""Additional distance ahead in which a robot looks for others to swerve around."""
 SLOW_MPS, SWERVING_MPS, AROUND_MPS = 0.5, 0.7, 0.5
 AROUND_ASIDE_M = 0.4
 LONGEST_PASSING_S = 20.0
 HELD_S = 1.0
-"""Fields must be free for so long before a robot goes on."""
+"""A field must be free for this long before a robot continues."""
 RELEASE_M = 0.1
-"""The field of a robot that gives way is so much longer, so that it does not start and brake in turns."""
+"""Additional length of the field of a yielding robot, so that it does not alternately start and brake."""
 ON_ITS_WAY_M = 0.05
 
 
 @dataclass(slots=True, eq=False)
 class Passing:
-    """A robot that is going past another: swerving, or driving around it."""
+    """A robot that passes another: it swerves or drives around it."""
 
     note: StopNote
     others: set[int]
-    """Whom it goes past; one that drives around does not mind their bodies."""
+    """The robots that it passes. A robot that drives around them ignores their bodies."""
     aside_m: float
-    """How far to the left of its way it means to be."""
+    """Planned offset to the left of its path."""
     until_s: float
-    """It gives up then."""
+    """When it gives up."""
 
 
 class Held:
-    """Whose body was in each robot's field lately: a robot reacts for `HELD_S` more."""
+    """The robots that were recently in each robot's field. A robot keeps reacting for `HELD_S`."""
 
     def __init__(self, robots: int) -> None:
         self._by: Ints = np.full(robots, NOBODY)
         self._until_s: Floats = np.zeros(robots)
 
     def hold(self, by: Ints, now_s: float) -> Ints:
-        """(n,) whom each robot reacts to, of those whose bodies are in its field now."""
+        """(n,) the robot to which each reacts. Updates from those whose bodies are in its field now."""
         hit = by != NOBODY
         self._by[hit], self._until_s[hit] = by[hit], now_s + HELD_S
         return np.where(self._until_s >= now_s, self._by, NOBODY)
@@ -65,13 +65,13 @@ class Held:
 
 
 class Protection:
-    """What n robots do about each other, and the stops that they have made."""
+    """The reactions of n robots to each other, and the stops that they have made."""
 
     def __init__(self, kinds: list[str], top_mps: Floats, patience_s: Floats) -> None:
         n = len(kinds)
         self.notes: list[StopNote] = []
         self.stopped: list[StopNote | None] = [None] * n
-        """By robot, the stop that lasts."""
+        """By robot: its present stop."""
         self._kinds, self._top_mps, self._patience_s = kinds, top_mps, patience_s
         self._swerving: dict[int, Passing] = {}
         self._around: dict[int, Passing] = {}
@@ -82,7 +82,7 @@ class Protection:
         self._inner, self._outer = Held(n), Held(n)
 
     def react(self, scene: Scene) -> Floats:
-        """(n,) the speed that each robot may go; writes where it goes aside into `scene.driving`."""
+        """(n,) speed limit of each robot. Writes its sideways offset into `scene.driving`."""
         known: Ints = np.array([note.by if note else NOBODY for note in self.stopped])
         inner = self._obstructors(scene, MARGIN_M, BESIDE_M, known)
         wider = (
@@ -95,7 +95,7 @@ class Protection:
         return top_mps
 
     def withdraw(self, robot: int, now_s: float) -> None:
-        """A robot is carried away."""
+        """End the reactions of a robot that is carried away."""
         for passing in (self._swerving.pop(robot, None), self._around.pop(robot, None)):
             if passing:
                 passing.note.around_until_s = max(passing.note.around_until_s, now_s)
@@ -104,7 +104,7 @@ class Protection:
         self._end(robot, now_s, 0.0)
 
     def finish(self, now_s: float) -> None:
-        """The floor ends, and every stop with it."""
+        """End every stop at the end of the floor."""
         for robot in range(len(self.stopped)):
             self.withdraw(robot, now_s)
 
@@ -124,7 +124,7 @@ class Protection:
         return obstructors(scene.poses, scene.present, fields, HALF_M, coming_m, self._ignored, known)
 
     def _allowed(self, scene: Scene, robot: int, inner: int, wider: int) -> float:
-        """The speed that a robot may go."""
+        """The speed limit of a robot."""
         if robot in self._around:
             self._go_around(scene, robot)
         elif robot in self._swerving:
@@ -143,7 +143,7 @@ class Protection:
         return SLOW_MPS if slows else float(self._top_mps[robot])
 
     def _aside_m(self, scene: Scene, robot: int, inner: int) -> float:
-        """How far to the left of its way a robot goes now."""
+        """The present offset of a robot to the left of its path."""
         if swerving := self._swerving.get(robot):
             return next_aside_m(scene, robot, swerving.aside_m)
         if inner != NOBODY:
@@ -151,7 +151,7 @@ class Protection:
         return self._around[robot].aside_m if robot in self._around else 0.0
 
     def _note(self, scene: Scene, robot: int, inner: int, slows_for: int) -> None:
-        """Begin, go on with or end the robot's stop."""
+        """Begin, continue or end the robot's stop."""
         now_s, me = scene.now_s, scene.driving[robot]
         sideways = abs(float(me["aside_to_m"] - me["aside_m"])) > ON_ITS_WAY_M
         speed_mps = max(float(me["speed_mps"]), SIDEWAYS_MPS if sideways else 0.0)
@@ -178,7 +178,7 @@ class Protection:
             self.stopped[robot] = None
 
     def _set_out_around(self, scene: Scene, note: StopNote) -> None:
-        """It has stood for long enough: drive around the other, and whoever else stands there."""
+        """After standing for long enough, drive around the other robot and all others that stand there."""
         robot, now_s = note.robot, scene.now_s
         self._swerving.pop(robot, None)
         self._end(robot, now_s, 0.0)

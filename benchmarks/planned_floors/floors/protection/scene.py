@@ -27,11 +27,11 @@ class Scene:
     """(n, 3) x, y, yaw"""
     present: Bools
     wanting: Bools
-    """Whether it would drive or turn if nobody were in its way."""
+    """Whether it would drive or turn without obstacles."""
     turning: Bools
 
     def straight_cells(self, robot: int) -> int:
-        """How many cells lie straight ahead in its plan."""
+        """The number of cells straight ahead in its plan."""
         visit, count = int(self.driving["visit"][robot]), int(self.visits.count[robot])
         cells = [self.visits.cell(robot, index) for index in range(visit, min(visit + 8, count))]
         ways = [after - before for before, after in pairwise(cells)]

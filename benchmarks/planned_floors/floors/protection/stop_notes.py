@@ -1,4 +1,4 @@
-"""Notes of who gave way to whom, from when to when, as it happens."""
+"""Records of stops: which robot yielded to which, with begin and end."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from benchmarks.planned_floors.truth.motion import STEP_S
 
 STANDS_MPS = 0.02
 COUNTED_S = 5.0
-"""Progress is lost within so long after the onset."""
+"""Lost progress is measured within this time after the onset."""
 LEAST_REFERENCE_MPS = 0.3
 
 
@@ -30,7 +30,7 @@ class StopNote:
     around_until_s: float = 0.0
 
     def go_on(self, now_s: float, speed_mps: float, aside_m: float) -> None:
-        """Another step of it."""
+        """Add a step of the stop."""
         if speed_mps < STANDS_MPS:
             self.standing_s += STEP_S
             self.stood_since_s = now_s if self.stood_since_s is None else self.stood_since_s
@@ -41,14 +41,14 @@ class StopNote:
         self.aside_m = max(self.aside_m, abs(aside_m))
 
     def end(self, now_s: float, speed_mps: float) -> None:
-        """It goes on freely: what it loses until it is as fast as before counts too."""
+        """The robot drives freely again. What it loses until it is as fast as before counts too."""
         slower_mps = max(self._reference_mps - speed_mps, 0.0)
         if now_s < self.start_s + COUNTED_S:
             self.lost_s += slower_mps**2 / (2 * ACCELERATION_MPS2 * self._reference_mps)
         self.end_s = self.around_until_s = now_s
 
     def stop(self, start_s: float, uuids: list[str], vendors: list[str]) -> Stop:
-        """For the list of stops; `start_s` is when the floor began."""
+        """The stop as an entry of the list of stops. `start_s` is the start of the floor."""
         return Stop(
             robot=uuids[self.robot],
             by=uuids[self.by],

@@ -1,4 +1,4 @@
-"""Leaving one's way sideways to go past another robot, where there is room."""
+"""Swerving: a robot leaves its path sideways to pass another, if there is room."""
 
 from math import cos, sin
 
@@ -9,19 +9,19 @@ from benchmarks.planned_floors.floors.protection.scene import HALF_M, Scene
 from ingest.batch import Floats
 
 GAP_M = 0.15
-"""Between the bodies, when they are beside each other."""
+"""Gap between the bodies when they are side by side."""
 FURTHEST_ASIDE_M = 1.2
 LEAST_RUN_CELLS = 3
-"""One swerves only where so many cells lie straight ahead."""
+"""A robot swerves only if this many cells are straight ahead."""
 BEYOND_M = 1.5
-"""So far beyond the other the way beside must be free."""
+"""Length beyond the other robot for which the path must be free."""
 NEXT_M = 0.1
 """Looked at before each step sideways."""
 MOVING_MPS, ONCOMING_COS = 0.1, -0.7
 
 
 def room_aside_m(scene: Scene, robot: int, other: int) -> float | None:
-    """How far to the left of its way a robot can go past another; None where it can't.
+    """The offset to the left at which a robot can pass another. None if it can't.
 
     One that moves is gone past only where it comes towards the robot.
     """
@@ -37,7 +37,7 @@ def room_aside_m(scene: Scene, robot: int, other: int) -> float | None:
 
 
 def has_passed(scene: Scene, robot: int, other: int) -> bool:
-    """Whether another robot is behind, or no longer on the robot's own way."""
+    """Whether another robot is behind, or no longer on the robot's own path."""
     if not scene.present[other]:
         return True
     ahead_m, left_m, reach_m = _relative(scene, robot, other)
@@ -46,7 +46,7 @@ def has_passed(scene: Scene, robot: int, other: int) -> bool:
 
 
 def next_aside_m(scene: Scene, robot: int, target_m: float) -> float:
-    """How far aside to go next: not towards a body that is there."""
+    """The next sideways offset. The robot does not move towards a near body."""
     aside_m = float(scene.driving["aside_m"][robot])
     step_m = min(max(target_m - aside_m, -NEXT_M), NEXT_M)
     field: Fields = np.zeros(1, FIELD)
@@ -56,7 +56,7 @@ def next_aside_m(scene: Scene, robot: int, target_m: float) -> float:
 
 
 def _relative(scene: Scene, robot: int, other: int) -> tuple[float, float, Floats]:
-    """How far ahead and to the left another's middle is, and how far its body reaches (2,) along and across."""
+    """Distance ahead and to the left of another's centre, and half extent (2,) of its body along and across."""
     yaw = scene.poses[robot, 2]
     dx_m, dy_m = (scene.poses[other] - scene.poses[robot])[:2]
     c, s = abs(cos(scene.poses[other, 2] - yaw)), abs(sin(scene.poses[other, 2] - yaw))
@@ -65,7 +65,7 @@ def _relative(scene: Scene, robot: int, other: int) -> tuple[float, float, Float
 
 
 def _has_room(scene: Scene, robot: int, aside_m: float, ahead_m: float) -> bool:
-    """Whether nobody and nothing is beside the way, from the robot to beyond the other."""
+    """Whether the space beside the path is free, from the robot to beyond the other."""
     if abs(aside_m) > FURTHEST_ASIDE_M:
         return False
     x_m, y_m, yaw = scene.poses[robot]
