@@ -1,4 +1,4 @@
-"""A log of messages as a stranger reads it: who the robots are, and what they reported when."""
+"""Reads a log without code of the service: the robots, and what they reported when."""
 
 import gzip
 from collections.abc import Iterable, Iterator
@@ -50,7 +50,7 @@ class _Location(msgspec.Struct, frozen=True):
 
 
 class _Message(msgspec.Struct, frozen=True, rename="camel"):
-    """What is needed of both kinds of message."""
+    """The needed fields of both kinds of message."""
 
     uuid: str
     timestamp: datetime
@@ -97,12 +97,12 @@ class Robot:
     """By time received."""
 
     def usual_interval_s(self) -> float:
-        """The middle interval between its reports; nan where it sent fewer than two."""
+        """The median interval between its reports; nan if it sent fewer than two."""
         times_s = [report.t_s for report in self.reports]
         return float(np.median(np.diff(times_s))) if len(times_s) > 1 else nan
 
     def silence_limit_s(self) -> float:
-        """After so long without a report it is silent: 5 s or three usual intervals, 30 s where that is not known."""
+        """After this time without a report it is silent: 5 s or three usual intervals; 30 s if these are unknown."""
         interval_s = self.usual_interval_s()
         return 30.0 if np.isnan(interval_s) else max(5.0, 3 * interval_s)
 
@@ -138,7 +138,7 @@ def _report(line: _Line, location: _Location) -> Report:
 
 
 def reported_motion(robots: list[Robot]) -> Motion:
-    """The motion that the reports tell: joined linearly where two are at most `JOINED_S` apart."""
+    """The reported motion: linear between two reports that are at most `JOINED_S` apart."""
     first_s = min(robot.reports[0].t_s for robot in robots)
     last_s = max(robot.reports[-1].t_s for robot in robots)
     t_s: Floats = first_s + np.arange(round((last_s - first_s) / STEP_S) + 1, dtype=np.float64) * STEP_S

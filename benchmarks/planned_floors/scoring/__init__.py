@@ -1,1 +1,1 @@
-"""Alerts and probabilities held against the truth."""
+"""Scores of alerts and probabilities against the truth."""

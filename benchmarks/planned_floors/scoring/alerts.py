@@ -1,4 +1,4 @@
-"""Alerts on pairs of robots: read from a service's advisories, or made of seconds in a row."""
+"""Alerts on pairs of robots: read from a service's advisories, or made from consecutive seconds."""
 
 import json
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ SERVICE, BELIEVER = "service", "believer"
 
 @dataclass(frozen=True, slots=True)
 class Alert:
-    """One alert on a pair. It stands from `raised_s` up to, and not at, `cleared_s`."""
+    """One alert on a pair. It is open from `raised_s` until just before `cleared_s`."""
 
     pair: Pair
     raised_s: float
@@ -24,12 +24,12 @@ class Alert:
         return self.raised_s <= t_s < self.cleared_s
 
     def seconds(self) -> range:
-        """The whole seconds at which it stands."""
+        """The whole seconds at which it is open."""
         return range(ceil(self.raised_s), ceil(self.cleared_s))
 
 
 def alerts_of_revisions(revisions: Iterable[dict[str, Any]], end_s: float) -> list[Alert]:
-    """The alerts of a stream of revisions; one that is never cleared stands until the end of the log."""
+    """The alerts of a stream of revisions. An alert that is never cleared is open until the end of the log."""
     pairs: dict[str, Pair] = {}
     raised_s: dict[str, float] = {}
     cleared_s: dict[str, float] = {}

@@ -42,7 +42,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
 
 
 def _mean(hits: Floats) -> Figure:
-    """A share without an interval: seconds of one silence are no independent cases."""
+    """A share without an interval, because the seconds of one silence are not independent."""
     return alone(float(hits.mean()) if len(hits) else nan, len(hits))
 
 

@@ -1,4 +1,4 @@
-"""The plain believer of paths: it alerts where the paths that two robots report come within the clearance.
+"""The path believer, a baseline: it alerts if the reported paths of two robots come within the clearance.
 
 It has no memory and no probability. A robot without a path goes straight on at the speed that it reports. A robot that
 has been silent for longer than its silence limit is forgotten.
@@ -17,11 +17,11 @@ from ingest.batch import Floats, Forecasts
 
 HORIZON_S = 10.0
 STRAIGHT_S = 120.0
-"""A robot without a path goes straight on for so long, which is beyond every horizon and silence limit."""
+"""A robot without a path is extrapolated for this time, which is beyond every horizon and silence limit."""
 
 
 def believed_alerts(robots: list[Robot], clearance_m: float) -> list[Alert]:
-    """The believer's alerts over a log, looked at in whole seconds."""
+    """The believer's alerts over a log, computed at whole seconds."""
     first_s = ceil(min(robot.reports[0].received_s for robot in robots))
     last_s = floor(max(robot.reports[-1].received_s for robot in robots))
     received_s = [[report.received_s for report in robot.reports] for robot in robots]
@@ -40,7 +40,7 @@ def believed_alerts(robots: list[Robot], clearance_m: float) -> list[Alert]:
 
 
 def _pairs(heard: list[tuple[Robot, Report]], now_s: float, clearance_m: float) -> list[Pair]:
-    """Pairs that come within the clearance by their newest reports, but for those that are within it already."""
+    """Pairs that come within the clearance by their newest reports, without those that are already within it."""
     if len(heard) < 2:
         return []
     found = sweep(_forecasts(heard), now_s=now_s, horizon_s=HORIZON_S, clearance_m=clearance_m)
@@ -67,7 +67,7 @@ def _forecasts(heard: list[tuple[Robot, Report]]) -> Forecasts:
 
 
 def _knots(report: Report) -> Floats:
-    """(k, 4) t_s, x_m, y_m, yaw_rad: where it was, and its path."""
+    """(k, 4) t_s, x_m, y_m, yaw_rad: its pose, and its path."""
     here = np.array([[report.t_s, report.x_m, report.y_m, report.yaw_rad]])
     if len(report.path):
         return np.concatenate([here, report.path])

@@ -16,7 +16,7 @@ LIKELY = 0.5
 
 
 def calibration(cases: Cases) -> dict[str, Figure]:
-    """The figures of the published probabilities; None where there were none."""
+    """The figures of the published probabilities. None if there were none."""
     probability, came_true = cases.probabilities[:, 0], cases.probabilities[:, 1]
     group = np.unique(cases.probabilities[:, 2], return_inverse=True)[1]
     sums, likely = _group_sums(probability, came_true, group), int((probability > LIKELY).sum())
@@ -34,13 +34,13 @@ def calibration(cases: Cases) -> dict[str, Figure]:
 
 
 def calibration_error(probability: Floats, came_true: Floats) -> float:
-    """The mean difference of stated probability and share that came true, over 10 bins of as many samples each."""
+    """The mean difference between probability and share that came true, over 10 bins of equal size."""
     order = np.argsort(probability, kind="stable")
     return _error(probability[order], came_true[order], np.ones(len(order)))
 
 
 def _error(probability: Floats, came_true: Floats, weights: Floats) -> float:
-    """Of samples (n,) by probability, each as often as its weight says; nan where they are too few."""
+    """The calibration error of weighted samples (n,), sorted by probability; nan if there are too few."""
     total = weights.sum()
     if total < BINS:
         return np.nan
@@ -50,7 +50,7 @@ def _error(probability: Floats, came_true: Floats, weights: Floats) -> float:
 
 
 def _error_interval(probability: Floats, came_true: Floats, group: Ints) -> Interval:
-    """Of the calibration error of samples (n,)."""
+    """The bootstrap interval of the calibration error of samples (n,)."""
     if len(probability) < BINS:
         return None
     order = np.argsort(probability, kind="stable")
@@ -72,7 +72,7 @@ def _group_sums(probability: Floats, came_true: Floats, group: Ints) -> Floats:
 
 
 def _brier_skills(draws: Floats) -> Floats:
-    """(d,) how much smaller the mean squared error is than that of always saying the base rate."""
+    """(d,) the relative gain in mean squared error over a constant base rate."""
     samples, came_true, squared = draws.sum(axis=1)[:, :3].T
     base_rate = ratio(came_true, samples)
     return 1 - ratio(squared, samples * base_rate * (1 - base_rate))

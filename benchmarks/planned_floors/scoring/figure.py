@@ -1,4 +1,4 @@
-"""One figure: its value, of how many cases, and the middle 95 % of draws with replacement."""
+"""One figure: its value, the number of cases, and the central 95 % of draws with replacement."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +10,7 @@ from ingest.batch import Floats
 from metrics.scoring.bootstrap import interval
 
 Figure = dict[str, Any]
-"""`value`, None where it is not known; `of` so many cases; `interval`, two values or None."""
+"""`value`, None if unknown; `of`, the number of cases; `interval`, two values or None."""
 
 
 def of_cases(rows: Floats, value: Callable[[Floats], Floats], count: int) -> Figure:
@@ -36,6 +36,6 @@ def alone(value: float, count: int) -> Figure:
 
 
 def ratio(over: Floats, under: Floats) -> Floats:
-    """nan where there is nothing under."""
+    """The quotient; nan if the denominator is 0."""
     found: Floats = np.divide(over, under, out=np.full(len(under), np.nan), where=under > 0)
     return found

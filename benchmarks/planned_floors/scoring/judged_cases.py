@@ -1,4 +1,4 @@
-"""Each alert and each outcome of a floor, judged: what the figures are made of."""
+"""The judged alerts and outcomes of a floor, from which the figures are computed."""
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
@@ -21,23 +21,23 @@ from ingest.batch import Floats
 from metrics.scoring.bootstrap import GROUPS
 
 WITHIN_S = 10.0
-"""An alert is true where the outcome follows within this."""
+"""An alert is true if an outcome follows within this time."""
 LEADS_S = (0.0, 2.0, 4.0, 6.0)
 MINUTE_S = 60.0
 
 Sample = tuple[Pair, float, float]
-"""A pair, a time, and the probability that was published for it then."""
+"""A pair, a time, and the probability that was published for the pair at that time."""
 
 
 class Verdict(IntEnum):
-    """What came of an alert, or of one second of it."""
+    """The outcome of an alert, or of one second of it."""
 
     TRUE = 0
     IN_VAIN = 1
     UNKNOWN = 2
-    """A robot left, or the log ended, before anything could be seen."""
+    """A robot left, or the log ended, before an outcome."""
     IN_PROGRESS = 3
-    """The pair was in each other's way already."""
+    """The pair was already in each other's way."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,7 @@ class Cases:
     silent_seconds: Floats
     """(n, 2) of each second of each silent robot, 1 where it was there; 1 where it had stood since its last report."""
     passes: Floats
-    """(n, 1) 1 where two robots that passed each other had an alert."""
+    """(n, 1) 1 if two robots that passed each other had an alert."""
     verdicts: Floats
     """(alerts, 1) `Verdict` of each."""
     seconds: Floats
@@ -82,7 +82,7 @@ class Cases:
 
 
 class Judge:
-    """Judges the alerts and probabilities of one floor; what happened before `from_s` is not scored."""
+    """Judges the alerts and probabilities of one floor. Events before `from_s` are not scored."""
 
     def __init__(self, truth: FloorTruth, happened: Happenings, robots: list[Robot], from_s: float) -> None:
         self._truth, self._happened, self._from_s = truth, happened, from_s
@@ -130,7 +130,7 @@ class Judge:
         return np.array(rows, np.float64).reshape(-1, len(LEADS_S) + 1)
 
     def _seconds(self, alert: Alert) -> list[int]:
-        """(4,) its whole seconds by verdict; one that stood at none counts by the moment at which it was raised."""
+        """(4,) its whole seconds by verdict. If there is none, the moment at which it was raised counts."""
         counts = [0] * len(Verdict)
         for second in alert.seconds() or (alert.raised_s,):
             counts[self._verdict_at(alert.pair, float(second))] += 1
@@ -206,7 +206,7 @@ def _column(values: Sequence[float]) -> Floats:
 
 
 def _alerted(passed: Encounter, by_pair: Mapping[Pair, list[Alert]]) -> bool:
-    """Whether an alert of the pair stood while they passed, or in the 10 s before."""
+    """Whether an alert of the pair was open while they passed, or in the 10 s before."""
     since_s = passed.start_s - WITHIN_S
     return any(alert.raised_s <= passed.end_s and alert.cleared_s > since_s for alert in by_pair.get(passed.pair, ()))
 
@@ -219,7 +219,8 @@ def _warned_row(alerts: Sequence[Alert], onset_s: float) -> list[bool]:
 
 
 def _credited(by_pair: dict[Pair, list[Alert]], happened: Happenings) -> set[Alert]:
-    """The alerts that came true: each outcome credits the one that stands at its onset, else the last in 10 s."""
+    """The true alerts. Each outcome credits the alert that is open at its onset, else the last one in the 10 s
+    before."""
     credited: set[Alert] = set()
     for pair, outcomes in happened.outcomes.items():
         alerts = sorted(by_pair.get(pair, ()), key=lambda alert: alert.cleared_s)
@@ -233,7 +234,7 @@ def _credited(by_pair: dict[Pair, list[Alert]], happened: Happenings) -> set[Ale
 
 
 def _verdict(credited: bool, seconds: list[int]) -> Verdict:
-    """Of an alert with so many seconds of each verdict."""
+    """The verdict of an alert from its seconds by verdict."""
     if credited:
         return Verdict.TRUE
     if not any(seconds[: Verdict.IN_PROGRESS]):

@@ -1,4 +1,4 @@
-"""Figures of several services side by side, for people to read."""
+"""Figures of several services side by side as a Markdown table."""
 
 from benchmarks.planned_floors.scoring.figure import Figure
 

@@ -10,11 +10,11 @@ from benchmarks.planned_floors.truth.floor_truth import FloorTruth
 from benchmarks.planned_floors.truth.motion import STEP_S
 
 STOOD_M = 0.3
-"""A robot that moved no further stood."""
+"""A robot that moved at most this far stood."""
 
 
 class Presence:
-    """When the robots of a floor were truly there."""
+    """The times at which the robots of a floor were truly there."""
 
     def __init__(self, truth: FloorTruth) -> None:
         self._motion = truth.motion
@@ -27,13 +27,13 @@ class Presence:
         return t_s <= self._motion.end_s + STEP_S and not np.isnan(x_m)
 
     def until(self, robot: str, t_s: float) -> float:
-        """Until when it was there from a time on: the end of the log where it stayed."""
+        """Until when it was there from a time on. The end of the log if it stayed."""
         absent = self._absent[self._column[robot]]
         index = int(np.searchsorted(absent, self._motion.sample(t_s)))
         return self._motion.start_s + absent[index] * STEP_S if index < len(absent) else self._motion.end_s
 
     def stands(self, robot: str, since_s: float, t_s: float) -> bool:
-        """Whether it was there at a time, and had stood where it was since another."""
+        """Whether it was there at a time, and had stood there since another time."""
         column, motion = self._column[robot], self._motion
         since, now = motion.sample(since_s), motion.sample(t_s) + 1
         x_m, y_m = motion.x_m[since:now, column], motion.y_m[since:now, column]
@@ -54,7 +54,7 @@ class Silences:
         return self.heard_s(robot, t_s) < inf
 
     def heard_s(self, robot: str, t_s: float) -> float:
-        """When one that was silent at a time had made its last report; inf for one that was not."""
+        """The last report of a robot that was silent at a time; inf if it was not silent."""
         received_s = self._received_s[robot]
         index = bisect_right(received_s, t_s) - 1
         is_silent = index >= 0 and t_s - received_s[index] > self._limit_s[robot]

@@ -1,4 +1,4 @@
-"""One floor scored from its files alone: the log, the truth, and the alerts."""
+"""Scores one floor from its files alone: the log, the truth, and the alerts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from benchmarks.planned_floors.truth.outcomes import Happenings, happenings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Floor:
-    """A log with its truth, ready for alerts to be scored."""
+    """A log with its truth, on which alerts can be scored."""
 
     robots: list[Robot]
     truth: FloorTruth
     happened: Happenings
     clearance_m: float
     after_s: float
-    """What happens sooner after the beginning is not scored."""
+    """Events earlier than this after the start are not scored."""
 
     @classmethod
     def read(cls, log_file: Path, truth_path: Path, clearance_m: float, after_s: float = 0.0) -> "Floor":
@@ -35,13 +35,13 @@ class Floor:
         return max(robot.reports[-1].received_s for robot in self.robots)
 
     def cases(self, alerts: list[Alert], samples: Sequence[Sample] = ()) -> Cases:
-        """Alerts, and the probabilities that were published, judged."""
+        """The judged cases of alerts and published probabilities."""
         from_s = self.truth.motion.start_s + self.after_s
         judge = Judge(self.truth, self.happened, self.robots, from_s)
         return judge.cases(alerts, samples)
 
     def believer(self) -> Cases:
-        """The alerts of the believer of paths, judged."""
+        """The judged cases of the path believer's alerts."""
         return self.cases(believed_alerts(self.robots, self.clearance_m))
 
 

@@ -1,1 +1,1 @@
-"""What truly happened on a floor."""
+"""The truth of a floor."""

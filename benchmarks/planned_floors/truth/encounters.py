@@ -8,11 +8,11 @@ from benchmarks.planned_floors.truth.motion import STEP_S, Motion, Near, near
 from ingest.batch import Ints
 
 BRIDGED_SAMPLES = 11
-"""Two runs are one encounter where their samples are no further apart than this: a gap of 1 s."""
+"""Two runs are one encounter if their samples are at most this far apart: a gap of 1 s."""
 DRAWN_APART_M = 0.1
-"""Two runs are one encounter where the pair drew no further apart between them than the clearance and this."""
+"""Two runs are one encounter if the distance between them stays within the clearance plus this."""
 FORESEEABLE_S = 2.0
-"""Both robots must have been there for so long before an encounter that could be foreseen."""
+"""Both robots must have been there for this long before a foreseeable encounter."""
 
 Pair = tuple[str, str]
 """UUIDs, the lower first."""
@@ -58,7 +58,7 @@ def _pair(motion: Motion, a: int, b: int) -> Pair:
 
 
 def _run_of(found: Near) -> Ints:
-    """(m,) the run of samples without a gap that each row belongs to."""
+    """(m,) the run of consecutive samples to which each row belongs."""
     new = np.ones(len(found.a), bool)
     new[1:] = (np.diff(found.a) != 0) | (np.diff(found.b) != 0) | (np.diff(found.sample) != 1)
     return np.cumsum(new)

@@ -1,4 +1,4 @@
-"""What truly happened on a floor, and the files that keep it.
+"""The truth of a floor, and the files that keep it.
 
 The list of stops has the form of the recordings that others made: robot, by, start, end, v0, standing_s, around. What a
 list leaves out is worked out from these.
@@ -17,17 +17,17 @@ from benchmarks.planned_floors.truth.motion import Motion
 BRAKING_MPS2 = 1.0
 LEAST_LOST_S = 1.0
 AROUND_S = 15.0
-"""How long driving around another takes at most, where a list does not say."""
+"""Longest time to drive around another robot, if a list does not give it."""
 STOPS, SILENCES, MOTION, LOG = "stops.json.gz", "silences.json", "motion.npz", "log.jsonl.gz"
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """One robot that gave way to another: it braked, and may have stood, or it left its way."""
+    """One robot yielded to another: it braked, and may have stood, or it left its path."""
 
     robot: str
     by: str
-    """For whom."""
+    """The robot to which it yielded."""
     start_s: float
     """When braking began, seconds since the epoch."""
     end_s: float
@@ -38,13 +38,13 @@ class Stop:
     around: bool
     """Whether it then drove around the other, where bodies may overlap."""
     around_until_s: float
-    """When it was back on its way; `end_s` where it did not drive around."""
+    """When it was back on its path; `end_s` if it did not drive around."""
     kind: str = "stop"
     """`stop`, `slow` or `swerve`: what the robot's protective stop did."""
     lost_s: float = 0.0
     """Progress lost, seconds."""
     aside_m: float = 0.0
-    """How far it left its way."""
+    """How far it left its path."""
 
     @property
     def pair(self) -> Pair:
@@ -52,7 +52,7 @@ class Stop:
         return low, high
 
     def gives_way(self, half_width_m: float) -> bool:
-        """Whether it lost at least a second, or left its way by more than half its width."""
+        """Whether it lost at least a second, or left its path by more than half its width."""
         return self.lost_s >= LEAST_LOST_S or self.aside_m > half_width_m
 
     @classmethod
@@ -77,7 +77,7 @@ class Stop:
         )
 
     def entry(self) -> dict[str, Any]:
-        """As it stands in a list."""
+        """The stop as an entry of a list."""
         return {
             "robot": self.robot,
             "by": self.by,
@@ -95,7 +95,7 @@ class Stop:
 
 
 def lost_s(v0_mps: float, lasted_s: float, standing_s: float) -> float:
-    """Progress lost by one that brakes from `v0_mps`, stands, and gains its speed again at the same rate."""
+    """Progress lost by a robot that brakes from `v0_mps`, stands, and accelerates again at the same rate."""
     if v0_mps <= 0:
         return standing_s
     slowed_mps = v0_mps if standing_s > 0 else min(v0_mps, BRAKING_MPS2 * lasted_s)
@@ -104,22 +104,22 @@ def lost_s(v0_mps: float, lasted_s: float, standing_s: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """A stretch of time in which a robot sent nothing."""
+    """A time in which a robot sent nothing."""
 
     robot: str
     start_s: float
     end_s: float
     """When it reports again, or the end of the log."""
     gone_s: float | None
-    """When it was carried away; None where it was there all the time."""
+    """When it was carried away. None if it was there all the time."""
     x_m: float
-    """Where it was last, or until it was carried away."""
+    """Its last position, or that before it was carried away."""
     y_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorTruth:
-    """All that is known of one log."""
+    """The truth of one log."""
 
     motion: Motion
     stops: list[Stop]
@@ -133,7 +133,7 @@ class FloorTruth:
 
 
 def load(path: Path, reported: Motion) -> FloorTruth:
-    """The truth in a directory, or that of a list of stops alone, whose robots were where they `reported` to be."""
+    """The truth in a directory. For a list of stops alone, the true positions are the `reported` ones."""
     if not path.is_dir():
         return FloorTruth(reported, stops_of(path), [])
     silences = [Silence(**entry) for entry in json.loads((path / SILENCES).read_text())]

@@ -1,4 +1,4 @@
-"""Where robots truly were: poses of all robots at 10 Hz, and the distance of their envelopes."""
+"""The true motion: poses of all robots at 10 Hz, and the distances of their envelopes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ Bools = NDArray[np.bool_]
 
 STEP_S = 0.1
 CHUNK = 600
-"""Samples whose pairs are looked at together, which bounds the memory."""
+"""Samples whose pairs are processed together. Bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Poses of n robots at s samples, `STEP_S` apart; nan while a robot is not there."""
+    """Poses of n robots at s samples, `STEP_S` apart; nan while a robot is absent."""
 
     start_s: float
     """Time of the first sample, seconds since the epoch."""
@@ -43,7 +43,7 @@ class Motion:
         return min(max(round((t_s - self.start_s) / STEP_S), 0), len(self.x_m) - 1)
 
     def present_s(self) -> float:
-        """For how long robots were there, added up."""
+        """Total presence of all robots."""
         return float(np.count_nonzero(~np.isnan(self.x_m))) * STEP_S
 
     def save(self, path: Path) -> None:
@@ -73,11 +73,11 @@ class Near:
     b: Ints
     sample: Ints
     separation_m: Floats
-    """Distance of the envelopes; negative where they overlap."""
+    """Distance of the envelopes; negative if they overlap."""
 
 
 def near(motion: Motion, within_m: float) -> Near:
-    """Every two robots at every sample at which their envelopes are no further apart than `within_m`."""
+    """All pairs at all samples at which their envelopes are at most `within_m` apart."""
     parts = list(_near_parts(motion, within_m))
     a, b, sample = (np.concatenate([part[k] for part in parts]).astype(np.int64) for k in range(3))
     separation_m = np.concatenate([part[3] for part in parts])
@@ -101,7 +101,7 @@ def _near_parts(motion: Motion, within_m: float) -> Iterator[tuple[Ints, Ints, I
 
 
 def _candidates(x_m: Floats, y_m: Floats, rows: Ints, columns: Ints, reach_m: Floats) -> Ints:
-    """Pairs whose bounding boxes over a stretch of samples are near enough."""
+    """Pairs whose bounding boxes over a range of samples are near enough."""
     present: Bools = np.any(~np.isnan(x_m), axis=0)
     apart = np.zeros(len(rows), bool)
     for values in (x_m, y_m):

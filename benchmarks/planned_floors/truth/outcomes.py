@@ -1,4 +1,4 @@
-"""What came of each pair: met or yielded, as intervals, and which of these a warning should have told of."""
+"""The outcomes of each pair as intervals: it met, or one yielded; and which outcomes should have had a warning."""
 
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping
@@ -9,10 +9,10 @@ from benchmarks.planned_floors.truth.encounters import Encounter, Pair, encounte
 from benchmarks.planned_floors.truth.floor_truth import FloorTruth, Stop
 
 FRESH_S = 15.0
-"""A pair with a stop so shortly before is already yielding."""
+"""A pair with a stop within this time before is already yielding."""
 FRESH_MPS, FRESH_STANDING_S = 0.3, 1.0
 PASS_M = 1.0
-"""Robots of two vendors that come so near, and nothing comes of it, pass each other."""
+"""Robots of two vendors that come this near without an outcome pass each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,25 +26,25 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Happenings:
-    """What came of all pairs of a floor, by the truth."""
+    """The true outcomes of all pairs of a floor."""
 
     outcomes: dict[Pair, list[Outcome]]
-    """By onset; those of one pair do not overlap."""
+    """By pair, ordered by onset. Outcomes of one pair do not overlap."""
     met: list[Encounter]
     """All encounters."""
     stops: list[Stop]
-    """Fresh stops, which a warning should have told of."""
+    """Fresh stops, which should have had a warning."""
     encounters: list[Encounter]
     """Natural encounters: foreseeable, and neither robot was driving around another."""
     passes: list[Encounter]
-    """Runs within `PASS_M` of robots of two vendors that got in nobody's way."""
+    """Runs within `PASS_M` of robots of two vendors without an outcome."""
 
     def in_progress(self, pair: Pair, t_s: float) -> bool:
         """Whether the pair is in each other's way at a time."""
         return any(outcome.onset_s <= t_s <= outcome.end_s for outcome in self.outcomes.get(pair, ()))
 
     def next_onset_s(self, pair: Pair, t_s: float) -> float:
-        """The first onset of the pair after a time; inf where there is none."""
+        """The first onset of the pair after a time; inf if there is none."""
         onsets_s = [outcome.onset_s for outcome in self.outcomes.get(pair, ())]
         index = bisect_left(onsets_s, t_s + 1e-9)
         return onsets_s[index] if index < len(onsets_s) else inf
@@ -102,7 +102,7 @@ def natural(met: Iterable[Encounter], stops: Iterable[Stop]) -> list[Encounter]:
 
 
 def _joined(spans: list[Outcome]) -> dict[Pair, list[Outcome]]:
-    """Outcomes of one pair that overlap are one."""
+    """Merge overlapping outcomes of one pair."""
     outcomes: dict[Pair, list[Outcome]] = {}
     for span in sorted(spans, key=lambda span: span.onset_s):
         of_pair = outcomes.setdefault(span.pair, [])
