@@ -32,8 +32,7 @@ from ingest.port.connection_limits import max_open_files
 from ingest.port.receiver import Receiver
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.vendor_credentials import VendorCredentials
-from ingest.settings import Datum
-from ingest.settings import Receiver as Settings
+from ingest.settings import Datum, ReceiverSettings
 
 STEP_S = 0.01
 TICK_S = 0.25
@@ -182,7 +181,7 @@ def _receiver(
         return quantise(time.time())
 
     return Receiver(
-        Settings(port=0),
+        ReceiverSettings(port=0),
         VendorCredentials(()),
         deliver,
         ignore,

@@ -87,9 +87,9 @@ def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[li
     return list(alerts.values()), scores
 
 
-def has_warning(alerts: Sequence[Alert], one: Meeting) -> bool:
-    pair = tuple(sorted((one.silent, one.other)))
-    return any(a.pair == pair and a.raised_s <= one.at_s - TOLD_S and a.cleared_s >= one.at_s for a in alerts)
+def has_warning(alerts: Sequence[Alert], meeting: Meeting) -> bool:
+    pair = tuple(sorted((meeting.silent, meeting.other)))
+    return any(a.pair == pair and a.raised_s <= meeting.at_s - TOLD_S and a.cleared_s >= meeting.at_s for a in alerts)
 
 
 def on_floor(seed: int, seconds: float) -> Iterator[Figures]:
@@ -100,15 +100,15 @@ def on_floor(seed: int, seconds: float) -> Iterator[Figures]:
     cases = {"all heard": (False, Staying), "for ever": (True, Staying), "fading": (True, Presence)}
     for case, (muted, kind) in cases.items():
         alerts, _ = alerts_of(floor.log(muted=muted), kind)
-        warned = [one for one in meetings if has_warning(alerts, one)]
+        warned = [meeting for meeting in meetings if has_warning(alerts, meeting)]
         yield {
             "floor": f"made {seed}",
             "way": case,
             "advisories": len(alerts),
-            "about_gone": sum(_is_about_gone(one, gone) for one in alerts),
+            "about_gone": sum(_is_about_gone(alert, gone) for alert in alerts),
             "meetings": len(meetings),
             "told_of": len(warned),
-            "with_broken": sum(one.silent in broken for one in meetings),
+            "with_broken": sum(meeting.silent in broken for meeting in meetings),
             "with_broken_told_of": sum(one.silent in broken for one in warned),
         }
 

@@ -146,7 +146,7 @@ class Tls(Section):
     """The authorities that sign clients' certificates; without it none are asked for."""
 
 
-class Receiver(Section):
+class ReceiverSettings(Section):
     """The robots' port."""
 
     host: str = "127.0.0.1"
@@ -171,7 +171,7 @@ class Receiver(Section):
     """First and longest wait between attempts to reach a fleet manager."""
 
 
-class Recorder(Section):
+class RecorderSettings(Section):
     """The append-only log of every message and tick."""
 
     enabled: bool = True

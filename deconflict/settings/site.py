@@ -7,7 +7,18 @@ from pydantic import Field
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.outlet_settings import Mqtt, Webhook
 from deconflict.settings.shared_places import ContentionSettings, Resource, Zone
-from ingest.settings import Datum, Metres, Reading, Receiver, Recorder, Seconds, SecretSource, Section, Tls, Vendor
+from ingest.settings import (
+    Datum,
+    Metres,
+    Reading,
+    ReceiverSettings,
+    RecorderSettings,
+    Seconds,
+    SecretSource,
+    Section,
+    Tls,
+    Vendor,
+)
 
 Role = Literal["read", "acknowledge", "administer"]
 
@@ -131,8 +142,8 @@ class Site(Section):
     """Docks, chargers, stations, lifts and parking that robots share."""
     zones: tuple[Zone, ...] = ()
     """Crossings, single-lane aisles and doors that robots share."""
-    receiver: Receiver = Receiver()
-    recorder: Recorder = Recorder()
+    receiver: ReceiverSettings = ReceiverSettings()
+    recorder: RecorderSettings = RecorderSettings()
     reading: Reading = Reading()
     conflict: Conflict = Conflict()
     advice: Advice = Advice()

@@ -32,8 +32,7 @@ from ingest.security.certificates import Certificates, names
 from ingest.security.origin_check import is_page_elsewhere
 from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.security.vendor_credentials import Refusal, VendorCredentials
-from ingest.settings import UNKNOWN
-from ingest.settings import Receiver as Settings
+from ingest.settings import UNKNOWN, ReceiverSettings
 
 Deliver = Callable[[bytes, float, Connection], None]
 Refuse = Callable[[str, str, float, Connection], None]
@@ -73,7 +72,7 @@ class Receiver:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: ReceiverSettings,
         credentials: VendorCredentials,
         deliver: Deliver,
         refuse: Refuse,
@@ -154,7 +153,7 @@ class Receiver:
             await self._server.wait_closed()
         self._slices.finish()
 
-    def use_limits(self, settings: Settings) -> None:
+    def use_limits(self, settings: ReceiverSettings) -> None:
         """Use other limits from now on. The address, the certificate files and the longest message stay the same."""
         self.settings, self._rate_limits.rate = settings, settings.max_messages_per_s
         self._limit = connection_limit(settings.max_connections)

@@ -11,7 +11,7 @@ from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 
-from ingest.settings import Recorder as Settings
+from ingest.settings import RecorderSettings
 
 log = logging.getLogger(__name__)
 
@@ -26,7 +26,7 @@ PATTERN = "log-[0-9]*.jsonl"
 class RotatingLog:
     """The files of one writer in a directory. For one thread only, but other threads may set `settings`."""
 
-    def __init__(self, settings: Settings, directory: Path, clock: Callable[[], float]) -> None:
+    def __init__(self, settings: RecorderSettings, directory: Path, clock: Callable[[], float]) -> None:
         self.settings, self._directory, self._clock = settings, directory, clock
         self._file: FileIO | None = None
         self._written, self._released_bytes, self._begun_s = 0, 0, 0.0

@@ -33,7 +33,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
-from ingest.settings import Recorder as Settings
+from ingest.settings import RecorderSettings
 
 FLUSH_BYTES = 1 << 18
 """Lines that wait for a tick are passed on when they exceed this, so that little is left to write at the tick."""
@@ -51,7 +51,9 @@ def quantise(t_s: float) -> float:
 class Recorder:
     """Writes the log. Lines that can't be written are counted, and the service continues."""
 
-    def __init__(self, settings: Settings, directory: Path, measures: Measures, clock: Callable[[], float]) -> None:
+    def __init__(
+        self, settings: RecorderSettings, directory: Path, measures: Measures, clock: Callable[[], float]
+    ) -> None:
         self._enabled, self._measures = settings.enabled, measures
         self._files = RotatingLog(settings, directory, clock)
         self._writer = LogWriter(self._files.write, MOST_WAITING_BYTES)
@@ -61,7 +63,7 @@ class Recorder:
         self._connection_keys: dict[int, bytes] = {}
         """By number of an open connection, the part of its lines that describes it."""
 
-    def reconfigure(self, settings: Settings) -> None:
+    def reconfigure(self, settings: RecorderSettings) -> None:
         """Use other limits from now on. Whether anything is recorded does not change."""
         self._files.settings = settings
 

@@ -55,8 +55,8 @@ def needed() -> dict[str, set[str]]:
     return found
 
 
-def _applies(one: Requirement, extras: set[str]) -> bool:
-    return one.marker is None or any(one.marker.evaluate({"extra": extra}) for extra in extras)
+def _applies(requirement: Requirement, extras: set[str]) -> bool:
+    return requirement.marker is None or any(requirement.marker.evaluate({"extra": extra}) for extra in extras)
 
 
 def licence(name: str) -> str:
@@ -66,7 +66,9 @@ def licence(name: str) -> str:
         return str(told["license_expression"])
     classifiers = [one.split(" :: ")[-1] for one in told.get("classifier", []) if one.startswith("License ::")]
     short = re.sub(r"\s+", " ", str(told.get("license", "")).strip())
-    return ", ".join(one for one in classifiers if one != "OSI Approved") or short[:60] or "not told"
+    return (
+        ", ".join(classifier for classifier in classifiers if classifier != "OSI Approved") or short[:60] or "not told"
+    )
 
 
 def page() -> str:

@@ -123,14 +123,14 @@ def _moving(
 
 
 @inner
-def _from_corner(one: Box, other: Box, corner: int) -> tuple[float, float, float, float, float, float]:
+def _from_corner(box: Box, other: Box, corner: int) -> tuple[float, float, float, float, float, float]:
     """A corner of `other` in the frame of `one`; the vector from there to `one` in the same frame; and the point
     midway."""
     x, y, c, s, half_length, half_width = other
     along = half_length if corner in (0, 3) else -half_length
     across = half_width if corner in (0, 1) else -half_width
     corner_x, corner_y = x + c * along - s * across, y + s * along + c * across
-    x, y, c, s, half_length, half_width = one
+    x, y, c, s, half_length, half_width = box
     dx, dy = corner_x - x, corner_y - y
     u, v = c * dx + s * dy, c * dy - s * dx
     du = min(max(u, -half_length), half_length) - u
@@ -139,13 +139,13 @@ def _from_corner(one: Box, other: Box, corner: int) -> tuple[float, float, float
 
 
 @inner
-def _apart(one: Box, other: Box) -> bool:
+def _apart(box: Box, other: Box) -> bool:
     """Whether a side of `one` separates it from all of `other`."""
     right = left = ahead = behind = 0
     for corner in range(4):
-        u, v, _, _, _, _ = _from_corner(one, other, corner)
-        ahead, behind = ahead + (u > one[4]), behind + (u < -one[4])
-        left, right = left + (v > one[5]), right + (v < -one[5])
+        u, v, _, _, _, _ = _from_corner(box, other, corner)
+        ahead, behind = ahead + (u > box[4]), behind + (u < -box[4])
+        left, right = left + (v > box[5]), right + (v < -box[5])
     return max(ahead, behind, left, right) == 4
 
 

@@ -8,10 +8,10 @@ from ingest.languages.massrobotics.conformance_rules import Findings, RejectedEr
 from ingest.languages.massrobotics.report_models import (
     Extent,
     IdentityReport,
-    Location,
     PredictedLocation,
     Quaternion,
     Report,
+    ReportedLocation,
     StatusReport,
     Velocity,
 )
@@ -26,7 +26,7 @@ MAX_TEXT = 100
 _PARTS = {
     IdentityReport: ("baseRobotEnvelope", "cargoMaxVolume"),
     StatusReport: ("location", "velocity", "path", "destinations"),
-    Location: ("angle",),
+    ReportedLocation: ("angle",),
     PredictedLocation: ("angle",),
     Velocity: ("angular",),
     Extent: (),

@@ -10,16 +10,16 @@ from ingest.languages.massrobotics.conformance_rules import Findings
 from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
 from ingest.languages.massrobotics.report_models import (
     Extent,
-    Location,
     PredictedLocation,
     Quaternion,
     Report,
+    ReportedLocation,
     Velocity,
 )
 
 _POINT_LISTS = ("destinations", "path")
 _OBJECTS: dict[str, type[Report]] = {
-    "location": Location,
+    "location": ReportedLocation,
     "angle": Quaternion,
     "angular": Quaternion,
     "velocity": Velocity,

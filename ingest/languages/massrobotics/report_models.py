@@ -39,7 +39,7 @@ class Velocity(Report):
     """The rotation made in one second."""
 
 
-class Location(Report):
+class ReportedLocation(Report):
     """Where a robot is. Senders confuse the two keys of the datum, so every location may have either."""
 
     x: float
@@ -50,7 +50,7 @@ class Location(Report):
     planarDatumUUID: str | None = None  # noqa: N815
 
 
-class PredictedLocation(Location):
+class PredictedLocation(ReportedLocation):
     """Where a robot will be, and when."""
 
     timestamp: str
@@ -84,7 +84,7 @@ class StatusReport(Report):
     uuid: str
     timestamp: str
     operationalState: str  # noqa: N815
-    location: Location
+    location: ReportedLocation
     velocity: Velocity | None = None
     batteryPercentage: float | None = None  # noqa: N815
     remainingRunTime: float | None = None  # noqa: N815

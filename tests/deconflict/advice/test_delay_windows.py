@@ -33,8 +33,8 @@ def late(forecasts: Forecasts, hold_s: list[float]) -> tuple[Robots, Knots]:
     return delayed(*table.copied(keys), np.arange(len(hold_s)), np.array(hold_s), *until)
 
 
-def pose(one: np.void, knots: Knots, t: float) -> tuple[float, float, float]:
-    own = knots[one["first"] : one["first"] + one["count"]]
+def pose(void: np.void, knots: Knots, t: float) -> tuple[float, float, float]:
+    own = knots[void["first"] : void["first"] + void["count"]]
     knot = own[np.searchsorted(own["t"], t, "right") - 1]
     into = t - knot["t"]
     return knot["x"] + knot["vx"] * into, knot["y"] + knot["vy"] * into, knot["yaw"] + knot["turn"] * into

@@ -49,7 +49,7 @@ def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> Non
     (hold,) = advisory.recommendation.holds
     assert hold.hold_s == advisory.recommendation.cost_s
     assert advisory.recommendation.proven_optimal
-    name = next(one for one in floor.courses if robot(one) == hold.robot)
+    name = next(course for course in floor.courses if robot(course) == hold.robot)
     free = floor.courses[name]
     floor.courses[name] = held(free, at_s, hold.hold_s)
     after = floor.run(40, at_s + 0.25)
@@ -63,7 +63,7 @@ def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> Non
 def test_a_robot_that_ignores_advice_keeps_its_advisory() -> None:
     floor = crossing()
     revisions = floor.run(40)
-    assert any(one.recommendation and one.recommendation.holds for one in revisions)
+    assert any(revision.recommendation and revision.recommendation.holds for revision in revisions)
     assert closest_m(floor, 40) == 0
     assert revisions[-1].cleared_because == PASSED
 
@@ -132,7 +132,7 @@ def test_a_group_that_gets_smaller_is_not_asked_of_again_before_its_time() -> No
 
 def test_a_group_that_keeps_growing_is_answered_nevertheless() -> None:
     asking, pairs = Asking(), ["ab", "bc", "cd", "de", "ef", "fg"]
-    answers = [one for count in range(1, 7) for one in asking.steps(1, *pairs[:count])]
+    answers = [step for count in range(1, 7) for step in asking.steps(1, *pairs[:count])]
     assert answers == []
     assert asking.steps(1, *pairs) == [(1.5, pair) for pair in pairs[:5]]
 
@@ -206,7 +206,7 @@ def test_a_crowded_floor_is_advised_in_parts_the_soonest_conflicts_first() -> No
 
 def test_advice_comes_no_sooner_than_its_time() -> None:
     advisory, _ = until_advised(floor := crossing())
-    raised = next(one for one in floor.advisories if one.state is AdvisoryState.RAISED)
+    raised = next(advisory for advisory in floor.advisories if advisory.state is AdvisoryState.RAISED)
     late_s = (advisory.updated_at - raised.raised_at).total_seconds()
     assert ANSWER_AFTER_S <= late_s < ANSWER_AFTER_S + 0.3
 
@@ -227,6 +227,6 @@ def test_what_was_advised_is_charged_when_the_advisory_ends() -> None:
     first, _ = until_advised(floor)
     assert floor.engine._advice.burden.burdens_s == {}
     floor.run(40, first.updated_at.timestamp() - NOW_S + 0.25)
-    ended = [one for one in floor.advisories if one.state is AdvisoryState.CLEARED]
+    ended = [advisory for advisory in floor.advisories if advisory.state is AdvisoryState.CLEARED]
     assert floor.engine._advice.burden.burdens_s == yielded_s(ended[0])
     assert sum(yielded_s(ended[0]).values()) > 0

@@ -49,11 +49,11 @@ def pairs_of(movers: list[SeenRobot]) -> list[Pair]:
 
 
 def held_s(advice: Recommendation) -> dict[str, float]:
-    return {one.robot: one.hold_s for one in advice.holds}
+    return {hold.robot: hold.hold_s for hold in advice.holds}
 
 
 def met(robots: list[SeenRobot], window: HoldWindow, held_s: dict[str, float]) -> dict[Pair, float]:
-    return DelayWindows(near(robots), window).contacts_s(held_s, [one.robot for one in robots])
+    return DelayWindows(near(robots), window).contacts_s(held_s, [robot.robot for robot in robots])
 
 
 def cheapest_s(movers: list[SeenRobot], window: HoldWindow) -> float | None:
@@ -63,8 +63,8 @@ def cheapest_s(movers: list[SeenRobot], window: HoldWindow) -> float | None:
         return sum(one.priority * hold_s for one, hold_s in zip(movers, holds, strict=True))
 
     grid = [k * STEP_S for k in range(window.steps + 1)]
-    choices = sorted(product(*(grid if one.holdable else [0.0] for one in movers)), key=cost)
-    delays, names = DelayWindows(near(movers), window), [one.robot for one in movers]
+    choices = sorted(product(*(grid if mover.holdable else [0.0] for mover in movers)), key=cost)
+    delays, names = DelayWindows(near(movers), window), [mover.robot for mover in movers]
     return next(
         (cost(holds) for holds in choices if not delays.contacts_s(dict(zip(names, holds, strict=True)), names)),
         None,
@@ -132,8 +132,8 @@ def test_few_robots_get_the_same_plan_as_by_the_solver(monkeypatch: pytest.Monke
 
 def plan_key(advice: Recommendation, movers: list[SeenRobot]) -> tuple[float, int, float, str]:
     """What a plan is chosen by: its cost, how many robots it holds, and how long the burdened wait."""
-    vendor_of = {one.robot: one.vendor for one in movers}
-    burdened_s = sum(one.hold_s for one in advice.holds if vendor_of[one.robot] == "bolt")
+    vendor_of = {mover.robot: mover.vendor for mover in movers}
+    burdened_s = sum(hold.hold_s for hold in advice.holds if vendor_of[hold.robot] == "bolt")
     return advice.cost_s, len(advice.holds), burdened_s, advice.note
 
 
@@ -174,7 +174,7 @@ def test_allowed_differences_are_those_at_which_the_sweep_finds_no_contact() -> 
 def test_a_held_robot_that_stands_in_the_way_is_no_help() -> None:
     ahead, behind = through("ahead", 0.0, before_m=2.0, speed_mps=0.5), through("behind", 0.0, before_m=5.5)
     advice = advise_holds(near([ahead, behind]), [("ahead", "behind")], WINDOW)
-    assert {one.robot for one in advice.holds} == {"behind"}
+    assert {hold.robot for hold in advice.holds} == {"behind"}
 
 
 def test_head_on_in_one_lane_needs_another_route() -> None:
@@ -195,10 +195,10 @@ def test_no_hold_brings_another_pair_together() -> None:
     tail = SeenRobot("c", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
     burdens_s = {"acme": 60.0}
     alone = advise_holds(near([a, b]), [("a", "b")], WINDOW, burdens_s=burdens_s)
-    assert [one.robot for one in alone.holds] == ["a"]
+    assert [hold.robot for hold in alone.holds] == ["a"]
     movers = [a, b, tail]
     advice = advise_holds(near(movers), [("a", "b")], WINDOW, burdens_s=burdens_s)
-    assert [one.robot for one in advice.holds] == ["b"]
+    assert [hold.robot for hold in advice.holds] == ["b"]
     before = met(movers, WINDOW, {})
     assert set(met(movers, WINDOW, held_s(advice))) <= set(before) - {("a", "b")}
 
@@ -207,7 +207,7 @@ def test_no_hold_brings_another_pair_together() -> None:
 def test_in_a_tie_the_least_burdened_vendor_waits(burdened: str, yields: str) -> None:
     pair = [through("a", 0.0, vendor="acme"), through("b", pi / 2, vendor="bolt")]
     advice = advise_holds(near(pair), [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
-    assert [one.robot for one in advice.holds] == [yields]
+    assert [hold.robot for hold in advice.holds] == [yields]
 
 
 def test_another_robot_is_held_only_if_that_saves_enough() -> None:

@@ -106,9 +106,9 @@ class Histories(RuleBasedStateMachine):
 
     @invariant()
     def what_runs_is_what_is_stored_as_open(self) -> None:
-        running = {one.id: one.revision for one in self.lifecycle.advisories.values()}
+        running = {advisory.id: advisory.revision for advisory in self.lifecycle.advisories.values()}
         assert running == {one.id: one.revision for one in self.store.open()}
-        assert len({one.robots for one in self.lifecycle.advisories.values()}) == len(running), (
+        assert len({advisory.robots for advisory in self.lifecycle.advisories.values()}) == len(running), (
             "two are open on one pair"
         )
 
@@ -119,7 +119,7 @@ class Histories(RuleBasedStateMachine):
         assert [one.seq for one in every] == list(range(1, len(every) + 1))
         for one in every:
             stories.setdefault(one.id, []).append(one)
-        ordinals = [(one[0].robots, getattr(one[0], "encounter", 0)) for one in stories.values()]
+        ordinals = [(story[0].robots, getattr(story[0], "encounter", 0)) for story in stories.values()]
         assert len(set(ordinals)) == len(ordinals), "two encounters of a pair have one number"
         for story in stories.values():
             self._is_whole(story)

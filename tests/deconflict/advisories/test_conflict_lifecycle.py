@@ -341,7 +341,9 @@ def test_two_of_which_one_gives_way_are_cleared_and_say_so() -> None:
     story = Story()
     story.raised()
     revisions = [one for _ in range(5) for one in story.predicted(0, separation_m=0.6, start_m=0.6, still=True)]
-    assert [one.cleared_because for one in revisions if one.cleared_because] == ["one gave way to the other"]
+    assert [revision.cleared_because for revision in revisions if revision.cleared_because] == [
+        "one gave way to the other"
+    ]
 
 
 def test_two_that_stand_raise_nothing_however_likely() -> None:

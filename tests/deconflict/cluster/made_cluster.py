@@ -28,7 +28,7 @@ from deconflict.roles.service import Role, runtime_directory
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Operator, Site
-from ingest.settings import Receiver
+from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
@@ -105,7 +105,11 @@ class Machines:
         self._processes: dict[tuple[str, str], subprocess.Popen[bytes]] = {}
 
     def site(self, robots_port: int = 0) -> Site:
-        changed = {"cluster": self.settings, "receiver": Receiver(port=robots_port), "operator": Operator(port=0)}
+        changed = {
+            "cluster": self.settings,
+            "receiver": ReceiverSettings(port=robots_port),
+            "operator": Operator(port=0),
+        }
         return self._site.model_copy(update=changed)
 
     def start(self, machine: str, *roles: str) -> int:

@@ -53,7 +53,7 @@ class Ingests:
         for number, name in enumerate(self.courses):
             if tick % TICKS == number // 2 % TICKS:
                 self._report(self.fleets[number % 2], name, tick / TICKS)
-        return [one.next_batch(NOW_S + tick / TICKS) for one in self.fleets]
+        return [fleet.next_batch(NOW_S + tick / TICKS) for fleet in self.fleets]
 
     def _report(self, one: Fleet, name: str, t: float) -> None:
         line = Connection(1)
@@ -74,8 +74,8 @@ class Single:
         self.engine, self._floors = Engine(conflicts_only_site(SITE), conflicts_only=True), FloorNumbers()
 
     def step(self, tick: int, batches: Iterable[Batch]) -> list[ConflictAdvisory]:
-        for one in batches:
-            self.engine.receive(self._floors.renumbered(one))
+        for batch in batches:
+            self.engine.receive(self._floors.renumbered(batch))
         told = self.engine.step(NOW_S + tick / TICKS)
         return [one for one in told if isinstance(one, ConflictAdvisory)]
 

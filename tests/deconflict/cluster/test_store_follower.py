@@ -60,7 +60,7 @@ async def test_an_operator_face_whose_server_lost_its_store_restarts_and_keeps_t
                 with pytest.raises(PositionLostError, match="begin anew"):
                     await anext(following)
             aside = await set_aside(data)
-        assert [one.id for one in aside.latest("all").advisories] == ["advisory-2", "advisory-1"]
+        assert [advisory.id for advisory in aside.latest("all").advisories] == ["advisory-2", "advisory-1"]
         aside.close()
         assert await writer.write(HOME, cleared(2)) is None
         assert await writer.write(HOME, made(3)) is None

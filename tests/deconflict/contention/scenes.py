@@ -46,8 +46,8 @@ def site(*places: Resource | Zone, **settings: Any) -> Site:
     return Site(
         name="Test floor",
         datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft")),
-        resources=tuple(one for one in places if isinstance(one, Resource)),
-        zones=tuple(one for one in places if isinstance(one, Zone)),
+        resources=tuple(place for place in places if isinstance(place, Resource)),
+        zones=tuple(place for place in places if isinstance(place, Zone)),
         **settings,
     )
 
@@ -140,6 +140,6 @@ def cleared(told: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
     return [one for one in told if one.kind == kind and one.state is AdvisoryState.CLEARED]
 
 
-def after_s(one: AnyAdvisory) -> float:
+def after_s(advisory: AnyAdvisory) -> float:
     """When it was raised, since the start."""
-    return one.raised_at.timestamp() - NOW_S
+    return advisory.raised_at.timestamp() - NOW_S

@@ -39,10 +39,12 @@ def log(folder: Path) -> Path:
 def test_a_place_where_several_vendors_stop_is_proposed_and_loads(tmp_path: Path) -> None:
     told = suggested([log(tmp_path)], site())
     assert "6 stops of Alder, Basalt, Corvid, 30 s in the middle" in told
-    assert len([one for one in tomllib.loads(told)["resources"] if 9 < one["polygon"][0][0] < 10]) == 1
+    assert len([load for load in tomllib.loads(told)["resources"] if 9 < load["polygon"][0][0] < 10]) == 1
     pasted = tmp_path / "site.toml"
     pasted.write_text(f'[[datums]]\nid = "{HALL}"\nname = "Hall"\n\n{told}')
-    (found,) = [one for one in load(pasted).resources if one.polygon[0][0] == pytest.approx(9.5, abs=0.11)]
+    (found,) = [
+        resource for resource in load(pasted).resources if resource.polygon[0][0] == pytest.approx(9.5, abs=0.11)
+    ]
     assert (found.kind, found.datum, found.capacity) == ("dock", HALL, 1)
 
 

@@ -75,7 +75,7 @@ class Floor:
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             pending = self.pending.setdefault(tick, self.engine.pending())
             revisions = self.engine.step(NOW_S + t, self.effort, pending)
-            told += [one for one in revisions if isinstance(one, ConflictAdvisory)]
+            told += [revision for revision in revisions if isinstance(revision, ConflictAdvisory)]
         self.advisories += told
         return told
 

@@ -14,7 +14,7 @@ def standing(x: float, y: float = 0.0) -> Course:
 
 
 def states(advisories: list[ConflictAdvisory]) -> list[AdvisoryState]:
-    return [one.state for one in advisories if one.state is not AdvisoryState.UPDATED]
+    return [advisory.state for advisory in advisories if advisory.state is not AdvisoryState.UPDATED]
 
 
 def test_two_that_cross_have_one_advisory_from_raised_to_cleared() -> None:

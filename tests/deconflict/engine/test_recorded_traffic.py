@@ -13,7 +13,7 @@ from deconflict.advisory import AdvisoryState
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
 from ingest.recording.log_reader import LogReader, Received
-from ingest.settings import Receiver
+from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_service import Running
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS na
 
 
 async def test_recorded_traffic_gives_advisories(tmp_path: Path) -> None:
-    site = Site(receiver=Receiver(port=0), operator=Operator(port=0), conflict=Conflict(clearance_m=0.5))
+    site = Site(receiver=ReceiverSettings(port=0), operator=Operator(port=0), conflict=Conflict(clearance_m=0.5))
     log = [
         event
         for event in LogReader().read([Path(RECORDINGS or "") / "zara02.cv.jsonl.gz"])
@@ -50,5 +50,5 @@ async def test_recorded_traffic_gives_advisories(tmp_path: Path) -> None:
     raised = [one for one in answer["advisories"] if one["state"] == AdvisoryState.RAISED]
     assert all(0 <= one["min_separation_m"] <= 0.5 or one["probability"] >= SURE for one in raised)
     # the stamps are years old: the senders' clocks are seen to be off, and corrected
-    assert all(one["clock"]["offset_s"] > 1e8 for one in robots if one["status"])
-    assert all(one["age_s"] < 60 for one in robots)
+    assert all(robot["clock"]["offset_s"] > 1e8 for robot in robots if robot["status"])
+    assert all(robot["age_s"] < 60 for robot in robots)

@@ -154,9 +154,9 @@ def test_an_advisory_says_so_as_soon_as_its_robot_falls_silent() -> None:
         floor.wait(1.0)
     first, *others = floor.conflicts()
     assert "silent for" not in first.summary
-    (told,) = [one for one in others if one.summary.count("Alder silent, silent for 5 s,")][:1]
+    (told,) = [other for other in others if other.summary.count("Alder silent, silent for 5 s,")][:1]
     assert told.state is AdvisoryState.UPDATED
-    assert len({one.id for one in floor.conflicts()}) == 1
+    assert len({conflict.id for conflict in floor.conflicts()}) == 1
 
 
 def test_a_silent_robot_that_stood_with_a_path_is_taken_to_stand_there() -> None:

@@ -65,7 +65,9 @@ def test_errors_are_given_by_horizon() -> None:
     assert acme.forecast_error[0] == ForecastError(horizon_s=1, p50_m=0.1, p80_m=0.2, p90_m=0.3)
     assert [one.horizon_s for one in acme.forecast_error] == [1, 10]
     assert [(one.share, one.covered) for one in acme.coverage] == [(0.9, 0.91)]
-    assert [(one.ahead_up_to_s, one.p50_s, one.p90_s, one.late) for one in acme.arrivals] == [(60.0, 4.0, 9.0, 0.25)]
+    assert [(arrival.ahead_up_to_s, arrival.p50_s, arrival.p90_s, arrival.late) for arrival in acme.arrivals] == [
+        (60.0, 4.0, 9.0, 0.25)
+    ]
 
 
 def test_a_change_is_described_with_its_start() -> None:
@@ -74,7 +76,7 @@ def test_a_change_is_described_with_its_start() -> None:
     clock_changes.publish(receiver, {"clock": {"Acme": LevelChange(SINCE_S, -3.04099)}})
     clock_changes.publish(engine, {"forecast": {"Acme": LevelChange(SINCE_S + 60, 0.41)}, "datum": {}})
     (acme,) = vendor_health([receiver.as_document(), engine.as_document()])
-    assert [(one.what, one.by, one.words) for one in acme.flags] == [
+    assert [(flag.what, flag.by, flag.words) for flag in acme.flags] == [
         ("clock", -3.041, "clocks 3.0 s faster than usual"),
         ("forecast", 0.41, "forecasts 0.4 m further off than usual"),
     ]

@@ -1,13 +1,13 @@
 """A site with shared places, and scripted robots that queue there."""
 
 from deconflict.settings.site import Operator
-from ingest.settings import Receiver
+from ingest.settings import ReceiverSettings
 from tests.deconflict.contention.scenes import Script, aisle, resource, site
 
 SITE = site(
     aisle("lane", -8, 12),
     resource("c1", 0, 40, kind="charger", service_s=100.0),
-    receiver=Receiver(port=0),
+    receiver=ReceiverSettings(port=0),
     operator=Operator(port=0),
 )
 

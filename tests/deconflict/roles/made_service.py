@@ -20,7 +20,7 @@ from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
-from ingest.settings import Datum, Receiver
+from ingest.settings import Datum, ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import HALL, identity, points, status
@@ -32,7 +32,7 @@ MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lam
 
 def free_ports(count: int) -> list[int]:
     sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    ports = [one.getsockname()[1] for one in sockets]
+    ports = [socket.getsockname()[1] for socket in sockets]
     for one in sockets:
         one.close()
     return ports
@@ -95,7 +95,7 @@ def healthy(health: dict[str, Any]) -> bool:
 SITE = Site(
     name="Test hall",
     datums=(Datum(id=HALL, name="Hall"),),
-    receiver=Receiver(port=0),
+    receiver=ReceiverSettings(port=0),
     operator=Operator(port=0),
     conflict=Conflict(clear_after_s=1.0),
 )

@@ -11,7 +11,7 @@ from websockets.asyncio.client import connect
 from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
-from ingest.settings import Datum, Reading, Receiver, Vendor
+from ingest.settings import Datum, Reading, ReceiverSettings, Vendor
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_abuses import (
     ABUSES,
@@ -33,7 +33,9 @@ from tests.helpers.saying import HALL, robot, status
 SITE = Site(
     datums=(Datum(id=HALL, name="Hall"),),
     vendors=(Vendor(name="Alder"), Vendor(name="Mallory")),
-    receiver=Receiver(port=0, open_timeout_s=1.0, idle_timeout_s=4.0, max_messages_per_s=200, max_connections=200),
+    receiver=ReceiverSettings(
+        port=0, open_timeout_s=1.0, idle_timeout_s=4.0, max_messages_per_s=200, max_connections=200
+    ),
     reading=Reading(max_robots_per_vendor=50),
     operator=Operator(port=0),
     conflict=Conflict(clear_after_s=1.0),
@@ -103,7 +105,7 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
         robots = {one["uuid"]: one for one in (await service.get("/robots")).json()["robots"]}
         assert robots[robot("A-1")]["vendor"] == "Alder"
         assert abs(robots[robot("A-1")]["location"]["x"]) < 50
-        assert sum(one["vendor"] == "Mallory" for one in robots.values()) == 50
+        assert sum(robot["vendor"] == "Mallory" for robot in robots.values()) == 50
         text = (await service.get("/metrics")).text
         assert 'deconflict_messages_shed_total{vendor="Mallory"}' in text
         assert 'result="rejected",vendor="Alder"' not in text

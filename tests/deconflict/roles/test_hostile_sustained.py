@@ -129,7 +129,7 @@ async def abused_for_long(service: Served) -> None:
 
 def peak_mb(pid: int) -> float:
     """The most memory that a process ever had, of which it did not share."""
-    (line,) = (one for one in Path(f"/proc/{pid}/status").read_text().splitlines() if one.startswith("VmHWM"))
+    (line,) = (line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("VmHWM"))
     return int(line.split()[1]) / 1024
 
 

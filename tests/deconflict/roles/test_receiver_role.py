@@ -16,12 +16,12 @@ from ingest.batch import Batch
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Received, Tick
 from ingest.recording.log_rotation import RotatingLog
-from ingest.settings import Receiver
+from ingest.settings import ReceiverSettings
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import status
 from tests.ingest.recording.made_logs import read
 
-SITE = Site(name="Test hall", receiver=Receiver(port=0))
+SITE = Site(name="Test hall", receiver=ReceiverSettings(port=0))
 
 
 @asynccontextmanager

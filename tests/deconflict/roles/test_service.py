@@ -135,7 +135,7 @@ async def test_a_step_of_the_host_clock_clears_no_advisory_and_hides_no_robot(tm
         assert (after["id"], after["cleared_because"]) == (before["id"], "they have passed each other")
         assert -10 < seconds_between(before["raised_at"], after["cleared_at"]) < 15
         robots = (await service.get("/robots")).json()["robots"]
-        assert {one["presence"] for one in robots} == {"present"}
+        assert {robot["presence"] for robot in robots} == {"present"}
         assert "deconflict_host_clock_off_seconds" in (await service.get("/metrics")).text
 
 

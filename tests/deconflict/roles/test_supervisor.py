@@ -137,13 +137,13 @@ async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_p
             os.kill(pid, signal.SIGKILL)
             os.kill(orphans["operator"], signal.SIGKILL)
     async with asyncio.timeout(PATIENCE_S):
-        while any(Path(f"/proc/{one}/cmdline").exists() and _is_role(one) for one in orphans.values()):
+        while any(Path(f"/proc/{orphan}/cmdline").exists() and _is_role(orphan) for orphan in orphans.values()):
             await asyncio.sleep(0.05)
     with service.running():
         after = await service.until("/advisories?state=all", lambda answer: answer["seq"] >= before["seq"])
         assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
         robots = await service.until("/robots", lambda answer: len(answer.get("robots", [])) == 2)
-        assert all(one["location"] for one in robots["robots"])
+        assert all(robot["location"] for robot in robots["robots"])
 
 
 def _is_role(pid: int) -> bool:

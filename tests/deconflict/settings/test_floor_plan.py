@@ -30,7 +30,7 @@ def planned(folder: Path, readings: dict[str, Any], image: str = "plan.png") -> 
 
 @pytest.mark.parametrize("marks", [("door", "dock"), ("door", "dock", "gate"), tuple(MARKS)])
 def test_the_image_is_placed_by_its_reference_points(marks: tuple[str, ...], tmp_path: Path) -> None:
-    site = planned(tmp_path, {one: pixel(*MARKS[one]) for one in marks})
+    site = planned(tmp_path, {mark: pixel(*MARKS[mark]) for mark in marks})
     assert fit_problems(site) == []
     datum = site.datums[0]
     assert datum.id == HALL
@@ -59,7 +59,7 @@ def test_a_wrong_reading_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("image", "message"), [("no.png", "there is no file"), ("plan.tiff", "expected a file named")])
 def test_an_unusable_image_is_named(image: str, message: str, tmp_path: Path) -> None:
     site = planned(tmp_path, {one: pixel(*at) for one, at in MARKS.items()}, image)
-    assert [message in one for one in fit_problems(site)] == [True]
+    assert [message in fit_problem for fit_problem in fit_problems(site)] == [True]
 
 
 def test_a_point_that_the_floor_does_not_have_is_named(tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ async def test_the_image_lies_below_the_map_the_right_way_up(tmp_path: Path) -> 
         address = f"http://127.0.0.1:{operator.port}"
         async with httpx.AsyncClient(base_url=address, timeout=PATIENCE_S) as client:
             floors = (await client.get("/site")).json()["floors"]
-            plan = next(one["plan"] for one in floors if one["id"] == HALL)
+            plan = next(floor["plan"] for floor in floors if floor["id"] == HALL)
             image = await client.get(plan["image"])
             assert (image.text, image.headers["content-type"]) == (QUARTERS, "image/svg+xml")
             assert plan["matrix"] == pytest.approx([0.05, 0, 0, -0.05, -2, 26])

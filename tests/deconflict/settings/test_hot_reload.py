@@ -26,7 +26,7 @@ from deconflict.settings.hot_reload import (
 )
 from deconflict.settings.site import Conflict, Operator, Site
 from deconflict.settings.site_file import SiteError
-from ingest.settings import Receiver, Vendor
+from ingest.settings import ReceiverSettings, Vendor
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
 from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_site import toml
@@ -52,9 +52,9 @@ def dock(place: str) -> dict[str, Any]:
 
 
 def test_most_settings_change_at_once_and_some_need_a_restart() -> None:
-    before = Site(receiver=Receiver(port=1), operator=Operator(port=2))
+    before = Site(receiver=ReceiverSettings(port=1), operator=Operator(port=2))
     wanted = Site(
-        receiver=Receiver(port=5),
+        receiver=ReceiverSettings(port=5),
         operator=Operator(port=6, stream_send_timeout_s=3.0),
         conflict=Conflict(clearance_m=0.7),
         vendors=(Vendor(name="Alder"),),
@@ -118,7 +118,7 @@ def test_the_log_names_the_changed_keys_that_need_a_restart(tmp_path: Path, capl
     reloader, role = Reloader(Site(), lambda: Site.model_validate(told), tmp_path), CurrentSite(tmp_path, Site())
     reloader.request()
     reloader.reload_if_requested()
-    assert [one.getMessage() for one in caplog.records if one.levelname == "WARNING"] == [
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
         "these keys of the site file need a restart: recorder.enabled, operator.port"
     ]
     changed = role.changed()

@@ -149,7 +149,7 @@ def test_a_wrong_place_is_named_with_what_to_change(
 ) -> None:
     with pytest.raises(SiteError) as error:
         load(written(sound() | {section: [place]}, tmp_path))
-    assert any(one.startswith(says) for one in error.value.problems), error.value.problems
+    assert any(problem.startswith(says) for problem in error.value.problems), error.value.problems
 
 
 def test_a_resource_and_a_zone_share_no_id(tmp_path: Path) -> None:
@@ -211,5 +211,5 @@ def test_the_json_schema_accepts_what_the_loader_accepts_and_describes_each_fiel
 def assert_told(told: dict[str, Any], says: str, folder: Path) -> None:
     with pytest.raises(SiteError) as caught:
         load(written(told, folder))
-    assert [one for one in caught.value.problems if one.startswith(says)], caught.value.problems
+    assert [problem for problem in caught.value.problems if problem.startswith(says)], caught.value.problems
     assert says in str(caught.value)

@@ -24,7 +24,7 @@ NOW_S = 1_790_000_000.0
 def test_every_member_is_in_the_halls_or_in_the_annex() -> None:
     members = cast(24)
     halls, annex = split(members)
-    assert tuple(one.make.vendor for one in annex.members) == ROLES
+    assert tuple(member.make.vendor for member in annex.members) == ROLES
     assert sorted((*halls, *annex.members), key=members.index) == list(members)
     assert split(cast(FEWEST - 1))[1].members == ()
 
@@ -34,14 +34,14 @@ def test_scripted_robots_move_without_jumps_and_repeat_their_script(row: int) ->
     _, annex = split(cast(24))
     robots = [annex.robot(row, t / 2) for t in range(2 * 350)]
     assert all(hypot(b.x_m - a.x_m, b.y_m - a.y_m) <= 0.61 for a, b in pairwise(robots))
-    assert any(abs(one.linear_mps) > 0.5 for one in robots)
+    assert any(abs(robot.linear_mps) > 0.5 for robot in robots)
 
 
 def test_scripted_robots_never_touch() -> None:
     _, annex = split(cast(24))
     for t in range(0, 400, 2):
         robots = [annex.robot(row, float(t)) for row in range(len(ROLES))]
-        bodies = [one.member.make.body for one in robots]
+        bodies = [robot.member.make.body for robot in robots]
         envelopes = np.array(
             [
                 (one.x_m, one.y_m, one.yaw_rad, body.length_m, body.width_m)
@@ -70,13 +70,13 @@ def told(seconds: int) -> list[AnyAdvisory]:
 
 def test_a_queue_and_a_deadlock_are_repeatedly_raised_ahead() -> None:
     revisions = told(180)
-    raised = [one for one in revisions if one.state is AdvisoryState.RAISED]
+    raised = [revision for revision in revisions if revision.state is AdvisoryState.RAISED]
     locks = [one for one in raised if one.kind == "deadlock"]
     queues = [one for one in raised if one.kind == "contention"]
     assert len(locks) == 2
-    assert all(4 < one.time_to_conflict_s < 12 and len(one.robots) == 2 for one in locks)
+    assert all(4 < lock.time_to_conflict_s < 12 and len(lock.robots) == 2 for lock in locks)
     assert queues
-    assert all(one.location.x == pytest.approx(CHARGER[0]) for one in queues)
-    assert max(one.time_to_conflict_s for one in queues) > 5
-    over = [one.id for one in revisions if one.state is AdvisoryState.CLEARED]
-    assert all(one.id in over for one in locks)
+    assert all(queue.location.x == pytest.approx(CHARGER[0]) for queue in queues)
+    assert max(queue.time_to_conflict_s for queue in queues) > 5
+    over = [revision.id for revision in revisions if revision.state is AdvisoryState.CLEARED]
+    assert all(lock.id in over for lock in locks)

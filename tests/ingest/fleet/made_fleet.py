@@ -28,5 +28,9 @@ def counted(of: Fleet, name: str) -> dict[tuple[str, ...], float]:
 
 
 def document(of: Fleet, name: str, now_s: float = NOW_S) -> dict[str, Any]:
-    (found,) = [one for one in fleet_report.robot_documents(of, now_s) if one["uuid"] == robot(name)]
+    (found,) = [
+        robot_document
+        for robot_document in fleet_report.robot_documents(of, now_s)
+        if robot_document["uuid"] == robot(name)
+    ]
     return found

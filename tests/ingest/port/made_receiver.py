@@ -10,8 +10,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver
 from ingest.security.vendor_credentials import VendorCredentials
-from ingest.settings import Receiver as Settings
-from ingest.settings import Vendor
+from ingest.settings import ReceiverSettings, Vendor
 from tests.helpers.patience import PATIENCE_S
 
 REFUSED = "deconflict_connections_refused_total"
@@ -47,7 +46,7 @@ async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncItera
     measures, closed = Measures(), list[Connection]()
     ticks = iter(range(1_790_000_000, 1_800_000_000))
     receiver = Receiver(
-        Settings(port=0, **settings),
+        ReceiverSettings(port=0, **settings),
         VendorCredentials(vendors),
         lambda raw, arrival_s, connection: one.delivered.append((raw, arrival_s, connection)),
         lambda rule, reason, _, connection: one.refused.append((rule, reason, connection)),

@@ -16,7 +16,7 @@ from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.time_slices import TimeSlices
 from ingest.recording.log_reader import LogReader, Overtaken, Received, Tick
 from ingest.recording.recorder import Recorder
-from ingest.settings import Recorder as Settings
+from ingest.settings import RecorderSettings
 from tests.helpers.saying import identity, robot, status
 
 NOW_S = 1_700_000_000.0
@@ -30,7 +30,7 @@ class Behind:
         self.slices, self.measures = TimeSlices(slice_s=0.0), Measures()
         self.slices.run(lambda: None)
         self.fleet = fleet_of(Site(), self.measures)
-        self.recorder = Recorder(Settings(), directory, Measures(), lambda: NOW_S)
+        self.recorder = Recorder(RecorderSettings(), directory, Measures(), lambda: NOW_S)
         self.delivered: list[bytes] = []
         self.overtaken: list[bytes] = []
         self._backlog = Backlog(self.slices, self._deliver, self._overtake)
@@ -46,10 +46,10 @@ class Behind:
         self.delivered.append(raw)
         self.recorder.received(raw, arrival_s, connection, self.fleet.receive(raw, arrival_s, connection))
 
-    def _overtake(self, one: ArrivedMessage, of: str) -> None:
-        self.overtaken.append(one.raw)
-        self.fleet.count_overtaken(of, one.arrival_s, one.connection)
-        self.recorder.overtaken(*one)
+    def _overtake(self, arrived_message: ArrivedMessage, of: str) -> None:
+        self.overtaken.append(arrived_message.raw)
+        self.fleet.count_overtaken(of, arrived_message.arrival_s, arrived_message.connection)
+        self.recorder.overtaken(*arrived_message)
 
 
 def replayed(directory: Path) -> tuple[list[Batch], Counter[str]]:

@@ -11,7 +11,7 @@ from ingest.port.connection import Connection
 from ingest.port.dialer import STEADY_S, Dialer
 from ingest.port.receiver import Receiver
 from ingest.security.vendor_credentials import VendorCredentials
-from ingest.settings import Receiver as Settings
+from ingest.settings import ReceiverSettings
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -30,7 +30,7 @@ class Dialled:
     def __init__(self, url: str, **settings: object) -> None:
         self.delivered: list[tuple[bytes, Connection]] = []
         self.measures, self.clock = Measures(), Clock()
-        given = Settings.model_validate({"dial_backoff_s": (0.01, 0.05)} | settings)
+        given = ReceiverSettings.model_validate({"dial_backoff_s": (0.01, 0.05)} | settings)
         self.receiver = Receiver(
             given,
             VendorCredentials(()),

@@ -12,8 +12,8 @@ def arrived(raw: bytes, t_s: float = 0.0, connection: Connection = ALDER) -> Arr
     return ArrivedMessage(raw, t_s, connection)
 
 
-def at_once(shares: RateLimits, vendor: str, one: ArrivedMessage, now_s: float) -> bool:
-    return shares.admit(vendor, one, now_s)[0]
+def at_once(shares: RateLimits, vendor: str, arrived_message: ArrivedMessage, now_s: float) -> bool:
+    return shares.admit(vendor, arrived_message, now_s)[0]
 
 
 def test_a_vendor_within_its_share_never_waits() -> None:

@@ -228,11 +228,11 @@ resource.setrlimit(resource.RLIMIT_NOFILE, (320, 320))
 from ingest.security.vendor_credentials import VendorCredentials
 from ingest.measures.measures import Measures
 from ingest.port.receiver import Receiver
-from ingest.settings import Receiver as Settings
+from ingest.settings import ReceiverSettings
 
 async def main():
     measures, nothing = Measures(), lambda *_: None
-    receiver = Receiver(Settings(port=0, open_timeout_s=60), VendorCredentials(()), nothing, nothing, nothing,
+    receiver = Receiver(ReceiverSettings(port=0, open_timeout_s=60), VendorCredentials(()), nothing, nothing, nothing,
                         overtaken=nothing, measures=measures, clock=lambda: 0.0)
     await receiver.start()
     print(receiver.port, flush=True)

@@ -6,7 +6,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Event, LogReader
 from ingest.recording.recorder import Recorder, quantise
-from ingest.settings import Recorder as Settings
+from ingest.settings import RecorderSettings
 
 NOW_S = 1_790_000_000.123456
 LINE = Connection(7, vendor="Alder")
@@ -25,7 +25,7 @@ class Clock:
 
 def recorder(directory: Path, **settings: int) -> tuple[Recorder, Measures]:
     measures = Measures()
-    return Recorder(Settings(**settings), directory, measures, Clock()), measures
+    return Recorder(RecorderSettings(**settings), directory, measures, Clock()), measures
 
 
 def read(*paths: Path) -> tuple[list[Event], int]:

@@ -11,7 +11,7 @@ from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Closed, EngineStarted, Event, Received, Tick
 from ingest.recording.log_rotation import KEPT_BYTES
 from ingest.recording.recorder import FLUSH_BYTES, Recorder, quantise
-from ingest.settings import Recorder as Settings
+from ingest.settings import RecorderSettings
 from tests.helpers.saying import status
 from tests.ingest.recording.made_logs import LINE, NOW_S, Clock, read, recorder
 
@@ -91,7 +91,7 @@ def test_a_torn_log_is_never_written_on(tmp_path: Path) -> None:
         torn.write(b'{"received":"2026')
     clock = Clock()
     clock.now_s += 10
-    second = Recorder(Settings(), tmp_path, Measures(), clock)
+    second = Recorder(RecorderSettings(), tmp_path, Measures(), clock)
     second.tick(NOW_S + 1)
     second.close()
     events, unreadable = read(tmp_path)
@@ -171,7 +171,7 @@ def test_segments_stay_in_order_though_the_clock_is_set_back(tmp_path: Path) -> 
     for now_s in (NOW_S, NOW_S - 3600.0, NOW_S - 7200.0):
         clock = Clock()
         clock.now_s = now_s
-        writer = Recorder(Settings(), tmp_path, Measures(), clock)
+        writer = Recorder(RecorderSettings(), tmp_path, Measures(), clock)
         writer.tick(now_s)
         writer.close()
     ticks = [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)]
@@ -204,7 +204,7 @@ def test_segments_rotate_and_the_oldest_go(tmp_path: Path) -> None:
 
 def test_a_segment_is_begun_each_day_and_goes_when_it_is_too_old(tmp_path: Path) -> None:
     clock = Clock()
-    writer = Recorder(Settings(keep_days=2.5), tmp_path, Measures(), clock)
+    writer = Recorder(RecorderSettings(keep_days=2.5), tmp_path, Measures(), clock)
     for day in range(6):
         clock.now_s = NOW_S + day * 90_000.0
         for hour in (0, 1):
@@ -238,14 +238,14 @@ from pathlib import Path
 logging.basicConfig(format="%(levelname)s")
 from ingest.measures.measures import Measures
 from ingest.recording.recorder import Recorder
-from ingest.settings import Recorder as Settings
+from ingest.settings import RecorderSettings
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 now = [1790000000.0]
 def clock():
     now[0] += 0.001
     return now[0]
 measures = Measures()
-recorder = Recorder(Settings(), Path(sys.argv[1]), measures, clock)
+recorder = Recorder(RecorderSettings(), Path(sys.argv[1]), measures, clock)
 def tick(t):
     recorder.tick(t)
     assert recorder.sync()
@@ -295,7 +295,7 @@ def test_what_cannot_be_recorded_is_counted_and_recording_resumes(
 
 
 def test_nothing_is_written_where_recording_is_off(tmp_path: Path) -> None:
-    writer = Recorder(Settings(enabled=False), tmp_path, Measures(), Clock())
+    writer = Recorder(RecorderSettings(enabled=False), tmp_path, Measures(), Clock())
     writer.tick(NOW_S)
     writer.close()
     assert not list(tmp_path.iterdir())

@@ -17,17 +17,17 @@ def test_the_kept_files_are_what_the_code_writes() -> None:
 
 def test_every_metric_is_in_a_panel_and_in_its_description() -> None:
     shown = set()
-    for one in dashboards():
-        for panel in as_json(one)["panels"]:
+    for dashboard in dashboards():
+        for panel in as_json(dashboard)["panels"]:
             asked = {name for target in panel.get("targets", []) for name in names_in(target["expr"])}
             assert all(CATALOGUE[name].help in panel["description"] for name in asked)
             shown |= asked
     assert shown == set(CATALOGUE)
 
 
-@pytest.mark.parametrize("one", dashboards(), ids=lambda one: one.uid)
-def test_panels_do_not_overlap(one: Dashboard) -> None:
-    panels = as_json(one)["panels"]
+@pytest.mark.parametrize("dashboard", dashboards(), ids=lambda dashboard: dashboard.uid)
+def test_panels_do_not_overlap(dashboard: Dashboard) -> None:
+    panels = as_json(dashboard)["panels"]
     assert len({panel["id"] for panel in panels}) == len(panels)
     places = [panel["gridPos"] for panel in panels]
     assert all(at["x"] + at["w"] <= COLUMNS for at in places)
@@ -36,9 +36,9 @@ def test_panels_do_not_overlap(one: Dashboard) -> None:
         assert beside or a["y"] + a["h"] <= b["y"] or b["y"] + b["h"] <= a["y"]
 
 
-@pytest.mark.parametrize("one", dashboards(), ids=lambda one: one.uid)
-def test_each_query_has_a_letter_and_each_column_of_a_table_a_name(one: Dashboard) -> None:
-    for panel in as_json(one)["panels"]:
+@pytest.mark.parametrize("dashboard", dashboards(), ids=lambda dashboard: dashboard.uid)
+def test_each_query_has_a_letter_and_each_column_of_a_table_a_name(dashboard: Dashboard) -> None:
+    for panel in as_json(dashboard)["panels"]:
         targets = panel.get("targets", [])
         assert [target["refId"] for target in targets] == list("ABCDEFGHIJ"[: len(targets)])
         if panel["type"] == "table":

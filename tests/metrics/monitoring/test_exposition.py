@@ -17,7 +17,7 @@ Series = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 
 def scraped(*roles: Measures) -> Series:
     """What a Prometheus server would read: sample name and sorted labels to value."""
-    body, _ = render([one.as_document() for one in roles])
+    body, _ = render([role.as_document() for role in roles])
     return {
         (sample.name, tuple(sorted(sample.labels.items()))): sample.value
         for family in text_string_to_metric_families(body.decode())

@@ -35,9 +35,9 @@ async def unanswered(client: httpx.AsyncClient, queries: dict[str, str]) -> dict
 
 async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(tmp_path: Path) -> None:
     queries = {
-        f"{one.title}: {panel.title}, {query.legend}": query.promql
-        for one in dashboards()
-        for panel, query in one.queries()
+        f"{dashboard.title}: {panel.title}, {query.legend}": query.promql
+        for dashboard in dashboards()
+        for panel, query in dashboard.queries()
     }
     queries |= {one.name: one.name for one in RECORDING_RULES}
     async with run_in_one_process(on_free_ports(), tmp_path / "data", render) as (receiver, operator):

@@ -71,7 +71,7 @@ def test_the_command_writes_scores_and_the_revisions_of_the_stream(tmp_path: Pat
         out, lines = tmp_path / f"{run}.json", tmp_path / f"{run}.jsonl"
         command = [sys.executable, "-m", "deconflict", "replay", str(log), "--clearance", "0.0", "0.3"]
         subprocess.run([*command, "--json", str(out), "--advisories", str(lines)], check=True)
-        assert [one["clearance_m"] for one in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
+        assert [load["clearance_m"] for load in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
         told.append(lines.read_bytes())
         results.append({**json.loads(out.read_text()), "speed_x_real_time": 0})
     assert told[0] == told[1]

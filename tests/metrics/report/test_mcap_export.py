@@ -45,7 +45,7 @@ def test_every_message_matches_its_schema(exported: tuple[Path, Path]) -> None:
 def test_robots_are_drawn_where_they_are_and_advisories_are_logged(exported: tuple[Path, Path]) -> None:
     told = read(exported[0])
     scenes = [message for name, _, message in told if name == "foxglove.SceneUpdate"]
-    first = min(scenes[0]["entities"], key=lambda one: float(one["cubes"][0]["pose"]["position"]["x"]))
+    first = min(scenes[0]["entities"], key=lambda scene: float(scene["cubes"][0]["pose"]["position"]["x"]))
     assert first["cubes"][0]["pose"]["position"]["x"] == pytest.approx(-12.0)
     assert len(first["lines"][0]["points"]) > 2
     logged = [message["message"] for name, _, message in told if name == "foxglove.Log"]

@@ -21,7 +21,7 @@ def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
 
 
 def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> FigureChange:
-    return next(one for one in changes(a["scores"][0], b["scores"][0], same_log=True) if one.figure == name)
+    return next(change for change in changes(a["scores"][0], b["scores"][0], same_log=True) if change.figure == name)
 
 
 def test_a_result_compared_with_itself_shows_no_change() -> None:

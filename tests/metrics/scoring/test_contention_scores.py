@@ -149,7 +149,7 @@ def test_reports_half_a_minute_apart_of_a_robot_that_stands_are_of_one_stay() ->
         fleet.receive(Script([(0, 9 if t == 0 else 0, 0)]).says("A", t), NOW_S + t, LINE)
         resource_use.add_batch(fleet.next_batch(NOW_S + t))
     resource_use.finish()
-    assert [(one.place, one.t_s - NOW_S) for one in resource_use.new_entries()] == [("c1", 5.0)]
+    assert [(new_entry.place, new_entry.t_s - NOW_S) for new_entry in resource_use.new_entries()] == [("c1", 5.0)]
     assert (resource_use.stays_s("c1") - NOW_S).tolist() == [[5.0, 100.0]]
 
 
@@ -163,7 +163,7 @@ def test_a_robot_that_stands_far_away_waits_for_a_place_since_it_named_it(names_
         fleet.receive(Script(far, goals).says("B", t), NOW_S + t, LINE)
         resource_use.add_batch(fleet.next_batch(NOW_S + t))
     resource_use.finish()
-    assert [one.span.from_s - NOW_S for one in resource_use.waits] == waits
+    assert [wait.span.from_s - NOW_S for wait in resource_use.waits] == waits
 
 
 def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path: Path) -> None:

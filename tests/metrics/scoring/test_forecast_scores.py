@@ -81,7 +81,7 @@ def test_what_nobody_saw_is_not_counted() -> None:
         errors.add(["a"], [MAKER], said(t_s, (t_s, 0.0), (t_s + 10, 0.0)))
     errors.finish()
     # at 0 and 30 s one second ahead is known; of the others nothing is
-    assert [one["cases"] for one in errors.figures()["all"]] == [2] + [0] * 9
+    assert [figure["cases"] for figure in errors.figures()["all"]] == [2] + [0] * 9
 
 
 def test_quantiles_are_those_of_the_lengths_to_two_percent() -> None:
@@ -115,8 +115,8 @@ def wandering(rng: np.random.Generator, t_s: float) -> Forecasts:
 
 def errors_by_hand(of: Forecasts, horizon_s: float, reports: list[Forecasts]) -> tuple[float, float, float] | None:
     at_s = of.t_s[0] + horizon_s
-    before = max((one for one in reports if one.t_s[0] <= at_s), key=lambda one: one.t_s[0])
-    after = min((one for one in reports if one.t_s[0] > at_s), key=lambda one: one.t_s[0], default=before)
+    before = max((report for report in reports if report.t_s[0] <= at_s), key=lambda one: one.t_s[0])
+    after = min((report for report in reports if report.t_s[0] > at_s), key=lambda one: one.t_s[0], default=before)
     gap_s = after.t_s[0] - before.t_s[0]
     if 0 < gap_s <= JOINED_S:
         share = (at_s - before.t_s[0]) / gap_s
@@ -149,7 +149,9 @@ def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() 
         by_hand = [errors_by_hand(each, horizon + 1.0, of) for of in reports.values() for each in of]
         known = np.array([one for one in by_hand if one])
         told = figures["all"][horizon]
-        assert told["cases"] == len(known) == sum(one["horizons"][horizon]["cases"] for one in figures["by_model"])
+        assert (
+            told["cases"] == len(known) == sum(figure["horizons"][horizon]["cases"] for figure in figures["by_model"])
+        )
         for kind, lengths in zip(KINDS, known.T, strict=True):
             counts = np.bincount(bins_of(lengths), minlength=BINS)
             assert told[f"{kind}_median_m"] == pytest.approx(quantile(counts, 0.5), rel=0.03)

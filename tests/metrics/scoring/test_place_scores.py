@@ -27,7 +27,7 @@ def say(found: PlaceScores, now_s: float, turns: Sequence[PlannedStay], **needs:
 
 
 def figures(found: PlaceScores, stays_s: Any = NOBODY, last_s: float = LAST_S) -> dict[float, dict[str, Any]]:
-    return {one["ahead_up_to_s"]: one for one in found.figures(last_s, {"d1": stays_s})}
+    return {figure["ahead_up_to_s"]: figure for figure in found.figures(last_s, {"d1": stays_s})}
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_a_predicted_need_is_compared_with_whether_the_robot_came_to_a_charger_i
 def test_the_outcome_of_a_need_is_known_up_to_the_last_report() -> None:
     found = PlaceScores([resource("c1", 0, 0, kind="charger")], {"r": 150.0})
     say(found, 0.0, [], r=[0.5] * 5)
-    rows = {one["ahead_up_to_s"]: one for one in found.figures(1e4, {"c1": NOBODY})}
+    rows = {figure["ahead_up_to_s"]: figure for figure in found.figures(1e4, {"c1": NOBODY})}
     assert [row["need_said"] for row in rows.values()] == [1, 1, 1, 0, 0]
     assert rows[300.0]["need_brier"] is None
 

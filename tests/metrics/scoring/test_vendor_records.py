@@ -50,7 +50,7 @@ def test_an_ended_flag_is_kept_with_its_end_and_its_largest_size() -> None:
 def test_a_flag_that_stands_at_the_end_has_no_end() -> None:
     records = VendorRecords()
     records.update(NOW_S, measured(2.0))
-    assert [one["until"] for one in records.figures({})[0]["flags"]] == [None]
+    assert [figure["until"] for figure in records.figures({})[0]["flags"]] == [None]
 
 
 def test_the_largest_number_of_distrusted_robots_is_kept() -> None:
@@ -66,7 +66,7 @@ def test_of_many_flags_the_newest_are_kept() -> None:
     for n in range(MOST_FLAGS + 20):
         records.update(NOW_S + 60 * n, measured(2.0, since_s=NOW_S + 60 * n))
     flags = records.figures({})[0]["flags"]
-    assert [seconds(one["since"]) for one in flags] == [NOW_S + 60 * n for n in range(20, MOST_FLAGS + 20)]
+    assert [seconds(flag["since"]) for flag in flags] == [NOW_S + 60 * n for n in range(20, MOST_FLAGS + 20)]
 
 
 def log_of_a_clock(path: Path) -> Path:

@@ -57,7 +57,7 @@ def test_poses_are_interpolated_between_reports_unless_these_are_too_far_apart()
         if (first + SAMPLES) * STEP_S < second - 3:
             stretch = motion.sampled(first, SAMPLES, STEP_S)
             expected = {robot: found for robot, of in taken.items() if (found := by_hand(of, first))}
-            assert [motion.names[row] for row in stretch.robot] == [one for one in motion.names if one in expected]
+            assert [motion.names[row] for row in stretch.robot] == [name for name in motion.names if name in expected]
             columns = (
                 stretch.x_m,
                 stretch.y_m,

@@ -62,7 +62,7 @@ async def test_a_queue_keeps_its_advisory_when_the_global_engine_dies(tmp_path: 
         base, robots = f"http://127.0.0.1:{operator.port}", scripts()
         urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
         members = [EngineMember(machines.site(), machines.settings, tmp_path) for _ in range(2)]
-        tasks = {one.name: await stack.enter_async_context(running(one)) for one in members}
+        tasks = {member.name: await stack.enter_async_context(running(member)) for member in members}
         driving = asyncio.create_task(drive(urls, robots))
         found = by_kind(await until(base, "/advisories", lambda listed: by_kind(listed).keys() >= {"contention"}))
         assert (found["contention"]["resource"], found["contention"]["queue_length"]) == ("c1", 2)
@@ -107,7 +107,7 @@ async def test_the_global_engine_keeps_judging_while_nothing_can_be_written_and_
         await bounded(bus, 1)
         engine, robots = GlobalEngine(SITE, bus, StreamWriter(bus.revisions), answer_at_once), scripts()
         chores = (engine.run(lambda: True), engine.outbox.run(), feed(bus, robots))
-        tasks = [asyncio.create_task(one) for one in chores]
+        tasks = [asyncio.create_task(chore) for chore in chores]
         while not counted(engine, AdvisoryState.RAISED):
             await asyncio.sleep(0.05)
         robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")

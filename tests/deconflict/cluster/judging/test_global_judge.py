@@ -37,7 +37,7 @@ class Floor:
                     told.receive(identity(name, NOW_S, manufacturerName=one.vendor), NOW_S, line)
                 if tick % TICKS == 0:
                     told.receive(one.says(name, t), NOW_S + t, line)
-        return self.whole.next_batch(NOW_S + t), [one.next_batch(NOW_S + t) for one in self.parts]
+        return self.whole.next_batch(NOW_S + t), [part.next_batch(NOW_S + t) for part in self.parts]
 
 
 def others(told: list[AnyAdvisory]) -> list[FindingAdvisory]:
@@ -67,7 +67,7 @@ def test_a_new_judge_continues_open_advisories_and_adopts_the_decisions_of_other
         if tick == TICKS * 8:
             assert {one.kind for one in first.open()} == {"deadlock", "contention"}
             second = GlobalJudge(SITE, first.open())
-            second.receive([one.snapshot(now_s) for one in floor.parts])
+            second.receive([part.snapshot(now_s) for part in floor.parts])
         commons = first if tick < TICKS * 8 else second
         commons.receive(shared)
         fresh = commons.advance(now_s)
@@ -108,7 +108,7 @@ def claimed(at: dict[int, list[bytes]], seconds: float) -> list[ClaimAdvisory]:
         for number, said in at.items():
             for raw in said if tick % TICKS == number else ():
                 fleets[number].receive(raw, now_s, Connection(1))
-        commons.receive([one.next_batch(now_s) for one in fleets])
+        commons.receive([fleet.next_batch(now_s) for fleet in fleets])
         told += commons.advance(now_s)
     return [one for one in told if isinstance(one, ClaimAdvisory)]
 

@@ -30,8 +30,8 @@ def _untaught() -> Iterable[None]:
 
 def by_id(advisories: Iterable[ConflictAdvisory]) -> dict[str, list[ConflictAdvisory]]:
     told = defaultdict(list)
-    for one in advisories:
-        told[one.id].append(one)
+    for advisory in advisories:
+        told[advisory.id].append(advisory)
     return dict(told)
 
 
@@ -44,7 +44,7 @@ def compared(courses: dict[str, Course], datums: dict[str, str], shards: Shards,
         batches = ingests.batches(tick)
         whole += single.step(tick, batches)
         parts += [one.advisory for one in shards.step(tick, batches)]
-        assert sorted(parts, key=lambda one: (one.updated_at, one.robots, one.revision)) == sorted(
+        assert sorted(parts, key=lambda part: (part.updated_at, part.robots, part.revision)) == sorted(
             whole, key=lambda one: (one.updated_at, one.robots, one.revision)
         )
     near = single.engine.measures.values[NEAR_MISSES]
@@ -159,13 +159,13 @@ def test_a_shard_that_takes_over_tiles_continues_their_advisories(told_in_time: 
         batches = ingests.batches(tick)
         whole += single.step(tick, batches)
         if tick == TICKS * 8:
-            assert {one.state for one in parts} <= {AdvisoryState.RAISED, AdvisoryState.UPDATED}
+            assert {part.state for part in parts} <= {AdvisoryState.RAISED, AdvisoryState.UPDATED}
             shards.owners = dict.fromkeys(shards.owners, 1)
             shards.allot()
             shards.shards[0].set_tiles(())
         parts += [one.advisory for one in shards.step(tick, batches, lost=not told_in_time and tick < TICKS * 8)]
-    assert [one.id for one in parts] == [whole[0].id] * len(parts)
-    assert [one.revision for one in parts] == list(range(1, len(parts) + 1))
+    assert [part.id for part in parts] == [whole[0].id] * len(parts)
+    assert [part.revision for part in parts] == list(range(1, len(parts) + 1))
     assert parts[-1].state is AdvisoryState.CLEARED
     assert not told_in_time or parts == whole
 

@@ -46,7 +46,7 @@ async def test_any_writer_restores_open_advisories_to_a_server_that_lost_its_sto
         for bus, writer in zip(both, writers, strict=True):
             await bus.revisions.follow(writer.note)
         async with asyncio.TaskGroup() as keeping:
-            kept = [keeping.create_task(one.keep_complete()) for one in writers]
+            kept = [keeping.create_task(writer.keep_complete()) for writer in writers]
             assert await writers[0].write(HOME, made(1)) is None
             assert await writers[0].write(HOME, made(1, revision=2)) is None
             assert await writers[0].write(HOME, made(2, robots=OTHERS)) is None

@@ -93,7 +93,7 @@ def three(folder: Path) -> dict[str, Broker]:
 
 async def test_the_loss_of_one_server_of_three_costs_neither_rows_nor_advisories(tmp_path: Path) -> None:
     servers = three(tmp_path)
-    settings = Cluster(nats=tuple(one.address for one in servers.values()), copies=3)
+    settings = Cluster(nats=tuple(server.address for server in servers.values()), copies=3)
     one, other = (Bus(settings, 1.0) for _ in range(2))
     heard: list[int] = []
     try:
@@ -163,7 +163,7 @@ async def _done(ending: Callable[[], Awaitable[None]]) -> None:
 async def channels_heard(bus: Bus) -> set[str]:
     """Of whatever consumers of parcels the server still has."""
     consumers = await bus.connection.js.consumers_info(f"{bus.name}-rows")
-    return {str(one.config.filter_subject).rsplit(".", 1)[1] for one in consumers}
+    return {str(consumer.config.filter_subject).rsplit(".", 1)[1] for consumer in consumers}
 
 
 async def test_a_failed_or_cancelled_question_leaves_no_subscription(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_a_large_batch_is_split_into_parcels_that_a_server_accepts() -> None:
     assert max(map(len, told)) <= MOST_BYTES
     parts = [Batch.from_bytes(one) for one in told]
     assert Batch.joined(parts).robots == large.robots
-    assert [one.gone for one in parts] == [("gone",)] + [()] * (len(parts) - 1)
+    assert [part.gone for part in parts] == [("gone",)] + [()] * (len(parts) - 1)
 
 
 def test_an_empty_batch_goes_to_no_channel() -> None:

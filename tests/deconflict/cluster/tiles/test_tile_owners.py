@@ -83,6 +83,6 @@ def test_every_place_has_one_owner_that_is_alive(history: list[tuple[set[str], f
         assert set(table.owners.values()) <= members
         assert table.global_engine in members
         for x_m in (0.0, 31.9, 32.0, 63.9, 130.0):
-            owners = [one for one in members if FloorPosition("hall", x_m, 16.0) in Area(grid, table.of(one))]
+            owners = [member for member in members if FloorPosition("hall", x_m, 16.0) in Area(grid, table.of(member))]
             assert len(owners) == 1
     assert OwnerTable.of_document(table.document()) == table

@@ -72,7 +72,7 @@ def test_advice_never_costs_more_than_first_come_and_is_deterministic(
     assert advice.first_come_cost_s is not None
     assert advice.bound_s <= advice.cost_s <= advice.first_come_cost_s
     assert advice == advise_slots(places, NOW_S, effort=effort, burdens_s=burdens_s)
-    held = [one.robot for place in places for one in place.requests if not one.inside]
+    held = [request.robot for place in places for request in place.requests if not request.inside]
     assert sorted(slot.robot for slot in advice.slots) == sorted(held)
 
 

@@ -25,8 +25,8 @@ def heard(due: list[MergedBatch]) -> list[tuple[str, float]]:
 def test_robots_wait_until_there_are_enough_of_them_and_each_keeps_its_own_tick() -> None:
     scene, gathering = floor_of(ENOUGH // 2 - 1), BatchMerger()
     batches = [cut(scene, t) for t in (0.0, 1.0, 2.0)]
-    assert [len(gathering.add(one)) for one in batches[:2]] == [0, 0]
-    assert heard(gathering.add(batches[2])) == [(name, one.now_s) for one in batches for name in one.robots]
+    assert [len(gathering.add(batch)) for batch in batches[:2]] == [0, 0]
+    assert heard(gathering.add(batches[2])) == [(name, batch.now_s) for batch in batches for name in batch.robots]
     assert gathering.flush() == []
 
 

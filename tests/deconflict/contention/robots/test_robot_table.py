@@ -44,7 +44,7 @@ def batches(seconds: int) -> list[Batch]:
 
 
 def gathered(parts: list[Batch]) -> MergedBatch:
-    return MergedBatch(Batch.joined(parts), np.repeat([one.now_s for one in parts], [len(one) for one in parts]))
+    return MergedBatch(Batch.joined(parts), np.repeat([part.now_s for part in parts], [len(part) for part in parts]))
 
 
 def known(robots: RobotTable) -> dict[str, list[str]]:
@@ -96,10 +96,15 @@ def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
         robots.update(gathered([batch]))
     ends_m, standing_m, going_m, ends, standing, going = collect_boxes(robots.records, robots.stops, ROUNDING_M)
     uuid = robots.uuids.__getitem__
-    told = [(one.uuid, number) for one in robots.values() for number, stop in enumerate(one.stops) if not stop.resource]
+    told = [
+        (robot.uuid, number)
+        for robot in robots.values()
+        for number, stop in enumerate(robot.stops)
+        if not stop.resource
+    ]
     assert sorted((uuid(slot), number) for slot, number in ends.tolist()) == sorted(told)
-    assert {uuid(slot) for slot in standing.tolist()} == {one.uuid for one in robots.values() if one.stands}
-    assert {uuid(slot) for slot in going.tolist()} >= {one.uuid for one in robots.values() if one.goes}
+    assert {uuid(slot) for slot in standing.tolist()} == {robot.uuid for robot in robots.values() if robot.stands}
+    assert {uuid(slot) for slot in going.tolist()} >= {robot.uuid for robot in robots.values() if robot.goes}
     for box_m, (slot, number) in zip(ends_m.tolist(), ends.tolist(), strict=True):
         stop = robots[uuid(slot)].stops[number]
         assert box_m == [stop.x_m, stop.y_m] * 2

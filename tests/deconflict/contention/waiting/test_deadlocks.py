@@ -11,7 +11,7 @@ ROBOTS = [(name, 0) for name in "abcdef"]
 
 
 def want(waiter: str, *holders: str, at_s: float = 0.0) -> Want:
-    return Want((waiter, 0), tuple((one, 0) for one in holders), "path", at_s)
+    return Want((waiter, 0), tuple((holder, 0) for holder in holders), "path", at_s)
 
 
 def who(found: list[tuple[RingLink, ...]]) -> list[str]:
@@ -72,7 +72,7 @@ def test_there_is_a_ring_exactly_if_a_robot_can_never_move_on(given: list[Want])
     seen: set[str] = set()
     for ring in found:
         members = {link.waiter for link in ring}
-        assert {(one, 0) for one in members} <= locked
+        assert {(member, 0) for member in members} <= locked
         assert not members & seen
         seen |= members
         assert all(a.holder == b.waiter for a, b in pairwise((*ring, ring[0])))

@@ -155,7 +155,7 @@ def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
     slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
     rank = rng.permutation(robots)
     found = pending.candidate_pairs(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
-    until_s = np.array([one.t_s[0] for one in forecasts])[:, None] + TRACK_S
+    until_s = np.array([forecast.t_s[0] for forecast in forecasts])[:, None] + TRACK_S
     at_s = np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s)
     way = np.concatenate([poses_at(one, s[:1], s - s[0]) for one, s in zip(forecasts, at_s, strict=True)])[..., :2]
     step_m = np.hypot(*np.diff(way, axis=1).transpose(2, 0, 1)).max(axis=1)

@@ -137,8 +137,10 @@ def test_a_silent_robot_that_stood_despite_its_path_is_reported_as_stopped() -> 
             watch.wait(1.0)
     watch.drive("drives", 0.0, 20.0)
     watch.wait(10.0)
-    assert [uuid for one in watch.changes for uuid in one.stopped] == [robot("waits")]
-    assert {uuid for one in watch.changes for uuid in one.silent} == {robot(n) for n in ("waits", "parks", "drives")}
+    assert [uuid for change in watch.changes for uuid in change.stopped] == [robot("waits")]
+    assert {uuid for change in watch.changes for uuid in change.silent} == {
+        robot(n) for n in ("waits", "parks", "drives")
+    }
 
 
 def test_what_is_learned_outlives_a_restart() -> None:

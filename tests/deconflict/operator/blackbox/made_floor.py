@@ -53,7 +53,7 @@ class Floor:
     def order(self) -> BlackBoxRequest:
         settings = SITE.blackbox
         begins_s = min(one.at_s for one in self.near) - settings.before_s - 15.0
-        snapshot = next((one for one in reversed(self.snapshots) if one.at_s <= begins_s), None)
+        snapshot = next((snapshot for snapshot in reversed(self.snapshots) if snapshot.at_s <= begins_s), None)
         span = BoxSpan.around(self.near, settings.before_s, settings.after_s, snapshot)
         told = [one for one in self.decided if one.updated_at.timestamp() <= span.until_s]
         shelf = self.data / FOLDER
@@ -103,7 +103,7 @@ def put(shelf: Archive, number: int, size: int = 100, year: int = 2026, *pairs: 
     name = f"blackbox-{year}092{number}T141500000Z.jsonl.zst"
     (shelf.directory / name).write_bytes(b"x" * size)
     until = f"{year}-09-2{number}T14:15:00.000000Z"
-    near = [{"vendors": list(one)} for one in pairs]
+    near = [{"vendors": list(pair)} for pair in pairs]
     box = {"file": name, "bytes": size, "sha256": f"{number}" * 64, "until": until, "near_misses": near}
     shelf.add(box)
     return box

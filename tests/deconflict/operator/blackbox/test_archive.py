@@ -23,13 +23,13 @@ def shelf(tmp_path: Path) -> Archive:
 def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Archive, bounds: dict[str, int | str]) -> None:
     boxes = [put(shelf, number) for number in range(1, 5)]
     gone = shelf.prune(**bounds)  # type: ignore[arg-type]
-    assert sorted(gone) == [one["file"] for one in boxes[:2]]
+    assert sorted(gone) == [box["file"] for box in boxes[:2]]
     assert shelf.boxes() == boxes[2:]
-    assert [shelf.path(one["file"]) is None for one in boxes] == [True, True, False, False]
+    assert [shelf.path(box["file"]) is None for box in boxes] == [True, True, False, False]
 
 
 def numbers(shelf: Archive) -> str:
-    return "".join(one["sha256"][0] for one in shelf.boxes())
+    return "".join(box["sha256"][0] for box in shelf.boxes())
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ def test_the_box_has_what_a_replay_needs_and_no_secret(floor: Floor, box: Box) -
     assert b"ALDER_TOKEN" not in told[0]
     assert b"10.0.0.1" not in told[0]
     messages = [one["message"] for line in told if "message" in (one := json.loads(line))]
-    identified = {one["uuid"] for one in messages if "robotSerialNumber" in one}
+    identified = {message["uuid"] for message in messages if "robotSerialNumber" in message}
     assert identified == {robot("A-1"), robot("B-1"), robot("C-1")}, "said long before the box begins"
 
 
@@ -102,7 +102,7 @@ def test_the_next_box_continues_the_chain_of_the_last(tmp_path: Path) -> None:
 
 def test_robots_that_kept_the_clearance_by_their_reports_have_no_box(floor: Floor) -> None:
     order = floor.order()
-    far = tuple(one._replace(a=robot("A-1"), b=robot("C-1")) for one in order.pairs)
+    far = tuple(pair._replace(a=robot("A-1"), b=robot("C-1")) for pair in order.pairs)
     assert write_blackbox(replace(order, pairs=far)) is None
 
 

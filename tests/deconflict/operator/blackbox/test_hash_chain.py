@@ -13,7 +13,7 @@ LINES = st.lists(
 
 def chained(documents: list[dict[str, str]]) -> tuple[HashChain, list[bytes]]:
     chain = HashChain()
-    lines = [chain.link(json.dumps(one).encode() + b"\n") for one in documents]
+    lines = [chain.link(json.dumps(document).encode() + b"\n") for document in documents]
     return chain, [*lines, chain.end()]
 
 
@@ -21,7 +21,9 @@ def chained(documents: list[dict[str, str]]) -> tuple[HashChain, list[bytes]]:
 def test_a_chain_proves_itself_and_its_lines_stay_json(documents: list[dict[str, str]]) -> None:
     chain, lines = chained(documents)
     assert verified(lines) == chain
-    assert [set(json.loads(line)) - {"before"} for line in lines[:-1]] == [set(one) - {"before"} for one in documents]
+    assert [set(json.loads(line)) - {"before"} for line in lines[:-1]] == [
+        set(document) - {"before"} for document in documents
+    ]
 
 
 @given(LINES, st.data())

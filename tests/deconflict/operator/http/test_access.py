@@ -7,7 +7,7 @@ from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from deconflict.operator.http.access import exposed_ports, role_needed
 from deconflict.settings.site import Operator, Person, Site
-from ingest.settings import Receiver, Vendor
+from ingest.settings import ReceiverSettings, Vendor
 from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
@@ -214,11 +214,11 @@ def test_each_request_needs_a_role(method: str, path: str, role: str) -> None:
 
 def test_a_network_port_without_credentials_is_exposed() -> None:
     assert exposed_ports(Site()) == []
-    assert exposed_ports(Site(receiver=Receiver(host="::1"), operator=Operator(host="localhost"))) == []
-    wide = Site(receiver=Receiver(host="0.0.0.0"), operator=Operator(host="0.0.0.0"))  # noqa: S104
-    assert [one.split(":")[0] for one in exposed_ports(wide)] == ["receiver.host", "operator.host"]
+    assert exposed_ports(Site(receiver=ReceiverSettings(host="::1"), operator=Operator(host="localhost"))) == []
+    wide = Site(receiver=ReceiverSettings(host="0.0.0.0"), operator=Operator(host="0.0.0.0"))  # noqa: S104
+    assert [exposed_port.split(":")[0] for exposed_port in exposed_ports(wide)] == ["receiver.host", "operator.host"]
     guarded = Site(
-        receiver=Receiver(host="0.0.0.0"),  # noqa: S104
+        receiver=ReceiverSettings(host="0.0.0.0"),  # noqa: S104
         operator=Operator(host="0.0.0.0", people=(Person(name="Ada", token="env:ADA"),)),  # noqa: S104
         vendors=(Vendor(name="Alder", token="env:ALDER"),),
     )

@@ -70,7 +70,7 @@ async def test_an_invalid_query_names_the_parameter(client: httpx.AsyncClient, q
 async def test_one_advisory_is_all_its_revisions(face: Served, client: httpx.AsyncClient) -> None:
     await face.publish(made(1), made(2), made(1, 2), cleared(1, 3))
     revisions = (await client.get("/advisories/advisory-1")).json()["advisories"]
-    assert [(one["revision"], one["state"]) for one in revisions] == [
+    assert [(revision["revision"], revision["state"]) for revision in revisions] == [
         (1, "raised"),
         (2, "updated"),
         (3, "cleared"),
@@ -191,7 +191,9 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/site/reload",
     }
     assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]
-    undocumented = [path for path, methods in paths.items() if not all(one["description"] for one in methods.values())]
+    undocumented = [
+        path for path, methods in paths.items() if not all(method["description"] for method in methods.values())
+    ]
     assert not undocumented
 
 

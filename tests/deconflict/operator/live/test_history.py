@@ -13,7 +13,7 @@ from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
 from ingest.recording.recorder import Recorder
-from ingest.settings import Recorder as Settings
+from ingest.settings import RecorderSettings
 from tests.helpers.saying import identity, status
 from tests.ingest.recording.made_logs import LINE, NOW_S
 
@@ -26,7 +26,7 @@ def driven(log: Path, seconds: int) -> dict[int, str]:
     """Record two robots, one of which says late who it is, in small segments; the live picture at each second."""
     site, clock = Site(), [NOW_S]
     fleet = fleet_of(site, Measures())
-    settings = Settings(segment_bytes=20_000, total_bytes=1_000_000)
+    settings = RecorderSettings(segment_bytes=20_000, total_bytes=1_000_000)
     recorder = Recorder(settings, log, Measures(), lambda: clock[0])
     seen = {}
     for second in range(seconds):

@@ -150,7 +150,7 @@ async def test_an_outlet_with_an_unexpected_error_restarts_and_is_counted_and_lo
             await delivered(publisher, 2)
             assert publisher.measures.values["deconflict_outlet_failures_total"]["mes",] == 2
         assert numbers(other.heard) == [1, 2]
-    told = [one.exc_text or "" for one in caplog.records if one.name == "deconflict.operator.outlets.outlets"]
+    told = [record.exc_text or "" for record in caplog.records if record.name == "deconflict.operator.outlets.outlets"]
     assert [text.splitlines()[-1] for text in told] == ["RuntimeError: a fault", "RuntimeError: another"]
 
 

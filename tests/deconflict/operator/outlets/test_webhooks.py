@@ -80,7 +80,7 @@ async def test_an_unreachable_address_is_logged_once_without_its_secrets(
             await publisher.publish([made(1)])
             await until(lambda: publisher.measures.values["deconflict_outlet_failures_total"]["mes",] >= 3)
         assert publisher.measures.values["deconflict_outlet_waiting"]["mes",] == 1
-    warnings = [one.getMessage() for one in caplog.records if one.levelno == logging.WARNING]
+    warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
     assert warnings == ["mes accepts no advisories and is tried again: ConnectError"]
     assert SECRET not in caplog.text
     assert "key=abc" not in caplog.text

@@ -60,9 +60,9 @@ def test_a_revision_sent_again_keeps_its_number_and_its_first_content(store: Sto
 def test_latest_gives_the_newest_revision_of_each_and_open_means_not_cleared(store: Store) -> None:
     store.append([made(1), made(2), made(3), made(1, 2), cleared(2)])
     assert [(one.id, one.revision) for one in store.open()] == [("advisory-1", 2), ("advisory-3", 1)]
-    assert [one.id for one in store.latest("cleared").advisories] == ["advisory-2"]
+    assert [advisory.id for advisory in store.latest("cleared").advisories] == ["advisory-2"]
     listing = store.latest("all", limit=2)
-    assert [one.id for one in listing.advisories] == ["advisory-2", "advisory-1"]
+    assert [advisory.id for advisory in listing.advisories] == ["advisory-2", "advisory-1"]
     assert (listing.seq, listing.more) == (5, True)
     assert not store.latest("all", limit=3).more
 
@@ -78,7 +78,7 @@ def test_latest_by_vendor_and_by_robot_looks_at_both_robots(store: Store) -> Non
     store.append([made(1), made(2, vendors=("Borealis", "Cargo")), made(3, robots=("a", ROBOTS[1]))])
 
     def ids(**wanted: str) -> list[str]:
-        return [one.id for one in store.latest(**wanted).advisories]  # type: ignore[arg-type]
+        return [advisory.id for advisory in store.latest(**wanted).advisories]  # type: ignore[arg-type]
 
     assert ids(vendor="Borealis") == ["advisory-3", "advisory-2", "advisory-1"]
     assert ids(vendor="Cargo") == ["advisory-2"]
@@ -208,8 +208,8 @@ def test_a_file_of_the_first_format_is_read_and_searched_by_robot(tmp_path: Path
     old.commit()
     old.close()
     store = Store(tmp_path)
-    assert [one.id for one in store.latest(robot=ROBOTS[1]).advisories] == ["advisory-1"]
-    assert [one.id for one in store.latest(vendor="Acme").advisories] == ["advisory-1"]
+    assert [advisory.id for advisory in store.latest(robot=ROBOTS[1]).advisories] == ["advisory-1"]
+    assert [advisory.id for advisory in store.latest(vendor="Acme").advisories] == ["advisory-1"]
     assert store.latest(vendor="Cargo").advisories == []
     assert [one.seq for one in store.append([made(2)])] == [8]
     store.close()

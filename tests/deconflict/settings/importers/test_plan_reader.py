@@ -34,7 +34,7 @@ def written(folder: Path, name: str, text: str) -> Path:
 
 
 def kinds(site: Site) -> dict[str, int]:
-    return dict(Counter([*(one.kind for one in site.resources), *(one.kind for one in site.zones)]))
+    return dict(Counter([*(resource.kind for resource in site.resources), *(zone.kind for zone in site.zones)]))
 
 
 def middle(polygon: tuple[tuple[float, float], ...]) -> tuple[float, float]:
@@ -44,14 +44,14 @@ def middle(polygon: tuple[tuple[float, float], ...]) -> tuple[float, float]:
 
 def test_a_building_becomes_a_site_in_metres_with_y_up(tmp_path: Path) -> None:
     site = site_of(written(tmp_path, "works.building.yaml", BUILDING))
-    assert (site.name, [(one.name, one.level) for one in site.datums]) == ("works", [("Ground", 0), ("Upper", 1)])
+    assert (site.name, [(datum.name, datum.level) for datum in site.datums]) == ("works", [("Ground", 0), ("Upper", 1)])
     assert kinds(site) == {"charger": 1, "dock": 1, "parking": 1, "lift": 1, "door": 1, "aisle": 1}
     charger, dock, parking, lift = site.resources
     assert (charger.name, charger.id, middle(charger.polygon)) == ("tug_charger", "ground-tug-charger", (5.0, -10.0))
     assert (dock.kind, middle(dock.polygon)) == ("dock", (15.0, -20.0))
     assert (parking.kind, middle(parking.polygon)) == ("parking", (15.0, -9.0))
     assert (middle(lift.polygon), shapely.Polygon(lift.polygon).area) == ((25.0, -5.0), pytest.approx(6.0))
-    assert [(one.datum, middle(one.polygon)) for one in lift.floors] == [(site.datums[1].id, (0.0, 0.0))]
+    assert [(floor.datum, middle(floor.polygon)) for floor in lift.floors] == [(site.datums[1].id, (0.0, 0.0))]
     door, aisle = site.zones
     assert (middle(door.polygon), shapely.Polygon(door.polygon).area) == ((20.0, -6.0), pytest.approx(2.0))
     assert aisle.axis == ((5.0, -10.0), (15.0, -10.0))
@@ -61,7 +61,7 @@ def test_a_building_becomes_a_site_in_metres_with_y_up(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("x", "y"), [("positionX", "positionY"), ("xPosition", "yPosition")])
 def test_a_plant_model_of_either_form_becomes_a_site_in_metres(x: str, y: str, tmp_path: Path) -> None:
     site = site_of(written(tmp_path, "hall.xml", PLANT.format(x=x, y=y)))
-    assert [(one.kind, one.name, middle(one.polygon)) for one in site.resources] == [
+    assert [(resource.kind, resource.name, middle(resource.polygon)) for resource in site.resources] == [
         ("charger", "Pole 1", (0.0, 0.0)),
         ("parking", "P3", (8.0, 6.0)),
         ("dock", "Goods in", (0.0, 6.0)),
@@ -71,7 +71,7 @@ def test_a_plant_model_of_either_form_becomes_a_site_in_metres(x: str, y: str, t
     outline = shapely.Polygon(crossing.polygon)
     assert all(outline.contains(shapely.Point(one)) for one in ((8.0, 0.0), (8.0, 6.0), (0.0, 6.0)))
     assert not outline.contains(shapely.Point(0.0, 0.0))
-    assert [one.axis for one in aisles] == [((0.0, 0.0), (8.0, 0.0)), ((8.0, 0.0), (8.0, 6.0))]
+    assert [aisle.axis for aisle in aisles] == [((0.0, 0.0), (8.0, 0.0)), ((8.0, 0.0), (8.0, 6.0))]
 
 
 def test_the_same_file_gives_the_same_text_and_ids(tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_the_same_file_gives_the_same_text_and_ids(tmp_path: Path) -> None:
 def test_equal_names_get_different_ids(tmp_path: Path) -> None:
     text = BUILDING.replace("pantry", "bay").replace("tug_charger", "Bay!")
     site = site_of(written(tmp_path, "works.building.yaml", text))
-    assert [one.id for one in site.resources] == ["ground-bay", "ground-bay-2", "ground-bay-3", "lift-a"]
+    assert [resource.id for resource in site.resources] == ["ground-bay", "ground-bay-2", "ground-bay-3", "lift-a"]
 
 
 @pytest.mark.parametrize(

@@ -79,4 +79,4 @@ def test_a_robot_stops_for_one_ahead_and_waits_for_an_occupied_place() -> None:
     assert behind.x_m < 2.2
     assert (waits.x_m, waits.y_m) == (0.0, 20.0)
     run(party, 40.0)
-    assert all(one.through_s for one in party.errands)
+    assert all(errand.through_s for errand in party.errands)

@@ -18,7 +18,7 @@ def passage(inward: tuple[int, int], *, left: bool = False) -> CrossingPassage:
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "meet"),
+    ("crossing_passage", "other", "meet"),
     [
         (passage(EAST), passage(WEST), False),
         (passage(EAST), passage(EAST, left=True), False),
@@ -26,9 +26,11 @@ def passage(inward: tuple[int, int], *, left: bool = False) -> CrossingPassage:
         (passage(EAST), passage(NORTH), True),
     ],
 )
-def test_paths_through_a_crossing_touch_as_expected(one: CrossingPassage, other: CrossingPassage, meet: bool) -> None:
-    assert one.meets(other) is meet
-    assert other.meets(one) is meet
+def test_paths_through_a_crossing_touch_as_expected(
+    crossing_passage: CrossingPassage, other: CrossingPassage, meet: bool
+) -> None:
+    assert crossing_passage.meets(other) is meet
+    assert other.meets(crossing_passage) is meet
 
 
 def test_the_second_robot_waits_until_the_first_has_left() -> None:

@@ -144,7 +144,7 @@ def test_the_bundled_site_knows_every_vendor_and_fits() -> None:
     assert {vendor.name for vendor in bundled.vendors} == set(VendorName)
     assert [datum.id for datum in bundled.datums] == [one.datum for one in SITE_MAPS]
     for make in MAKES:
-        vendor = next(one for one in bundled.vendors if one.name == make.vendor)
+        vendor = next(vendor for vendor in bundled.vendors if vendor.name == make.vendor)
         assert (vendor.participant == "person") == make.person
         model = vendor.models.get(make.model)
         assert ((model.offset_m[0], model.loaded_offset_m) if model else (0.0, None)) == (

@@ -88,7 +88,7 @@ async def test_the_simulation_ends_after_the_given_seconds() -> None:
     async with serve(service.take, "127.0.0.1", 0) as server, asyncio.timeout(PATIENCE_S):
         url = f"ws://127.0.0.1:{port_of(server)}"
         sent = await simulate(url, 4, 20.0, 1, speed=10.0, stop=asyncio.Event())
-        await until(lambda: all(one.close_code == 1000 for one in service.connections))
+        await until(lambda: all(connection.close_code == 1000 for connection in service.connections))
     assert 10 <= sent[VendorName.ALDER] <= 21
     assert sent[VendorName.WALKERS] <= 12
 

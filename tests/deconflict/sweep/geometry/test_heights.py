@@ -26,7 +26,7 @@ class Crossing(NamedTuple):
 
     @property
     def advice(self) -> list[Recommendation]:
-        return [one.recommendation for one in self.conflicts if one.recommendation]
+        return [conflict.recommendation for conflict in self.conflicts if conflict.recommendation]
 
 
 def crossing(z_m: float) -> Crossing:
@@ -39,7 +39,7 @@ def crossing(z_m: float) -> Crossing:
     conflicts, near_misses = list[ConflictAdvisory](), 0
     for tick in range(48):
         scene.run((tick + 1) / 4, from_s=tick / 4)
-        conflicts += [one for one in scene.engine.conflicts() if {*one.robots} == pair]
+        conflicts += [conflict for conflict in scene.engine.conflicts() if {*conflict.robots} == pair]
         near_misses += len(scene.engine.near_misses)
     return Crossing(scene, conflicts, near_misses)
 

@@ -135,7 +135,10 @@ def test_a_gap_in_the_reports_is_not_joined() -> None:
     for t_s in (0.0, 1.0, 4.0, 5.0):
         reported(truth, t_s, ("a", 0, 0.0), ("b", 0, 1.1))
     truth.finish()
-    assert [one.start_s for one in truth.encounters(0.3)] == [pytest.approx(0.1), pytest.approx(4.1, abs=0.11)]
+    assert [encounter.start_s for encounter in truth.encounters(0.3)] == [
+        pytest.approx(0.1),
+        pytest.approx(4.1, abs=0.11),
+    ]
 
 
 def test_robots_on_different_floors_do_not_meet() -> None:
