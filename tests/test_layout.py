@@ -44,6 +44,10 @@ LEVELS = {
 """By folder, its entries from the ground up. An entry may import entries of earlier levels and of its own level."""
 MOST_ENTRIES = {"deconflict": 15, "ingest": 12, "metrics": 12}
 """Without `__init__.py` and `py.typed`; of any other folder a dozen."""
+MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 350, 40
+JSON_KEYS = "deconflict/simulation/drills/drill_outcomes.py"
+"""Its fields are keys of the JSON output, which keep their names."""
+RIDDLES = {"told", "said", "one", "word"}
 REPEATED_NAMES = {"__init__", "__main__"}
 PACKAGES = ("ingest", "deconflict", "metrics")
 
@@ -156,6 +160,52 @@ def test_no_folder_holds_more_than_a_person_takes_in() -> None:
 def test_no_file_name_stands_twice_in_the_product() -> None:
     names = Counter(path.stem for path in chain.from_iterable(map(files, PACKAGES)))
     assert {name for name, count in names.items() if count > 1} <= REPEATED_NAMES | {"settings"}
+
+
+def product_trees() -> Iterator[tuple[str, ast.Module, str]]:
+    """Path, parsed source and source of each file of the product."""
+    for path in chain.from_iterable(map(files, PACKAGES)):
+        source = path.read_text()
+        yield str(path.relative_to(ROOT)), ast.parse(source), source
+
+
+def test_no_class_name_stands_twice_in_the_product() -> None:
+    homes: defaultdict[str, list[str]] = defaultdict(list)
+    for path, tree, _ in product_trees():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                homes[node.name].append(path)
+    assert not {name: paths for name, paths in homes.items() if len(paths) > 1}
+
+
+def is_compiled(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    decorators = [node.func if isinstance(node, ast.Call) else node for node in function.decorator_list]
+    return any(isinstance(node, ast.Name) and node.id in ("inner", "kernel") for node in decorators)
+
+
+def test_functions_and_files_can_be_read_in_a_sitting() -> None:
+    """Kernels may be longer: to pass the state of a loop from function to function would hide more than it shows."""
+    long = []
+    for path, tree, source in product_trees():
+        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+        if not any(map(is_compiled, functions)) and source.count("\n") > MOST_LINES_OF_A_FILE:
+            long.append(f"{path}: {source.count(chr(10))} lines")
+        for function in functions:
+            lines = (function.end_lineno or 0) - function.lineno + 1
+            if lines > MOST_LINES_OF_A_FUNCTION and not is_compiled(function):
+                long.append(f"{path}: {function.name} has {lines} lines")
+    assert not long, "\n".join(long)
+
+
+def test_variables_are_named_for_what_they_hold() -> None:
+    riddles = [
+        f"{path}:{node.lineno}: {node.id}"
+        for path, tree, _ in product_trees()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in RIDDLES
+        if path != JSON_KEYS
+    ]
+    assert not riddles, "\n".join(riddles)
 
 
 def test_tests_lie_in_the_folders_of_what_they_test() -> None:

@@ -77,7 +77,7 @@ STATE = np.dtype(
     align=True,
 )
 
-_STATES, _FINDINGS = (numba.from_dtype(one)[::1] for one in (STATE, FINDING))
+_STATES, _FINDINGS = (numba.from_dtype(dtype)[::1] for dtype in (STATE, FINDING))
 _INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
 _TRACKS = numba.float64[:, :, :, ::1]
 _STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)

@@ -27,7 +27,7 @@ SOON = 0.2
 CREEPING_MPS = 0.01
 """Two robots are taken to approach each other at least so fast."""
 
-_PAIRS, _ROBOTS, _ERRORS = (numba.from_dtype(one)[::1] for one in (PAIR, ROBOT, ERROR))
+_PAIRS, _ROBOTS, _ERRORS = (numba.from_dtype(dtype)[::1] for dtype in (PAIR, ROBOT, ERROR))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 _LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 

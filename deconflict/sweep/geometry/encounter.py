@@ -156,14 +156,14 @@ def _nearest(a: Box, b: Box) -> tuple[float, float, float]:
     distance = 0.0
     if _apart(a, b) or _apart(b, a):
         distance = inf
-        for one, other in ((a, b), (b, a)):
+        for box, turned_box in ((a, b), (b, a)):
             for corner in range(4):
-                _, _, du, dv, _, _ = _from_corner(one, other, corner)
+                _, _, du, dv, _, _ = _from_corner(box, turned_box, corner)
                 distance = min(distance, hypot(du, dv))
     places, x, y = 0, 0.0, 0.0
-    for one, other in ((a, b), (b, a)):
+    for box, turned_box in ((a, b), (b, a)):
         for corner in range(4):
-            _, _, du, dv, at_x, at_y = _from_corner(one, other, corner)
+            _, _, du, dv, at_x, at_y = _from_corner(box, turned_box, corner)
             if hypot(du, dv) <= distance + SAME_M:
                 places, x, y = places + 1, x + at_x, y + at_y
     return (distance, x / places, y / places) if places else (distance, nan, nan)

@@ -275,15 +275,18 @@ def delayed(
         ahead = first
         while ahead < end and knots[ahead].t <= leaves_s:
             ahead += 1
-        one, other, share, turn = knots[max(ahead - 1, first)], knots[min(ahead, end - 1)], 0.0, 0.0
-        if first < ahead < end and other.floor == one.floor:
-            share, turn = (leaves_s - one.t) / (other.t - one.t), _wrapped(other.reported_yaw - one.reported_yaw)
+        before, after, share, turn = knots[max(ahead - 1, first)], knots[min(ahead, end - 1)], 0.0, 0.0
+        if first < ahead < end and after.floor == before.floor:
+            share, turn = (
+                (leaves_s - before.t) / (after.t - before.t),
+                _wrapped(after.reported_yaw - before.reported_yaw),
+            )
         else:
-            other = one
+            after = before
         for _ in range(1 if hold == 0.0 else 2):
-            t[n], on_floor[n] = leaves_s + hold * (n - begin), one.floor
-            x[n], y[n] = one.x + share * (other.x - one.x), one.y + share * (other.y - one.y)
-            yaw[n] = one.reported_yaw + share * turn
+            t[n], on_floor[n] = leaves_s + hold * (n - begin), before.floor
+            x[n], y[n] = before.x + share * (after.x - before.x), before.y + share * (after.y - before.y)
+            yaw[n] = before.reported_yaw + share * turn
             n += 1
         for k in range(ahead, end):
             if knots[k].t > leaves_s + SAME_S:

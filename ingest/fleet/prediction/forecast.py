@@ -56,12 +56,12 @@ def stops(status: Status, here: Sighting, context: ForecastContext) -> Floats:
     return np.array(rows, np.float64) if rows else NO_STOPS
 
 
-def matches(codes: tuple[str, ...], words: tuple[str, ...]) -> bool:
-    """Whether an error code contains one of the words. Case, hyphens and underscores are ignored."""
+def matches(codes: tuple[str, ...], parts: tuple[str, ...]) -> bool:
+    """Whether an error code contains one of the parts. Case, hyphens and underscores are ignored."""
     if not codes:
         return False
     plain = [_plain(code) for code in codes]
-    return any(_plain(word) in code for word in words for code in plain)
+    return any(_plain(part) in code for part in parts for code in plain)
 
 
 def _plain(text: str) -> str:
