@@ -1,12 +1,12 @@
 """The robots on a floor: a slot for each, and their newest forecasts in arrays."""
 
 from collections.abc import Iterable, Sequence
-from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -17,7 +17,7 @@ class SlotTable:
     """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it."""
 
     def __init__(self) -> None:
-        self.slots: dict[str, int] = {}
+        self._slots = RobotSlots()
         self.keys: NDArray[np.object_] = np.zeros(0, object)
         """(slots,) keys; "" for a free slot."""
         self.robots: Robots = np.zeros(0, ROBOT)
@@ -28,23 +28,26 @@ class SlotTable:
         """(slots,) how much longer and wider than reported each envelope is."""
         self._used = 0
         """Knots in use."""
-        self._free: list[int] = []
         self._ranks: Ints | None = None
         """See `ranks`; None if robots came or left since."""
 
     def __len__(self) -> int:
         """Slots, free ones included."""
-        return len(self.slots) + len(self._free)
+        return len(self._slots)
+
+    @property
+    def slots(self) -> dict[str, int]:
+        """By key."""
+        return self._slots.by_uuid
 
     def replace_forecasts(
         self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0
     ) -> Ints | None:
         """Replace the forecasts of `keys`, which are all different. The envelopes are `widened_m` longer and wider than
         reported. Returns their slots; None if any new forecast can't be swept, and then no forecast is replaced."""
-        slots = np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys))
-        unknown = np.flatnonzero(slots < 0)
-        if len(unknown):
-            slots[unknown] = self._new_slots([keys[row] for row in unknown.tolist()])
+        slots, new = self._slots.assign(keys)
+        if new:
+            self._name(slots[new], [keys[row] for row in new])
         used = replace(self.robots, self.knots, slots, self._used, forecasts)
         if used > len(self.knots):
             self.robots["count"][slots] = 0
@@ -57,18 +60,16 @@ class SlotTable:
 
     def discard(self, keys: Iterable[str]) -> list[int]:
         """Remove robots. Returns the slots that become free."""
-        left = [self.slots.pop(key) for key in keys if key in self.slots]
-        for slot in left:
-            self.keys[slot] = ""
-            self.robots["count"][slot] = 0
-        self._free += left
-        if left:
+        left = self._slots.release(keys)
+        self.keys[left], self.robots["count"][left] = "", 0
+        if len(left):
             self._ranks = None
-        return left
+        slots: list[int] = left.tolist()
+        return slots
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
         """Copies of the robots of `keys`, in that order, and of their knots; an unknown robot has no knots."""
-        return taken(self.robots, self.knots, np.fromiter(map(self.slots.get, keys, repeat(-1)), np.int64, len(keys)))
+        return taken(self.robots, self.knots, self._slots.find(keys))
 
     def present(self, slots: Ints) -> Ints:
         """Those of `slots` whose robot has knots."""
@@ -83,17 +84,14 @@ class SlotTable:
             self._ranks[by_key] = np.arange(len(by_key))
         return self._ranks
 
-    def _new_slots(self, keys: Sequence[str]) -> list[int]:
+    def _name(self, slots: Ints, keys: Sequence[str]) -> None:
+        """Note the keys of new slots, and make room for them."""
         self._ranks = None
-        reused = [self._free.pop() for _ in range(min(len(keys), len(self._free)))]
-        slots = reused + list(range(len(self) + len(reused), len(self) + len(keys)))
-        self.slots.update(zip(keys, slots, strict=True))
         if len(self.robots) < len(self):
             spare = len(self) + len(self) // 8 - len(self.robots)
             columns = self.robots, self.keys, self.widened_m
             self.robots, self.keys, self.widened_m = (np.pad(column, (0, spare)) for column in columns)
         self.keys[slots] = keys
-        return slots
 
     def _pack(self, spare: int) -> None:
         """Drop the knots of forecasts that were replaced, and make room for `spare` more knots."""

@@ -70,7 +70,7 @@ class Absences:
 
     def finish(self) -> None:
         """End of the log: every robot is gone for good after its last report and grace period."""
-        for uuid in self._intervals.slots:
+        for uuid in self._intervals.slots.by_uuid:
             self._gone.setdefault(uuid, []).append((self._intervals.heard_s(uuid) + self._intervals.grace_s(uuid), inf))
 
     def is_gone(self, uuid: str, at_s: float) -> bool:
@@ -123,7 +123,7 @@ class Absences:
         heard = self._intervals.heard
         late = np.flatnonzero((now_s - heard["arrival_s"] > GRACE_S) & (heard["reports"] > 0))
         for slot in late.tolist():
-            uuid = self._intervals.names[slot]
+            uuid = self._intervals.slots.uuids[slot]
             if uuid not in self._silent and now_s - heard["arrival_s"][slot] > grace_s(heard[slot]):
                 forecasts, row, _ = self._newest[uuid]
                 before = forecasts.single(row)

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Destinations, Floats, Ints
 from ingest.kernels import inner, kernel, ready
 
@@ -113,10 +114,9 @@ class AnnouncedArrivals:
         """By robot and destination, to the decimetre; empty for a robot that has arrived at all it announced."""
         self._floors = {"": -1}
         """Numbers of floors in `_reports`."""
-        self._slots: dict[str, int] = {}
+        self._slots = RobotSlots()
         self._reports = np.zeros(0, LAST_REPORT)
         """By slot, with spare rows."""
-        self._free: list[int] = []
 
     def add_batch(
         self, batch: Batch, now_s: Floats, here: FloorPoints, destinations: Destinations
@@ -131,9 +131,9 @@ class AnnouncedArrivals:
         floor, x_m, y_m = ready(here[0], np.int64), ready(here[1]), ready(here[2])
         start, to_floor, to_x_m, to_y_m = destinations.start, destinations.floor, destinations.x_m, destinations.y_m
         columns = (floor, x_m, y_m, ready(start, np.int64), ready(to_floor, np.int64), ready(to_x_m), ready(to_y_m))
-        slots = np.array([self._slots.get(robot, UNKNOWN) for robot in batch.robots], np.int64)
-        if len(slots) and slots.min() == UNKNOWN:
-            slots = np.array([self._slot(robot) for robot in batch.robots])
+        slots, _ = self._slots.assign(batch.robots)
+        if len(self._slots) > len(self._reports):
+            self._reports = np.pad(self._reports, (0, len(self._slots)))
         row, now_s = -1, ready(now_s)
         while (row := _next_new_report(row + 1, self._reports, slots, numbers, now_s, *columns)) < len(slots):
             stops = slice(start[row], start[row + 1])
@@ -180,8 +180,8 @@ class AnnouncedArrivals:
         open_points: Mapping[DatumPoint, list[Announcement]],
     ) -> None:
         """Write into a robot's last report what decides whether its next one must be processed."""
-        if robot in self._slots:
-            report = self._reports[self._slots[robot]]
+        if robot in self._slots.by_uuid:
+            report = self._reports[self._slots.by_uuid[robot]]
             report["said_s"] = min((announcements[-1].said_s for announcements in open_points.values()), default=inf)
             report["free_m"] = _free_m(here, ahead)
             if not open_points.keys() <= ahead.keys():
@@ -195,17 +195,7 @@ class AnnouncedArrivals:
 
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
-        if robot in self._slots:
-            self._free.append(self._slots.pop(robot))
-            self._reports["count"][self._free[-1]] = 0
-
-    def _slot(self, robot: str) -> int:
-        slot = self._slots.get(robot)
-        if slot is None:
-            slot = self._slots[robot] = self._free.pop() if self._free else len(self._slots)
-            if slot >= len(self._reports):
-                self._reports = np.pad(self._reports, (0, slot + 1))
-        return slot
+        self._reports["count"][self._slots.release([robot])] = 0
 
     def _number(self, floor: str) -> int:
         return self._floors.setdefault(floor, len(self._floors))

@@ -27,6 +27,7 @@ from deconflict.contention.robots.lookahead import (
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from deconflict.contention.robots.record_kernels import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Outlines, update_records
 from deconflict.contention.robots.robot_view import RobotView
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
@@ -40,10 +41,7 @@ class RobotTable(Mapping[str, RobotView]):
     def __init__(self, geometry: PlaceGeometry) -> None:
         self.arrivals, self.batteries = ArrivalForecast(), BatteryUse()
         self._geometry = geometry
-        self._slots: dict[str, int] = {}
-        self._free: list[int] = []
-        self.uuids: list[str] = []
-        """By slot."""
+        self._slots = RobotSlots()
         self.records = np.zeros(0, ROBOT)
         """By slot, with spare rows."""
         self.stops = np.zeros((0, 1), STOP)
@@ -70,23 +68,27 @@ class RobotTable(Mapping[str, RobotView]):
     def __getitem__(self, uuid: str) -> RobotView:
         return self._views.get(uuid) or self._views.setdefault(uuid, self._view(uuid))
 
+    @property
+    def uuids(self) -> list[str]:
+        """By slot; "" for a free slot."""
+        return self._slots.uuids
+
     def __iter__(self) -> Iterator[str]:
-        return iter(self._slots)
+        return iter(self._slots.by_uuid)
 
     def __len__(self) -> int:
-        return len(self._slots)
+        return len(self._slots.by_uuid)
 
     def forget(self, uuids: Iterable[str]) -> None:
+        uuids = list(uuids)
         for uuid in uuids:
             self.arrivals.forget(uuid)
-            slot = self._slots.pop(uuid, None)
-            if slot is not None:
-                self.records[slot] = np.zeros((), ROBOT)
-                self.batteries.forget(slot)
-                for by_slot in (self._here, self._passages, self._paths_left):
-                    by_slot.pop(slot, None)
-                del self._names[uuid]
-                self._free.append(slot)
+            self._names.pop(uuid, None)
+        for slot in self._slots.release(uuids).tolist():
+            self.records[slot] = np.zeros((), ROBOT)
+            self.batteries.forget(slot)
+            for by_slot in (self._here, self._passages, self._paths_left):
+                by_slot.pop(slot, None)
         self._views.clear()
 
     def update(self, merged: MergedBatch) -> list[tuple[str, float]]:
@@ -97,7 +99,8 @@ class RobotTable(Mapping[str, RobotView]):
         self._views.clear()
         view, forecasts = look_ahead(batch.forecasts, now_s), batch.forecasts
         paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
-        slots = self._slots_of(batch.robots)
+        slots, _ = self._slots.assign(batch.robots)
+        self._grow(len(self._slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
         self._names.update(zip(batch.robots, zip(batch.vendors, batch.names, batch.states, strict=True), strict=True))
         level_before_pct = self._add_levels(batch, slots)
@@ -257,25 +260,12 @@ class RobotTable(Mapping[str, RobotView]):
             self.stops = np.pad(self.stops, ((0, 0), (0, missing)))
         return write_stops(self.stops, slots, floor_numbers, destinations, now_s, view, corrections, self._resources)
 
-    def _slots_of(self, uuids: Sequence[str]) -> Ints:
-        slots = [self._slots.get(uuid, -1) for uuid in uuids]
-        if -1 in slots:
-            slots = [self._slot(uuid) for uuid in uuids]
-        return np.array(slots, np.int64)
-
-    def _slot(self, uuid: str) -> int:
-        slot = self._slots.get(uuid)
-        if slot is None:
-            slot = self._slots[uuid] = self._free.pop() if self._free else len(self.uuids)
-            if slot == len(self.uuids):
-                self.uuids.append(uuid)
-            self.uuids[slot] = uuid
-            if slot >= len(self.records):
-                more = (0, slot + 1)
-                self.records, self.stops = np.pad(self.records, more), np.pad(self.stops, (more, (0, 0)))
-                self._paths = np.pad(self._paths, (more, (0, 0), (0, 0)))
-                self.batteries.make_room(len(self.records))
-        return slot
+    def _grow(self, slots: int) -> None:
+        if slots > len(self.records):
+            more = (0, slots)
+            self.records, self.stops = np.pad(self.records, more), np.pad(self.stops, (more, (0, 0)))
+            self._paths = np.pad(self._paths, (more, (0, 0), (0, 0)))
+            self.batteries.make_room(len(self.records))
 
     def datum(self, floor: int) -> str:
         return self.datums[floor] if floor >= 0 else ""
@@ -292,7 +282,7 @@ class RobotTable(Mapping[str, RobotView]):
         return Outlines(np.array(floors, np.int64), all_m)
 
     def _view(self, uuid: str) -> RobotView:
-        slot = self._slots[uuid]
+        slot = self._slots.by_uuid[uuid]
         record: tuple[Any, ...] = self.records[slot].item()
         *viewed, floor, count = record[: record_kernels.VIEWED_FIELDS]
         stops = tuple(map(self._stop, self.stops[slot, :count].tolist())) if count else ()

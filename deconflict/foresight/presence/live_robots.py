@@ -7,6 +7,7 @@ from math import hypot, inf
 import numba
 import numpy as np
 
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Basis, Batch, Floats, Forecasts, Ints
 from ingest.kernels import kernel
 
@@ -97,36 +98,33 @@ class LiveRobots:
 
     robots: dict[str, LiveRobot] = field(default_factory=dict)
     floors: tuple[str, ...] = ()
-    _uuids: list[str] = field(default_factory=list)
-    """UUID by slot; "" for a free slot."""
-    _free: list[int] = field(default_factory=list)
+    _slots: RobotSlots = field(default_factory=RobotSlots)
     _at: Floats = field(default_factory=lambda: np.empty((0, 5)))
     """(slots, 5) x_m, y_m and floor of the first knot, bottom_m and top_m; nan for a free slot."""
 
     def update(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch. Returns the UUIDs of new robots."""
         self.floors, forecasts = batch.floors, batch.forecasts
-        slots, new = [], []
+        slots, new_rows = self._slots.assign(batch.robots)
+        if len(self._slots) > len(self._at):
+            self._at = np.concatenate([self._at, np.full((max(len(self._slots), 64), self._at.shape[1]), np.nan)])
+        for row in new_rows:
+            uuid = batch.robots[row]
+            self.robots[uuid] = LiveRobot(batch, row, int(slots[row]))
         for row, uuid in enumerate(batch.robots):
-            robot = self.robots.get(uuid)
-            if robot is None:
-                new.append(uuid)
-                robot = self.robots[uuid] = LiveRobot(batch, row, self._new_slot(uuid))
-            else:
-                robot.batch, robot.row, robot.growth_m = batch, row, 0.0
-            slots.append(robot.slot)
+            robot = self.robots[uuid]
+            robot.batch, robot.row, robot.growth_m = batch, row, 0.0
         first = forecasts.start[:-1]
         places = [column[first] for column in (forecasts.x_m, forecasts.y_m, forecasts.floor)]
         self._at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
-        return new
+        return list(dict.fromkeys(batch.robots[row] for row in new_rows))
 
     def remove(self, uuids: Iterable[str]) -> None:
         """Forget robots. Unknown ones are ignored."""
+        uuids = list(uuids)
         for uuid in uuids:
-            robot = self.robots.pop(uuid, None)
-            if robot is not None:
-                self._uuids[robot.slot], self._at[robot.slot] = "", np.nan
-                self._free.append(robot.slot)
+            self.robots.pop(uuid, None)
+        self._at[self._slots.release(uuids)] = np.nan
 
     def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
         """Those of `uuids` that are on the floor, in that order, and their forecasts."""
@@ -137,24 +135,13 @@ class LiveRobots:
         """The UUIDs of a group and of at most `most` other robots, the nearest to any of the group within a distance,
         on its floor and at its height; ascending."""
         slots, away_m = _near(self._at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
-        near = [self._uuids[slot] for slot in slots.tolist()]
+        near = [self._slots.uuids[slot] for slot in slots.tolist()]
         others = [
             (distance_m, uuid) for distance_m, uuid in zip(away_m.tolist(), near, strict=True) if uuid not in group
         ]
         if len(others) > most:
             near = [uuid for _, uuid in sorted(others)[:most]]
         return sorted(group.union(near))
-
-    def _new_slot(self, uuid: str) -> int:
-        if self._free:
-            slot = self._free.pop()
-            self._uuids[slot] = uuid
-            return slot
-        slot = len(self._uuids)
-        self._uuids.append(uuid)
-        if slot == len(self._at):
-            self._at = np.concatenate([self._at, np.full((max(slot, 64), self._at.shape[1]), np.nan)])
-        return slot
 
 
 def _joined(robots: Sequence[LiveRobot]) -> Forecasts:

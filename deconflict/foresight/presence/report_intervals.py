@@ -1,7 +1,6 @@
 """When each robot was last heard, how often it usually reports, and how it moved between its last two reports."""
 
 from collections.abc import Sequence
-from itertools import repeat
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -9,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Floats, Ints
 from ingest.kernels import kernel, ready
 
@@ -113,19 +113,14 @@ class ReportIntervals:
     """Records by slot. Another robot may get the slot of one that was forgotten."""
 
     def __init__(self) -> None:
-        self.slots: dict[str, int] = {}
-        self.names: list[str] = []
-        """UUID by slot; "" for a free slot."""
+        self.slots = RobotSlots()
         self.heard: Heard = np.zeros(0, HEARD)
-        self._spare: list[int] = []
 
     def add_batch(self, batch: Batch) -> tuple[Legs, list[int]]:
         """Add a batch. Returns the legs of the robots that have reported anew, and the rows of the robots that were
         unknown."""
-        slots = np.fromiter(map(self.slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
-        new = np.flatnonzero(slots < 0).tolist()
-        for row in new:
-            slots[row] = self._new_slot(batch.robots[row])
+        slots, new = self.slots.assign(batch.robots)
+        self._grow(len(self.slots))
         f = batch.forecasts
         places = ready(f.x_m), ready(f.y_m), ready(f.yaw_rad), ready(f.floor, np.int64)
         counts = ready(batch.statuses, np.int64), ready(f.start, np.int64)
@@ -134,48 +129,34 @@ class ReportIntervals:
 
     def overdue(self, now_s: float) -> list[str]:
         """The robots that may be silent by now, and are not known to be silent."""
-        return [self.names[slot] for slot in np.flatnonzero(self.heard["due_s"] <= now_s).tolist()]
+        return [self.slots.uuids[slot] for slot in np.flatnonzero(self.heard["due_s"] <= now_s).tolist()]
 
     def set_due(self, uuid: str, at_s: float) -> None:
         """A robot can't be silent before `at_s`; inf for a robot that is silent, until it reports."""
-        self.heard["due_s"][self.slots[uuid]] = at_s
+        self.heard["due_s"][self.slots.by_uuid[uuid]] = at_s
 
     def forget(self, uuid: str) -> bool:
         """Forget a robot. Returns whether it was known."""
-        slot = self.slots.pop(uuid, None)
-        if slot is None:
-            return False
-        self.heard[slot], self.names[slot] = _NOBODY, ""
-        self._spare.append(slot)
-        return True
+        slots = self.slots.release([uuid])
+        self.heard[slots] = _NOBODY
+        return bool(len(slots))
 
     def heard_s(self, uuid: str) -> float:
         """When a robot was last heard."""
-        return float(self.heard["arrival_s"][self.slots[uuid]])
+        return float(self.heard["arrival_s"][self.slots.by_uuid[uuid]])
 
     def moved(self, uuid: str) -> bool | None:
         """Whether a robot moved between its last two reports; None if it has sent only one."""
-        record = self.heard[self.slots[uuid]]
+        record = self.heard[self.slots.by_uuid[uuid]]
         return None if record["reports"] < 2 else not record["stood"]
 
     def grace_s(self, uuid: str) -> float:
         """How long a robot may say nothing before it counts as silent."""
-        return grace_s(self.heard[self.slots[uuid]])
+        return grace_s(self.heard[self.slots.by_uuid[uuid]])
 
-    def _new_slot(self, uuid: str) -> int:
-        """The slot of a robot, a new one if it has none: a batch may hold a new robot twice."""
-        if uuid in self.slots:
-            return self.slots[uuid]
-        if self._spare:
-            slot = self._spare.pop()
-            self.names[slot] = uuid
-        else:
-            slot = len(self.names)
-            self.names.append(uuid)
-            if slot == len(self.heard):
-                self.heard = np.concatenate([self.heard, np.full(max(slot, 64), _NOBODY)])
-        self.slots[uuid] = slot
-        return slot
+    def _grow(self, slots: int) -> None:
+        if slots > len(self.heard):
+            self.heard = np.concatenate([self.heard, np.full(max(slots, 64), _NOBODY)])
 
 
 def grace_s(record: np.void) -> float:

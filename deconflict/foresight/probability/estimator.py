@@ -265,7 +265,7 @@ class ProbabilityEstimator:
 
     def robots_following_advice(self, now_s: float) -> list[str]:
         """UUIDs of the robots that wait as advised, by their newest reports."""
-        return sorted(self._robots.names[slot] for slot in self._followers.waiting(now_s - JOINED_S).tolist())
+        return sorted(self._robots.uuids[slot] for slot in self._followers.waiting(now_s - JOINED_S).tolist())
 
     def is_standing(self, uuid: str) -> bool:
         """Whether a robot stands, by its forecast or by its reports. False for an unknown robot."""

@@ -1,13 +1,13 @@
 """The robots that the estimator knows: a slot for each, and what is known of it, in columns."""
 
 from collections.abc import Iterable
-from itertools import repeat
 
 import numpy as np
 
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 
 COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "vendor", "absence", "key"
@@ -18,9 +18,7 @@ class TrackedRobots:
     """Columns by slot, with spare slots. A robot keeps its slot until it is removed; another robot may then get it."""
 
     def __init__(self) -> None:
-        self.slots: dict[str, int] = {}
-        self.names: list[str] = []
-        """UUID by slot."""
+        self._slots = RobotSlots()
         self.vendor_numbers: dict[str, int] = {}
         self.is_used = np.zeros(0, np.bool_)
         """Whether a robot has the slot."""
@@ -39,20 +37,29 @@ class TrackedRobots:
         """Probability that the robot is silent because it is absent."""
         self.key = np.zeros(0, np.int64)
         """See `start_samples.key_of`."""
-        self._spare: list[int] = []
-        self._is_rank_stale = False
 
     def __len__(self) -> int:
-        """Slots, free ones included."""
+        """Slots, free and spare ones included."""
         return len(self.records)
+
+    @property
+    def slots(self) -> dict[str, int]:
+        """By UUID."""
+        return self._slots.by_uuid
+
+    @property
+    def uuids(self) -> list[str]:
+        """By slot; "" for a free slot."""
+        return self._slots.uuids
 
     def add(self, batch: Batch) -> Ints:
         """(n,) the slots of the robots of a batch. Robots that are not known get one."""
-        slots = np.fromiter(map(self.slots.get, batch.robots, repeat(-1)), np.int64, len(batch))
-        for row in np.flatnonzero(slots < 0).tolist():
-            slots[row] = self._new_slot(batch.robots[row])
-        if self._is_rank_stale:
-            self._is_rank_stale = False
+        slots, new = self._slots.assign(batch.robots)
+        if len(self._slots) > len(self):
+            self._grow(max(2 * len(self._slots), 16))
+        for row in new:
+            self.is_used[slots[row]], self.key[slots[row]] = True, key_of(batch.robots[row])
+        if new:
             self.rank[[self.slots[name] for name in sorted(self.slots)]] = np.arange(len(self.slots))
         return slots
 
@@ -65,8 +72,7 @@ class TrackedRobots:
 
     def remove(self, uuids: Iterable[str]) -> Ints:
         """Free the slots of robots that have left; (n,) the slots."""
-        slots = np.array([self.slots.pop(uuid) for uuid in uuids if uuid in self.slots], np.int64)
-        self._spare.extend(slots.tolist())
+        slots = self._slots.release(uuids)
         self.is_used[slots] = self.has_news[slots] = False
         self.records["surprise"][slots] = self.absence[slots] = 0.0
         self.records["stood_since_s"][slots] = np.inf
@@ -94,7 +100,7 @@ class TrackedRobots:
 
     def pair_names(self, code: Ints) -> list[Pair]:
         """The UUIDs of each pair of `code` (p,)."""
-        name_of, (a, b) = self.names.__getitem__, slots_of(code)
+        name_of, (a, b) = self.uuids.__getitem__, slots_of(code)
         return list(zip(map(name_of, a.tolist()), map(name_of, b.tolist()), strict=True))
 
     def pair_vendors(self, code: Ints) -> Ints:
@@ -107,22 +113,6 @@ class TrackedRobots:
         a, b = slots_of(code)
         both: Floats = (1.0 - self.absence[a]) * (1.0 - self.absence[b])
         return both
-
-    def _new_slot(self, uuid: str) -> int:
-        """The slot of a robot, a new one if it has none: a batch may hold a new robot twice."""
-        if uuid in self.slots:
-            return self.slots[uuid]
-        if self._spare:
-            slot = self._spare.pop()
-            self.names[slot] = uuid
-        else:
-            slot = len(self.names)
-            self.names.append(uuid)
-            if slot >= len(self):
-                self._grow(max(2 * slot, 16))
-        self.slots[uuid], self.is_used[slot], self.key[slot] = slot, True, key_of(uuid)
-        self._is_rank_stale = True
-        return slot
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self)

@@ -78,6 +78,6 @@ def test_the_slot_of_a_forgotten_robot_is_reused() -> None:
     watch.now_s = 1.0
     watch.say("C", 5.0)
     intervals.add_batch(watch.fleet.next_batch(NOW_S + 1.0))
-    assert intervals.slots[robot("C")] != intervals.slots[robot("B")]
-    assert [intervals.names[intervals.slots[robot(name)]] for name in "BC"] == [robot("B"), robot("C")]
+    assert intervals.slots.by_uuid[robot("C")] != intervals.slots.by_uuid[robot("B")]
+    assert [intervals.slots.uuids[intervals.slots.by_uuid[robot(name)]] for name in "BC"] == [robot("B"), robot("C")]
     assert intervals.grace_s(robot("C")) == 30.0

@@ -1,0 +1,54 @@
+"""Slots of robots: the row of each robot in arrays that are kept over many batches."""
+
+from collections.abc import Iterable, Sequence
+from itertools import repeat
+
+import numpy as np
+
+from ingest.batch import Ints
+
+
+class RobotSlots:
+    """A robot keeps its slot until it leaves. The next new robot gets the slot that was freed last."""
+
+    def __init__(self) -> None:
+        self.by_uuid: dict[str, int] = {}
+        self.uuids: list[str] = []
+        """By slot; "" for a free slot."""
+        self._free: list[int] = []
+
+    def __len__(self) -> int:
+        """Slots, free ones included."""
+        return len(self.uuids)
+
+    def find(self, uuids: Sequence[str]) -> Ints:
+        """(n,) the slot of each robot; -1 for a robot that has none."""
+        return np.fromiter(map(self.by_uuid.get, uuids, repeat(-1)), np.int64, len(uuids))
+
+    def assign(self, uuids: Sequence[str]) -> tuple[Ints, list[int]]:
+        """(n,) the slot of each robot, and the rows of the robots that had none. A robot may stand in `uuids` twice."""
+        slots = self.find(uuids)
+        new = np.flatnonzero(slots < 0).tolist()
+        for row in new:
+            slots[row] = self._new_slot(uuids[row])
+        return slots, new
+
+    def release(self, uuids: Iterable[str]) -> Ints:
+        """(n,) the slots that robots leave. Robots that have none are ignored."""
+        slots = [self.by_uuid.pop(uuid) for uuid in uuids if uuid in self.by_uuid]
+        for slot in slots:
+            self.uuids[slot] = ""
+        self._free += slots
+        return np.array(slots, np.int64)
+
+    def _new_slot(self, uuid: str) -> int:
+        if uuid in self.by_uuid:
+            return self.by_uuid[uuid]
+        if self._free:
+            slot = self._free.pop()
+            self.uuids[slot] = uuid
+        else:
+            slot = len(self.uuids)
+            self.uuids.append(uuid)
+        self.by_uuid[uuid] = slot
+        return slot
