@@ -12,7 +12,7 @@ from operator import add
 import numpy as np
 
 from benchmarks.floors import NOW_S, crowd
-from deconflict.cluster.tiles.channels import EVERY, ChannelSorter, RobotExtents, reach_m
+from deconflict.cluster.tiles.tile_channels import EVERY, ChannelSorter, RobotExtents, reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.settings.site import Conflict

@@ -14,7 +14,7 @@ These files decide, in this order:
 
 1. `watched_pair_kernels`, through `watched_pairs`, finds for all pairs at once what may need a revision.
 2. This file turns each finding into a revision, or into none.
-3. `revision_rules` says how severe a conflict is and whether a change is worth a revision.
+3. `severity` says how severe a conflict is. `revision_rules` says whether a change is worth a revision.
 4. `conflict_wording` fills the fields and writes the text.
 """
 
@@ -28,6 +28,7 @@ from deconflict.advisories import conflict_wording, revision_rules
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.conflict_wording import MeetingPlace
+from deconflict.advisories.severity import rises, severity_of
 from deconflict.advisories.watched_pair_kernels import CLEAR_STILL, MAY_CLEAR, RAISE, UPDATE_PROBABILITY
 from deconflict.advisories.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
@@ -189,7 +190,7 @@ class ConflictLifecycle:
         self.ordinals[watched.pair] = self.ordinals.get(watched.pair, 0) + 1
         if not all(map(scene.is_present, watched.pair)):
             return None
-        return Candidate(watched, prediction, revision_rules.severity_of(prediction, now_s, None, self.settings))
+        return Candidate(watched, prediction, severity_of(prediction, now_s, None, self.settings))
 
     def _update(
         self, watched: WatchedPair, prediction: Prediction, now_s: float, scene: ConflictScene
@@ -199,9 +200,9 @@ class ConflictLifecycle:
             return None
         if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
             return self._update_probability(watched, prediction.probability, now_s)
-        severity = revision_rules.severity_of(prediction, now_s, before.severity, self.settings)
+        severity = severity_of(prediction, now_s, before.severity, self.settings)
         next_s = revision_rules.next_revision_s(before)
-        if now_s < next_s and not revision_rules.rises(severity, before.severity):
+        if now_s < next_s and not rises(severity, before.severity):
             self.pairs.set_weighed(watched, revision_rules.weighed(prediction, now_s, self.settings, next_s))
             return None
         return Candidate(watched, prediction, severity) if all(map(scene.is_present, watched.pair)) else None

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 from uuid import uuid5
 
-from deconflict.advisories import revision_rules
 from deconflict.advisories.conflict_wording import ADVISORIES
+from deconflict.advisories.severity import rises
 from deconflict.advisory import (
     AdvisoryState,
     BlockageAdvisory,
@@ -179,7 +179,7 @@ def _updated(
     before: FindingAdvisory, finding: Finding, now_s: float, name_vendor: NameVendor
 ) -> FindingAdvisory | None:
     """The next revision; None if the finding differs too little, or it is too soon."""
-    is_worse = revision_rules.rises(finding.severity, before.severity)
+    is_worse = rises(finding.severity, before.severity)
     advice = finding.recommendation
     is_other_advice = advice is not None and advice is not before.recommendation
     is_other_order = is_other_advice and _order(advice) != _order(before.recommendation)

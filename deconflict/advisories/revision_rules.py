@@ -1,20 +1,18 @@
-"""When a new prediction is worth a revision of a conflict advisory, and how severe the conflict is.
+"""When a new prediction is worth a revision of a conflict advisory.
 
-`conflict_lifecycle` asks these rules for the few pairs that `watched_pair_kernels` finds. The kernels compile
-`severity_level` and `next_severity_change_s` and use the same thresholds: a prediction that they leave alone is no
-news by `is_news`.
+`conflict_lifecycle` asks these rules for the few pairs that `watched_pair_kernels` finds. The kernels use the same
+thresholds: a prediction that they leave alone is no news by `is_news`.
 """
 
-from math import hypot, inf
+from math import hypot
 from typing import NamedTuple
 
 from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisories.severity import SLACK_S, SURE, next_severity_change_s
 from deconflict.advisory import ConflictAdvisory, Recommendation, Severity, moment
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 
-SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
-"""In ascending order."""
 MOVED_S, MOVED_M, DEEPER_M = 0.75, 1.0, 0.15
 """A larger change of the predicted time, place or separation is worth a revision."""
 LIKELIER = 0.15
@@ -25,10 +23,6 @@ UPDATE_GAP_S = 1.0
 """Shortest time between two revisions, unless severity rises."""
 FADES_S = 1.0
 """After a conflict has been unlikely for so long, its advisory is updated to the low probability."""
-SURE = 0.8
-"""A less likely conflict is one level less severe, and raises an advisory only if the forecasts meet as they stand."""
-SLACK_S = 1.0
-"""A severity falls only once the time to the conflict is so much longer than its bound."""
 HELD_SHARE = 0.15
 """An advisory stands until its probability is below this share of `raise_probability`."""
 
@@ -65,45 +59,6 @@ def is_likelier(before: ConflictAdvisory, probability: float) -> bool:
 def next_revision_s(advisory: ConflictAdvisory) -> float:
     """When the next revision may be made, unless severity rises."""
     return advisory.updated_at.timestamp() + UPDATE_GAP_S
-
-
-def severity_level(time_s: float, is_shallow: bool, warning_s: float, critical_s: float) -> int:
-    """The severity of a conflict `time_s` ahead, as an index in `SEVERITIES`; one lower if shallow."""
-    return max((time_s <= warning_s) + (time_s <= critical_s) - is_shallow, 0)
-
-
-def next_severity_change_s(
-    contact_s: float, now_s: float, warning_s: float, critical_s: float, slack_s: float
-) -> float:
-    """When time alone next changes the severity of a conflict at `contact_s`; inf if it does not."""
-    change_s = inf
-    for bound_s in (warning_s, critical_s):
-        for grown_s in (slack_s, 0.0):
-            at_s = contact_s - bound_s - grown_s
-            if at_s > now_s:
-                change_s = min(change_s, at_s)
-    return change_s
-
-
-def severity_of(prediction: Prediction, now_s: float, before: Severity | None, settings: Conflict) -> Severity:
-    """The severity by time to conflict.
-
-    One level lower if more than half the clearance is left, or if the conflict is less likely than `SURE`. A severity
-    falls only once the time has grown by `SLACK_S` beyond its bound.
-    """
-    time_s = prediction.contact_s - now_s
-    is_shallow = prediction.separation_m > settings.clearance_m / 2 or prediction.probability < SURE
-
-    def level(slack_s: float) -> int:
-        bounds_s = settings.warning_s + slack_s, settings.critical_s + slack_s
-        return severity_level(time_s, is_shallow, *bounds_s)
-
-    least = level(0.0)
-    return SEVERITIES[least if before is None else max(least, min(SEVERITIES.index(before), level(SLACK_S)))]
-
-
-def rises(severity: Severity, before: Severity) -> bool:
-    return SEVERITIES.index(severity) > SEVERITIES.index(before)
 
 
 def weighed(prediction: Prediction, now_s: float, settings: Conflict, until_s: float) -> Weighed:

@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.advisories.revision_rules import next_severity_change_s, severity_level
+from deconflict.advisories.severity import next_severity_change_s, severity_level
 from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
 from ingest.batch import Bools, Floats, Ints

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from deconflict.advisories import revision_rules
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
-from deconflict.advisories.revision_rules import SEVERITIES, Weighed
+from deconflict.advisories.revision_rules import Weighed
+from deconflict.advisories.severity import SEVERITIES, SLACK_S, SURE
 from deconflict.advisories.watched_pair_kernels import (
     FORGET,
     UPDATE_IF_MOVED,
@@ -242,7 +243,7 @@ def _thresholds(settings: Conflict) -> NDArray[Any]:
         "touching_m": TOUCHING_M,
         "raise_probability": settings.raise_probability,
         "held_probability": revision_rules.held_probability(settings),
-        "sure": revision_rules.SURE,
+        "sure": SURE,
         "evident": settings.evident_probability,
         "left_probability": PROBABLY_LEFT,
         "urgent_s": settings.urgent_s,
@@ -250,7 +251,7 @@ def _thresholds(settings: Conflict) -> NDArray[Any]:
         "fades_s": revision_rules.FADES_S,
         "warning_s": settings.warning_s,
         "critical_s": settings.critical_s,
-        "slack_s": revision_rules.SLACK_S,
+        "slack_s": SLACK_S,
         "gap_s": revision_rules.UPDATE_GAP_S,
         "likelier": revision_rules.LIKELIER - ROUNDED,
         "moved_s": revision_rules.MOVED_S - ROUNDED,

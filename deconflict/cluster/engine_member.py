@@ -23,10 +23,10 @@ from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.nats.tasks import beat_repeatedly, open_bus, run_until
-from deconflict.cluster.tiles.channels import reach_m
+from deconflict.cluster.tiles.tile_channels import reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine

@@ -12,7 +12,7 @@ import numpy as np
 
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.channels import EVERY, FloorNumbers, outdated
+from deconflict.cluster.tiles.tile_channels import EVERY, FloorNumbers, outdated
 from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.runtime.rpc import Handler, LinkDownError
 from ingest.batch import Batch

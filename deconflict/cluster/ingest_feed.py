@@ -7,10 +7,10 @@ from uuid import uuid4
 
 from deconflict.cluster.identity_exchange import IdentityExchange
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.nats.tasks import BEAT_EVERY_S, beat_repeatedly, open_bus, run_until
-from deconflict.cluster.tiles.channels import ChannelSorter, parcels_of, reach_m
+from deconflict.cluster.tiles.tile_channels import ChannelSorter, parcels_of, reach_m
 from deconflict.cluster.tiles.tiles import Grid
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError

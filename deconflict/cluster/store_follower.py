@@ -13,9 +13,9 @@ from deconflict.advisory import Acknowledgement
 from deconflict.cluster.ingest_calls import IngestCalls
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.nats.tasks import beat_repeatedly, open_bus, run_until
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 
 from deconflict.advice.async_answers import AsyncAnswers, Submit
-from deconflict.advice.burden import Burden
 from deconflict.advice.delay_windows import NearbyRobots, PlannedRobot
-from deconflict.advice.hold_desk import MOST_NEAR, NEAR_M, HoldDesk
+from deconflict.advice.hold_requests import MOST_NEAR, NEAR_M, HoldDesk
 from deconflict.advice.priorities import Priorities
+from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from deconflict.contention.queues.queue_advice import QueueAdvice

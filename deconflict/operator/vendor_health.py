@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from deconflict.foresight.forecast_errors.grades import in_words
+from deconflict.foresight.forecast_errors.forecast_grades import in_words
 from deconflict.operator.vendor_models import Flag, VendorHealth
 from ingest.measures import clock_changes
 from ingest.measures.measures import Labels, joined_values

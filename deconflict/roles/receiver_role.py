@@ -20,8 +20,8 @@ from deconflict.settings.site import Site
 from ingest.clocks import SteadyClock
 from ingest.fleet import fleet_report
 from ingest.fleet.introductions import Introduction
+from ingest.fleet.log_recovery import recover
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.recovery import recover
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

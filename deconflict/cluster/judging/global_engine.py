@@ -21,7 +21,7 @@ from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.channels import EVERY
+from deconflict.cluster.tiles.tile_channels import EVERY
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
 from deconflict.settings.site import Site
 from ingest.batch import Batch

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from deconflict.advice.async_answers import AsyncAnswers, Submit, answer_at_once
-from deconflict.advice.burden import Burden
 from deconflict.advice.priorities import Priorities
+from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.advisory_counts import count_by_severity, count_revisions, set_open_count
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import ClaimAdvisory
 from deconflict.cluster.judging.cross_ingest_claims import CrossIngestClaims
-from deconflict.cluster.tiles.channels import FloorNumbers, outdated
+from deconflict.cluster.tiles.tile_channels import FloorNumbers, outdated
 from deconflict.contention.contention import Contention
 from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.engine.claim_lifecycle import ClaimLifecycle

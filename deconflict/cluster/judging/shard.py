@@ -23,7 +23,7 @@ from deconflict.advisories.advisory_counts import (
     set_open_count,
 )
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from deconflict.cluster.tiles.channels import GONE, FloorNumbers, RobotExtents, channel, outdated, wide_channel
+from deconflict.cluster.tiles.tile_channels import GONE, FloorNumbers, RobotExtents, channel, outdated, wide_channel
 from deconflict.cluster.tiles.tiles import Area, FloorPosition, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES

@@ -10,7 +10,7 @@ from nats.aio.msg import Msg
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.shared_state import SharedState
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS, MOST_PENDING_BYTES, MOST_PENDING_MESSAGES
-from deconflict.cluster.tiles.channels import MOST_BYTES
+from deconflict.cluster.tiles.tile_channels import MOST_BYTES
 
 
 class IngestRequests:

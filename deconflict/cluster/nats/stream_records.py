@@ -8,7 +8,7 @@ from uuid import uuid5
 from deconflict.advisories.conflict_wording import ADVISORIES
 from deconflict.advisories.finding_lifecycle import finding_key
 from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
-from deconflict.cluster.tiles.channels import subject_token
+from deconflict.cluster.tiles.tile_channels import subject_token
 from deconflict.cluster.tiles.tiles import FloorPosition
 
 

@@ -6,8 +6,8 @@ from functools import partial
 from math import inf
 
 from deconflict.advice.async_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
-from deconflict.advice.burden import Burden
 from deconflict.advice.priorities import USUAL
+from deconflict.advice.vendor_burden import Burden
 from deconflict.advisory import Recommendation
 from deconflict.contention.queues.place_group import PlaceQueue
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast, ServiceRequest

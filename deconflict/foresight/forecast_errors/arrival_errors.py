@@ -5,7 +5,7 @@ Errors are counted by size, so that memory is bounded. Old errors fade as in the
 
 import numpy as np
 
-from deconflict.foresight.forecast_errors.ledger import HALF_LIFE_S
+from deconflict.foresight.forecast_errors.error_ledger import HALF_LIFE_S
 from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins, quantiles
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
 from ingest.batch import Floats

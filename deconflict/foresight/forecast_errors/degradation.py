@@ -10,8 +10,8 @@ from math import exp, inf, log
 import numba
 import numpy as np
 
-from deconflict.foresight.forecast_errors.grades import GRADED_S
-from deconflict.foresight.forecast_errors.ledger import ForecastKind
+from deconflict.foresight.forecast_errors.error_ledger import ForecastKind
+from deconflict.foresight.forecast_errors.forecast_grades import GRADED_S
 from deconflict.foresight.forecast_errors.quantile_sketch import BINS, quantiles
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.runtime.learned_state import Part, UnreadableError

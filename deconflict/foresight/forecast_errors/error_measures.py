@@ -1,7 +1,7 @@
 """Metrics of the ledger by vendor: sizes of errors, coverage of the bands, and the grade."""
 
-from deconflict.foresight.forecast_errors.grades import FEWEST_CASES, GRADED_S, grade
-from deconflict.foresight.forecast_errors.ledger import RADIAL, SHARES, Ledger
+from deconflict.foresight.forecast_errors.error_ledger import RADIAL, SHARES, Ledger
+from deconflict.foresight.forecast_errors.forecast_grades import FEWEST_CASES, GRADED_S, grade
 from deconflict.foresight.forecast_errors.quantile_sketch import quantiles
 from ingest.measures.measures import Measures
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.forecast_errors import candidate_pairs, track_kernels
-from deconflict.foresight.forecast_errors.ledger import HORIZONS
+from deconflict.foresight.forecast_errors.error_ledger import HORIZONS
 from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.forecast_errors.quantile_sketch import LIMITS_M
 from deconflict.foresight.forecast_errors.track_kernels import Errors, Robots

@@ -12,8 +12,8 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from deconflict.foresight.forecast_errors.degradation import DegradationDetector
+from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.forecast_errors.error_measures import measure
-from deconflict.foresight.forecast_errors.ledger import Ledger
 from deconflict.foresight.forecast_errors.pending_forecasts import JOINED_S, PendingForecasts, ReportedTracks
 from deconflict.foresight.forecast_errors.self_contradiction import blank_records, compare_with_stated_ways, straight_on
 from deconflict.foresight.forecast_errors.track_kernels import Errors

@@ -10,7 +10,7 @@ from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.runtime.worker_process import worker_pool
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
-from ingest.fleet.recovery import recover
+from ingest.fleet.log_recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import begun_s, segments, segments_until
 

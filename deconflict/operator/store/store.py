@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import RLock
 from typing import Literal
 
-from deconflict.advice.burden import yielded_s
+from deconflict.advice.vendor_burden import yielded_s
 from deconflict.advisory import Acknowledgement, AnyAdvisory, ConflictAdvisory, Listing
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, closing
 from datetime import datetime
 from pathlib import Path
 
-from deconflict.advice.burden import yielded_s
+from deconflict.advice.vendor_burden import yielded_s
 from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
 

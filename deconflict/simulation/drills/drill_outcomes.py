@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from deconflict.advisories.revision_rules import SEVERITIES
+from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
 from deconflict.simulation.drills.drill_scripts import Drill, Stage
 

@@ -18,7 +18,7 @@ from deconflict.advisory import ADVISORY, AnyAdvisory
 from deconflict.cluster.engine_member import LISTEN_S
 from deconflict.cluster.ingest_feed import IngestFeed
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.tasks import open_bus
+from deconflict.cluster.nats.nats_tasks import open_bus
 from deconflict.cluster.store_follower import StoreFollower
 from deconflict.cluster.tiles.tile_owners import OwnerTable
 from deconflict.cluster.tiles.tiles import FloorPosition

@@ -8,7 +8,7 @@ from numpy.random import Generator
 
 from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
-from deconflict.cluster.tiles.channels import ChannelSorter, FloorNumbers, reach_m
+from deconflict.cluster.tiles.tile_channels import ChannelSorter, FloorNumbers, reach_m
 from deconflict.cluster.tiles.tiles import FloorPosition, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict, Site

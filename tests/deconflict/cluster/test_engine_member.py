@@ -9,7 +9,7 @@ from typing import Any
 
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.tasks import end_tasks, open_bus
+from deconflict.cluster.nats.nats_tasks import end_tasks, open_bus
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE, write
 from deconflict.settings.site import Site

@@ -12,7 +12,7 @@ from websockets.asyncio.client import connect
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet import fleet_report
-from ingest.fleet.recovery import recover
+from ingest.fleet.log_recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import segments
 from ingest.settings import Reading

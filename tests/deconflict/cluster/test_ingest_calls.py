@@ -12,8 +12,8 @@ import httpx
 from websockets.asyncio.client import connect
 
 from deconflict.cluster.ingest_calls import IngestCalls
-from deconflict.cluster.nats.tasks import open_bus
-from deconflict.cluster.tiles.channels import EVERY
+from deconflict.cluster.nats.nats_tasks import open_bus
+from deconflict.cluster.tiles.tile_channels import EVERY
 from deconflict.settings.cluster_settings import Cluster
 from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server, until
 from tests.deconflict.roles.made_service import drive

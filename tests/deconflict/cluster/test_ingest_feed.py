@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from deconflict.cluster.nats.tasks import run_until
+from deconflict.cluster.nats.nats_tasks import run_until
 from tests.helpers.patience import PATIENCE_S
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from websockets.asyncio.client import connect
 
-from deconflict.advisories.revision_rules import SURE
+from deconflict.advisories.severity import SURE
 from deconflict.advisory import AdvisoryState
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site

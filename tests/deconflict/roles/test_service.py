@@ -12,7 +12,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
-from deconflict.advice import hold_desk
+from deconflict.advice import hold_requests
 from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import EngineSettings
@@ -49,7 +49,7 @@ async def test_crossing_robots_have_an_advisory_from_raised_to_cleared(tmp_path:
 
 
 async def test_conflicts_are_published_even_if_advice_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hold_desk, "advise_holds", broken)
+    monkeypatch.setattr(hold_requests, "advise_holds", broken)
     async with running(tmp_path) as service:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
         ended = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)

@@ -14,9 +14,9 @@ from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.judging.global_engine import GlobalEngine
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_tasks import end_tasks
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
-from deconflict.cluster.nats.tasks import end_tasks
-from deconflict.cluster.tiles.channels import EVERY
+from deconflict.cluster.tiles.tile_channels import EVERY
 from ingest.measures.measures import joined_values
 from ingest.port.connection import Connection
 from tests.deconflict.cluster.judging.made_fleet import fleet

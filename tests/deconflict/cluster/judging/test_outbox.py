@@ -8,7 +8,7 @@ import pytest
 from deconflict.cluster.judging import outbox
 from deconflict.cluster.judging.outbox import Outbox, UnwrittenError
 from deconflict.cluster.judging.stream_writer import StreamWriter
-from deconflict.cluster.nats.tasks import end_tasks
+from deconflict.cluster.nats.nats_tasks import end_tasks
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S

@@ -4,8 +4,8 @@ import asyncio
 from pathlib import Path
 
 from deconflict.cluster.judging.stream_writer import StreamWriter
+from deconflict.cluster.nats.nats_tasks import end_tasks
 from deconflict.cluster.nats.stream_records import key_of
-from deconflict.cluster.nats.tasks import end_tasks
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
 from tests.helpers.made_advisories import cleared, made
 

@@ -15,11 +15,11 @@ from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_tasks import end_tasks, open_bus
 from deconflict.cluster.nats.revision_stream import OverruledError
 from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.stream_records import key_of
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS, since_lately
-from deconflict.cluster.nats.tasks import end_tasks, open_bus
 from deconflict.cluster.tiles.tiles import Tile
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.forecast_errors.arrival_errors import ArrivalErrors
-from deconflict.foresight.forecast_errors.ledger import HALF_LIFE_S
+from deconflict.foresight.forecast_errors.error_ledger import HALF_LIFE_S
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
 from ingest.batch import Floats
 from ingest.measures.measures import Measures

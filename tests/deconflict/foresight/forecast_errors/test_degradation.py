@@ -5,7 +5,7 @@ import pytest
 from numpy.random import Generator, default_rng
 
 from deconflict.foresight.forecast_errors.degradation import DegradationDetector
-from deconflict.foresight.forecast_errors.ledger import ForecastKind
+from deconflict.foresight.forecast_errors.error_ledger import ForecastKind
 from deconflict.foresight.forecast_errors.track_kernels import Errors
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
 from ingest.batch import Basis

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from deconflict.foresight.forecast_errors.ledger import HORIZONS
+from deconflict.foresight.forecast_errors.error_ledger import HORIZONS
 from deconflict.foresight.forecast_errors.pending_forecasts import (
     TRACK_LOOKS,
     TRACK_S,

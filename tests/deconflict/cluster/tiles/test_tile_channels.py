@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deconflict.cluster.tiles.channels import (
+from deconflict.cluster.tiles.tile_channels import (
     EVERY,
     GONE,
     MOST_BYTES,

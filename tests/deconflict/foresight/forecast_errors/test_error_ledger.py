@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.forecast_errors.ledger import (
+from deconflict.foresight.forecast_errors.error_ledger import (
     HALF_LIFE_S,
     HIGHEST_LEVEL,
     HORIZONS,

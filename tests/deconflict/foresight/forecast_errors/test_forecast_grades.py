@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.forecast_errors.error_measures import measure
-from deconflict.foresight.forecast_errors.grades import FEWEST_CASES, grade
-from deconflict.foresight.forecast_errors.ledger import Ledger
+from deconflict.foresight.forecast_errors.forecast_grades import FEWEST_CASES, grade
 from ingest.batch import Basis
 from ingest.measures.measures import Measures
 from tests.deconflict.foresight.forecast_errors.made_errors import off
