@@ -95,7 +95,10 @@ class Forecasts:
 
 
 def _rows_of_parts(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
-    """For the parts `rows` of those that begin at `start`: where each begins among them, and all their rows."""
+    """Chosen parts of an array of which part i has the rows `start[i]` to `start[i + 1]`.
+
+    `rows` are the numbers of the chosen parts. Returns where each begins once they are joined, and all their rows.
+    """
     counts = np.diff(start)[rows]
     begins = np.concatenate([[0], np.cumsum(counts)])
     return begins, np.repeat(start[rows] - begins[:-1], counts) + np.arange(begins[-1])

@@ -164,7 +164,7 @@ class ReceiverSettings(Section):
     max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
     """The same for one address; a sender that never closes its connections is stopped here."""
     max_messages_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5000.0
-    """A vendor's share, of messages a second; where nothing says whose a connection is, that of its address."""
+    """Messages a second that a vendor may send. If a connection's vendor is not known, its address has this share."""
     tls: Tls | None = None
     """Serve `wss://` with these certificates; plain `ws://` if absent."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)

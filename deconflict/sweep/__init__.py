@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from deconflict.sweep.one_shot import Conflicts, sweep
+    from deconflict.sweep.one_shot import Conflicts, Invalid, sweep
 
-__all__ = ["Conflicts", "sweep"]
+__all__ = ["Conflicts", "Invalid", "sweep"]
 
 
 def __getattr__(name: str) -> Any:

@@ -115,8 +115,8 @@ class Affine(Map):
 class Adjusted(Map):
     """A global fit whose residuals are corrected by triangles of the reference points.
 
-    It is continuous, except where two sides of a notch left by a flat triangle are equally near. A step there is
-    smaller than the change of the correction along the notch.
+    It is continuous except outside the triangles, where a flat triangle was left out and its two other sides are
+    equally near. The step there is smaller than the change of the correction along these sides.
     """
 
     def __init__(self, base: Affine, readings: Floats, residuals: Floats) -> None:

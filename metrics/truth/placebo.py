@@ -85,8 +85,11 @@ class Placebo:
             self._same += found == interaction.other
 
     def figures(self) -> dict[str, Any]:
-        """The number of tested interactions, and the share found again with any robot. The same for interactions whose
-        other robot was at another place a minute before: the share found again with that robot."""
+        """Figures of the test.
+
+        How many interactions were tested, and the share of them that is found again with any robot. Then the same for
+        interactions whose other robot was elsewhere a minute before: how many, and the share found with that robot.
+        """
         return {
             "looked_at": self._looked_at,
             "any_robot": self._any / self._looked_at if self._looked_at else None,

@@ -22,7 +22,7 @@ GONE = "gone"
 EVERY = "every"
 """The channel of all robots of all floors, once each."""
 LEAD_S = 3.0
-"""An engine receives a robot so long before it can matter: as long as the looks that confirm a conflict take."""
+"""An engine receives a robot this long before its conflicts matter: so long do the looks take that confirm one."""
 MOST_BYTES = 1 << 19
 """Largest parcel. By default NATS servers accept messages of up to a mebibyte."""
 BODY_M = 5.0

@@ -121,10 +121,10 @@ def charger_shortages(
     usual_s: Mapping[str, float],
     standing: Iterable[str] = (),
 ) -> list[ChargerShortage]:
-    """Pools that are likely to be full, with robots of which not all have announced that they come.
+    """Pools of chargers that are likely to be full, although some of their robots have not announced that they come.
 
-    `queues` are those of the robots that have, `usual_s` how long robots keep each charger. Pools whose first charger
-    is in `standing` were found short before.
+    `queues` are the queues of the robots that have. `usual_s` is how long robots keep each charger. Pools whose first
+    charger is in `standing` were found short before.
     """
     before = set(standing)
     shortages = (_shortage(pool, needs, queues, geometry, now_s, usual_s, before) for pool in pools(needs, geometry))

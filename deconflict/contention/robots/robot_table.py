@@ -139,9 +139,9 @@ class RobotTable(Mapping[str, RobotView]):
     def _update_places(
         self, batch: Batch, view: Lookahead, paths: PathsAhead, slots: Ints, stale: Ints, level_before_pct: Floats
     ) -> list[tuple[str, float]]:
-        """Compare with the shapes of places what is `stale`; for what it returns see `update`.
+        """Find the places and zones of the robots whose bits in `stale` say so. Returns what `update` returns.
 
-        If a robot is in the batch twice, where it goes is decided by the second row.
+        If a robot is in the batch twice, its second row decides where it goes.
         """
         newest = self.records["row"][slots] == np.arange(len(slots))
         rows = np.flatnonzero(stale & record_kernels.PASSAGES)

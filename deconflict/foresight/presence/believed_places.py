@@ -187,8 +187,10 @@ def _is_joined(legs: Legs) -> Bools:
 
 
 def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats, Floats]:
-    """(n, m) samples as parts of the legs, and x_m, y_m and yaw_rad there; all at the end of a leg whose way is not
-    known."""
+    """Samples along the legs: their parts of the leg, x_m, y_m and yaw_rad, each (n, m).
+
+    If the way of a leg is not known, all its samples are at its end.
+    """
     x_m, y_m, yaw_rad = legs.x_m[leg], legs.y_m[leg], legs.yaw_rad[leg]
     is_joined = _is_joined(legs)[leg][:, None]
     longest_m = float(np.where(is_joined, np.hypot(np.diff(x_m), np.diff(y_m)), 0.0).max())

@@ -61,8 +61,8 @@ AS_WELL = {
     LastSeen.ARRIVED: (LastSeen.ARRIVED, LastSeen.GOING),
     LastSeen.STANDING: (LastSeen.STANDING,),
 }
-"""Of which robots the silences at a place count too, by how the robot was last seen: many robots arrive at the exit by
-which they leave."""
+"""By how a robot was last seen: the silences of which robots say something of its own silence at the same place. Many
+robots arrive at the exit by which they leave."""
 
 
 class FloorPoint(NamedTuple):

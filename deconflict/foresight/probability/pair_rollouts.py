@@ -48,8 +48,8 @@ class PairRollouts:
         self._schedule.forget(slots)
 
     def run_due(self, pairs: Pairs, due: Ints, start_times: StartTimes, now_s: float) -> None:
-        """Drive on together the robots whose turn it is. Set the feature of that in the rows `due` and in those of the
-        robots that were driven on."""
+        """Run the rollout of the robots whose turn it is. Write its feature into the rows `due` of `pairs`, and into
+        the rows of the robots that took part."""
         robots = self._robots
         a, b = slots_of(pairs["code"][needs_rollout(pairs, robots.absence)])
         slots = self._schedule.due(a, b, robots.key, now_s)

@@ -200,12 +200,12 @@ class Watched(Watch):
     def __post_init__(self) -> None:
         super().__post_init__()
         empty = GlobalJudge(SITE).learned()
-        self.commons = GlobalJudge(SITE, learned=empty | self.learned if self.learned else None)
+        self.judge = GlobalJudge(SITE, learned=empty | self.learned if self.learned else None)
         self.told: list[AnyAdvisory] = []
 
     def tick(self, everything: bool = False) -> PresenceChanges:
-        self.commons.receive([self.fleet.next_batch(NOW_S + self.now_s, everything)])
-        self.told += self.commons.advance(NOW_S + self.now_s)
+        self.judge.receive([self.fleet.next_batch(NOW_S + self.now_s, everything)])
+        self.told += self.judge.advance(NOW_S + self.now_s)
         return PresenceChanges()
 
 

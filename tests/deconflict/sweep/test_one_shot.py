@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from deconflict import sweep as package
 from deconflict.sweep import fcl_check, incremental
 from deconflict.sweep.geometry.knots import Knots, Robots
 from deconflict.sweep.one_shot import Invalid, first_contacts, sweep
@@ -324,3 +325,11 @@ def test_the_number_of_processes_makes_no_difference() -> None:
     assert len(whole) > 50
     assert all(share.items() <= whole.items() for share in told)
     assert {pair: row for share in told for pair, row in share.items()} == whole
+
+
+def test_the_package_offers_the_sweep_and_what_it_returns() -> None:
+    conflicts = package.sweep(Forecasts.empty(), now_s=NOW_S, clearance_m=0.3)
+    assert isinstance(conflicts, package.Conflicts)
+    assert package.Invalid is Invalid
+    with pytest.raises(AttributeError, match="no attribute 'swept'"):
+        package.swept  # noqa: B018

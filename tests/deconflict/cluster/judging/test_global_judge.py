@@ -45,17 +45,17 @@ def others(told: list[AnyAdvisory]) -> list[FindingAdvisory]:
 
 
 def test_the_judge_publishes_what_a_single_machine_does_whichever_ingest_a_robot_uses() -> None:
-    floor, engine, commons = Floor(scripts()), Engine(SITE), GlobalJudge(SITE)
+    floor, engine, judge = Floor(scripts()), Engine(SITE), GlobalJudge(SITE)
     counted: Counter[tuple[str, str]] = Counter()
     for tick in range(TICKS * 70):
         whole, shared = floor.tick(tick)
         engine.receive(whole)
-        commons.receive([Batch.from_bytes(one.to_bytes()) for one in shared])
+        judge.receive([Batch.from_bytes(one.to_bytes()) for one in shared])
         told = others(engine.step(NOW_S + tick / TICKS))
-        assert commons.advance(NOW_S + tick / TICKS) == told
+        assert judge.advance(NOW_S + tick / TICKS) == told
         counted.update((one.kind, one.state.value) for one in told)
     assert {("deadlock", "raised"), ("contention", "raised"), ("deadlock", "cleared")} <= counted.keys()
-    assert commons.measures.values["deconflict_advisories_total"] == counted
+    assert judge.measures.values["deconflict_advisories_total"] == counted
 
 
 def test_a_new_judge_continues_open_advisories_and_adopts_the_decisions_of_others() -> None:
@@ -68,11 +68,11 @@ def test_a_new_judge_continues_open_advisories_and_adopts_the_decisions_of_other
             assert {one.kind for one in first.open()} == {"deadlock", "contention"}
             second = GlobalJudge(SITE, first.open())
             second.receive([part.snapshot(now_s) for part in floor.parts])
-        commons = first if tick < TICKS * 8 else second
-        commons.receive(shared)
-        fresh = commons.advance(now_s)
+        judge = first if tick < TICKS * 8 else second
+        judge.receive(shared)
+        fresh = judge.advance(now_s)
         for one in fresh:
-            commons.adopt(one)
+            judge.adopt(one)
         told += fresh
     lives: dict[str, list[FindingAdvisory]] = {}
     for one in told:
@@ -102,14 +102,14 @@ def test_an_overruling_revision_replaces_its_own() -> None:
 
 def claimed(at: dict[int, list[bytes]], seconds: float) -> list[ClaimAdvisory]:
     """What two ingests come to where every second each hears what it is given, as of its start."""
-    commons, fleets, told = GlobalJudge(SITE), (fleet(), fleet()), []
+    judge, fleets, told = GlobalJudge(SITE), (fleet(), fleet()), []
     for tick in range(round(TICKS * seconds)):
         now_s = NOW_S + tick / TICKS
         for number, said in at.items():
             for raw in said if tick % TICKS == number else ():
                 fleets[number].receive(raw, now_s, Connection(1))
-        commons.receive([fleet.next_batch(now_s) for fleet in fleets])
-        told += commons.advance(now_s)
+        judge.receive([fleet.next_batch(now_s) for fleet in fleets])
+        told += judge.advance(now_s)
     return [one for one in told if isinstance(one, ClaimAdvisory)]
 
 
@@ -137,14 +137,14 @@ def test_a_robot_in_two_places_at_two_ingests_is_a_claim() -> None:
 
 
 def test_a_claim_of_one_ingest_stands_as_long_as_at_the_ingest() -> None:
-    ingest, commons, told = fleet(), GlobalJudge(SITE), []
+    ingest, judge, told = fleet(), GlobalJudge(SITE), []
     owner, other = Connection(1, vendor="Alder"), Connection(2, vendor="Mallory")
     ingest.receive(identity("A", NOW_S), NOW_S, owner)
     ingest.receive(status("A", NOW_S), NOW_S, owner)
     assert ingest.receive(status("A", NOW_S + 1), NOW_S + 1, other) == "uuid-of-another-vendor"
     for tick in range(TICKS * round(HELD_S + 10)):
         now_s = NOW_S + 1 + tick / TICKS
-        commons.receive([ingest.next_batch(now_s)])
-        told += commons.advance(now_s)
+        judge.receive([ingest.next_batch(now_s)])
+        told += judge.advance(now_s)
     assert [one.state for one in told] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
     assert 0 <= told[1].updated_at.timestamp() - NOW_S - 1 - HELD_S <= 8
