@@ -7,7 +7,15 @@ import pytest
 
 from ingest.batch import Forecasts
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, encounters, robot, rows_of_pairs
-from tests.helpers.oracle import RESOLUTION_M, Truth, distance_at, rectangle_distance, truth
+from tests.helpers.oracle import (
+    RESOLUTION_M,
+    Truth,
+    distance_at,
+    distances_at,
+    polygon_distance,
+    rectangle_distance,
+    truth,
+)
 
 
 def of(*robots: Forecasts, clearance_m: float) -> Truth:
@@ -29,7 +37,22 @@ def test_distance_of_two_rectangles(
 ) -> None:
     far = np.array([[10_000.0, -10_000.0, 0.0]])
     b = far + np.array([pose])
-    assert rectangle_distance(far, b, np.array([[2.0, 2.0]]), np.array([size]))[0] == pytest.approx(distance_m)
+    for measured in (rectangle_distance, polygon_distance):
+        assert measured(far, b, np.array([[2.0, 2.0]]), np.array([size]))[0] == pytest.approx(distance_m)
+
+
+def test_rectangles_are_as_far_apart_as_their_polygons() -> None:
+    """Of any size, some thin; a fifth side by side in parallel, overlapping or apart by 1e-1 to 1e-12 m."""
+    n, beside, rng = 100_000, 20_000, np.random.default_rng(5)
+    size_a, size_b = (rng.uniform(0.3, 4.0, (n, 2)) * np.where(rng.random((n, 2)) < 0.05, 0.01, 1.0) for _ in "ab")
+    a, b = (rng.uniform([-2.0, -2.0, -9.0], [2.0, 2.0, 9.0], (n, 3)) for _ in "ab")
+    gap = rng.choice([-1, 1], beside) * 10.0 ** -rng.uniform(1, 12, beside)
+    across = (size_a[:beside, 1] + size_b[:beside, 1]) / 2 + gap
+    yaw = a[:beside, 2]
+    b[:beside] = a[:beside] + np.stack([-np.sin(yaw) * across, np.cos(yaw) * across, 0 * yaw], -1)
+    true = polygon_distance(a, b, size_a, size_b)
+    assert 0.3 < np.mean(true > 0) < 0.7
+    np.testing.assert_allclose(rectangle_distance(a, b, size_a, size_b), true, atol=1e-12)
 
 
 def test_one_passes_another_side_by_side() -> None:
@@ -64,7 +87,7 @@ def test_dense_samples_find_nothing_closer_or_sooner(family: str) -> None:
     true = truth(forecasts, rows_of_pairs(count), now_s=NOW_S, horizon_s=HORIZON_S, clearance_m=clearance_m)
     times = np.arange(0, HORIZON_S, 0.01)
     for number, pair in enumerate(rows_of_pairs(count)):
-        sampled = np.array([distance_at(forecasts, pair, NOW_S + t) for t in times])
+        sampled = distances_at(forecasts, [pair], NOW_S + times[None])[0]
         deep = np.flatnonzero(sampled <= clearance_m - RESOLUTION_M)
         if sampled.min() <= clearance_m:
             assert true.closest_m[number] <= sampled.min() + RESOLUTION_M

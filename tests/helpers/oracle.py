@@ -1,12 +1,14 @@
 """The true distances between two robots, by a method that shares only the layout of its input with the engine.
 
-Distances are those of GEOS polygons (through shapely). Each interval between two knots is sampled, and halved if its
-ends leave room for a smaller distance: nothing moves faster than L = |v| + |wA| rA + |wB| rB, so over an interval of
-length h the distance stays above (f0 + f1 - L h) / 2. For each touch there is a witness: a time at which the robots are
-that close.
+Each interval between two knots is sampled, and halved if its ends leave room for a smaller distance: nothing moves
+faster than L = |v| + |wA| rA + |wB| rB, so over an interval of length h the distance stays above (f0 + f1 - L h) / 2.
+For each touch there is a witness: a time at which the robots are that close.
+
+The distances of the samples are `rectangle_distance`, which a test compares with the distances of GEOS polygons
+(through shapely). The closest distance of each pair, and each distance at a given time, is one of GEOS polygons.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +22,10 @@ Ints = NDArray[np.int64]
 
 RESOLUTION_M = 4e-4
 FIRST_SAMPLES = 4
+Distance = Callable[[Floats, Floats, Floats, Floats], Floats]
 GOLDEN = (5**0.5 - 1) / 2
+ALONG, ACROSS = np.array([[1.0], [1.0], [-1.0], [-1.0]]), np.array([[1.0], [-1.0], [1.0], [-1.0]])
+"""On which side of the centre each corner of a rectangle is. (4, 1)"""
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,44 @@ class Truth:
     touch_s: Floats
     """The first witness of a distance within the clearance, since `now_s`. A dip of less than `RESOLUTION_M` below the
     clearance may come earlier."""
+
+
+def rectangle_distance(pose_a: Floats, pose_b: Floats, size_a: Floats, size_b: Floats) -> Floats:
+    """(n,) distances of rectangles at poses (n, 3) with sizes (n, 2).
+
+    They overlap unless one of their four axes separates them. Apart, they are closest at a corner of one of them.
+    """
+    from_a, separated_a = _corners_from(pose_a, size_a, pose_b, size_b)
+    from_b, separated_b = _corners_from(pose_b, size_b, pose_a, size_a)
+    return np.where(separated_a | separated_b, np.minimum(from_a, from_b), 0.0)
+
+
+def _corners_from(pose: Floats, size: Floats, other: Floats, other_size: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """How far the nearest corner of the other rectangle is, and whether an axis of this one separates them."""
+    (dx, dy), yaw = (other[:, :2] - pose[:, :2]).T, pose[:, 2]
+    turn, along, across = other[:, 2] - yaw, ALONG * other_size[:, 0] / 2, ACROSS * other_size[:, 1] / 2
+    x = np.cos(yaw) * dx + np.sin(yaw) * dy + along * np.cos(turn) - across * np.sin(turn)
+    y = np.cos(yaw) * dy - np.sin(yaw) * dx + along * np.sin(turn) + across * np.cos(turn)
+    length, width = size.T / 2
+    distance = np.hypot(np.maximum(np.abs(x) - length, 0.0), np.maximum(np.abs(y) - width, 0.0)).min(axis=0)
+    beside = (x.min(axis=0) > length) | (x.max(axis=0) < -length)
+    return distance, beside | (y.min(axis=0) > width) | (y.max(axis=0) < -width)
+
+
+def polygon_distance(pose_a: Floats, pose_b: Floats, size_a: Floats, size_b: Floats) -> Floats:
+    """As `rectangle_distance`, by GEOS. A is moved to the origin, to lose no digits."""
+    placed = pose_b[:, :2] - pose_a[:, :2]
+    distance = shapely.distance(
+        _polygons(np.zeros_like(placed), pose_a[:, 2], size_a), _polygons(placed, pose_b[:, 2], size_b)
+    )
+    return np.asarray(distance, np.float64)
+
+
+def _polygons(centre: Floats, yaw: Floats, size: Floats) -> NDArray[np.object_]:
+    along = np.stack([np.cos(yaw), np.sin(yaw)], -1) * size[:, :1] / 2
+    across = np.stack([-np.sin(yaw), np.cos(yaw)], -1) * size[:, 1:] / 2
+    ring = [along + across, across - along, -along - across, along - across, along + across]
+    return np.asarray(shapely.polygons(centre[:, None] + np.stack(ring, 1)), np.object_)
 
 
 @dataclass(frozen=True)
@@ -47,32 +90,16 @@ class Stretches:
     size: Floats
     """(n, 2, 2): length, width of each robot."""
 
-    def distance(self, rows: Ints, t: Floats) -> Floats:
+    def distance(self, rows: Ints, t: Floats, measured: Distance = rectangle_distance) -> Floats:
         u = ((t - self.begin[rows]) / (self.end[rows] - self.begin[rows]))[:, None, None]
         pose = self.pose0[rows] * (1 - u) + self.pose1[rows] * u
-        return rectangle_distance(pose[:, 0], pose[:, 1], self.size[rows, 0], self.size[rows, 1])
+        return measured(pose[:, 0], pose[:, 1], self.size[rows, 0], self.size[rows, 1])
 
     def fastest(self) -> Floats:
         """The greatest change of a distance in a second."""
         rate = (self.pose1 - self.pose0) / (self.end - self.begin)[:, None, None]
         speed = np.hypot(*(rate[:, 1, :2] - rate[:, 0, :2]).T)
         return np.asarray(speed + (np.abs(rate[:, :, 2]) * np.hypot(*np.moveaxis(self.size, -1, 0)) / 2).sum(axis=1))
-
-
-def rectangle_distance(pose_a: Floats, pose_b: Floats, size_a: Floats, size_b: Floats) -> Floats:
-    """(n,) distances of rectangles at poses (n, 3) with sizes (n, 2). A is moved to the origin, to lose no digits."""
-    placed = pose_b[:, :2] - pose_a[:, :2]
-    distance = shapely.distance(
-        _polygons(np.zeros_like(placed), pose_a[:, 2], size_a), _polygons(placed, pose_b[:, 2], size_b)
-    )
-    return np.asarray(distance, np.float64)
-
-
-def _polygons(centre: Floats, yaw: Floats, size: Floats) -> NDArray[np.object_]:
-    along = np.stack([np.cos(yaw), np.sin(yaw)], -1) * size[:, :1] / 2
-    across = np.stack([-np.sin(yaw), np.cos(yaw)], -1) * size[:, 1:] / 2
-    ring = [along + across, across - along, -along - across, along - across, along + across]
-    return np.asarray(shapely.polygons(centre[:, None] + np.stack(ring, 1)), np.object_)
 
 
 class Track:
@@ -131,6 +158,9 @@ def truth(
     s = stretches(forecasts, pairs, now_s, horizon_s)
     search = _Search(s, len(pairs), clearance_m)
     search.run()
+    met = np.isfinite(search.closest)
+    interval, at_s = search.nearest[met, 0].astype(np.int64), search.nearest[met, 1]
+    search.closest[met] = s.distance(interval, at_s, polygon_distance)
     return Truth(search.closest, search.touch)
 
 
@@ -194,11 +224,21 @@ class _Search:
             low, high = np.where(lower, low, left), np.where(lower, right, high)
 
 
+def distances_at(forecasts: Forecasts, pairs: Sequence[tuple[int, int]], t_s: Floats) -> Floats:
+    """The distances of c pairs at `t_s` (c, k), without regard to heights. inf where they are on different floors."""
+    shared, poses, sizes = np.empty(t_s.shape, np.bool_), np.empty((2, *t_s.shape, 3)), np.empty((2, *t_s.shape, 2))
+    for number, (pair, at) in enumerate(zip(pairs, t_s, strict=True)):
+        floors = []
+        for side, row in enumerate(pair):
+            track = Track(forecasts, row)
+            floor, poses[side, number], _ = track.between(at, at)
+            sizes[side, number] = track.size
+            floors.append(floor)
+        shared[number] = (floors[0] == floors[1]) & (floors[0] >= 0)
+    distance = np.full(t_s.shape, np.inf)
+    distance[shared] = polygon_distance(*poses[:, shared], *sizes[:, shared])
+    return distance
+
+
 def distance_at(forecasts: Forecasts, pair: tuple[int, int], t_s: float) -> float:
-    """The distance of the rows of `pair` at `t_s`, without regard to heights. inf if they are on different floors."""
-    at = np.array([t_s])
-    (floor_a, a, _), (floor_b, b, _) = (Track(forecasts, row).between(at, at) for row in pair)
-    if floor_a[0] != floor_b[0] or floor_a[0] < 0:
-        return float("inf")
-    sizes = [np.array([[forecasts.length_m[row], forecasts.width_m[row]]]) for row in pair]
-    return float(rectangle_distance(a, b, *sizes)[0])
+    return float(distances_at(forecasts, [pair], np.array([[t_s]]))[0, 0])

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from deconflict import sweep as package
 from deconflict.sweep import fcl_check, incremental
 from deconflict.sweep.geometry.knots import Knots, Robots
-from deconflict.sweep.one_shot import Invalid, first_contacts, sweep
+from deconflict.sweep.one_shot import Conflicts, Invalid, first_contacts, sweep
 from deconflict.sweep.slot_table import SlotTable
-from ingest.batch import Forecasts, Ints
+from ingest.batch import Floats, Forecasts, Ints
 from tests.helpers.made_encounters import (
     FAMILIES,
     HORIZON_S,
@@ -30,7 +30,7 @@ from tests.helpers.made_encounters import (
     rows_of_pairs,
     wanderer,
 )
-from tests.helpers.oracle import distance_at, truth
+from tests.helpers.oracle import distances_at, truth
 
 CLEARANCES_M = (0.0, 0.25)
 COUNTS = {"graze": 100}
@@ -48,6 +48,7 @@ def disagreements(forecasts: Forecasts, clearance_m: float, horizon_s: float = H
     pairs = rows_of_pairs(len(forecasts) // 2)
     true = truth(forecasts, pairs, now_s=NOW_S, horizon_s=horizon_s, clearance_m=clearance_m)
     found = sweep(forecasts, now_s=NOW_S, horizon_s=horizon_s, clearance_m=clearance_m)
+    contact_m, nearest_m, start_m = _distances(forecasts, found)
     rows = {(a, b): row for row, (a, b) in enumerate(found.pairs.tolist())}
     said = [f"stray {pair}" for pair in rows.keys() - set(pairs)]
     said += [f"invalid {one}" for one in found.invalid]
@@ -57,25 +58,30 @@ def disagreements(forecasts: Forecasts, clearance_m: float, horizon_s: float = H
         if row is None:
             said += [f"missed {pair} {closest_m}"] if closest_m <= clearance_m else []
             continue
-        contact_s, nearest_s = float(found.contact_s[row]), float(found.separation_at_s[row])
-        separation_m = float(found.separation_m[row])
-        begin_s = max(NOW_S, *(float(forecasts.t_s[forecasts.start[one]]) for one in pair))
-        starts = distance_at(forecasts, pair, begin_s), float(found.start_separation_m[row])
+        separation_m, starts = float(found.separation_m[row]), (start_m[row], found.start_separation_m[row])
         for kind, much, most in (
             ("false", closest_m - clearance_m, DISTANCE_M),
-            ("early", _distance(forecasts, pair, contact_s) - clearance_m, DISTANCE_M + ROUNDING_M),
-            ("late", contact_s - NOW_S - touch_s, LATE_S),
+            ("early", contact_m[row] - clearance_m, DISTANCE_M + ROUNDING_M),
+            ("late", found.contact_s[row] - NOW_S - touch_s, LATE_S),
             ("separation", abs(separation_m - closest_m), SEPARATION_M),
-            ("separation-time", abs(_distance(forecasts, pair, nearest_s) - separation_m), ROUNDING_M * 100),
+            ("separation-time", abs(nearest_m[row] - separation_m), ROUNDING_M * 100),
             ("start", 0.0 if starts[0] == starts[1] else abs(starts[0] - starts[1]), ROUNDING_M),
         ):
             said += [f"{kind} {pair} {much}"] if much > most else []
     return said
 
 
-def _distance(forecasts: Forecasts, pair: tuple[int, int], t_s: float) -> float:
-    """At `t_s`, or just before it, where one of the robots leaves the floor at that very time."""
-    return min(distance_at(forecasts, pair, t_s), distance_at(forecasts, pair, t_s - INSTANT_S))
+def _distances(forecasts: Forecasts, found: Conflicts) -> tuple[Floats, Floats, Floats]:
+    """Of each pair found, at its contact, when it is nearest, and at its start.
+
+    The first two are taken just before that time, too, where one of the robots leaves the floor at that very time.
+    """
+    starts_s = forecasts.t_s[forecasts.start[:-1]][found.pairs]
+    begin_s = np.maximum(NOW_S, starts_s.max(axis=1))
+    contact_s, nearest_s = found.contact_s, found.separation_at_s
+    at_s = np.stack([contact_s, contact_s - INSTANT_S, nearest_s, nearest_s - INSTANT_S, begin_s], -1)
+    distance = distances_at(forecasts, [(a, b) for a, b in found.pairs.tolist()], at_s)
+    return distance[:, :2].min(axis=1), distance[:, 2:4].min(axis=1), distance[:, 4]
 
 
 @pytest.mark.parametrize("clearance_m", CLEARANCES_M)
@@ -252,9 +258,9 @@ def test_times_may_count_from_any_epoch() -> None:
         shifted = sweep(replace(crowd, t_s=crowd.t_s + shift_s), now_s=NOW_S + shift_s, clearance_m=0.25)
         np.testing.assert_array_equal(shifted.pairs, since_1970.pairs)
         np.testing.assert_allclose(shifted.separation_m, since_1970.separation_m, atol=2e-3)
-        at = shifted.contact_s - shift_s
-        distance = [distance_at(crowd, (a, b), t) for (a, b), t in zip(shifted.pairs.tolist(), at, strict=True)]
-        assert max(distance) <= 0.25 + DISTANCE_M + ROUNDING_M
+        at_s = shifted.contact_s[:, None] - shift_s
+        distance = distances_at(crowd, [(a, b) for a, b in shifted.pairs.tolist()], at_s)
+        assert distance.max() <= 0.25 + DISTANCE_M + ROUNDING_M
 
 
 def laid_out(forecasts: Forecasts) -> tuple[Robots, Knots]:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from deconflict.sweep.geometry.rectangles import gap, signed_gap
 from ingest.batch import Floats
-from tests.helpers.oracle import rectangle_distance
+from tests.helpers.oracle import polygon_distance
 
 RNG = np.random.default_rng(11)
 N = 20_000
@@ -15,7 +15,7 @@ def placed(b: Floats, yaw_a: Floats, half_a: Floats, half_b: Floats) -> tuple[Fl
     """The gap of rectangles with B at `b` (n, 3) from A, and the true distance."""
     a = np.stack([np.zeros(len(b)), np.zeros(len(b)), yaw_a], -1)
     found = gap(b[:, 0], b[:, 1], yaw_a, b[:, 2], half_a, half_b)
-    return found, rectangle_distance(a, b, 2 * half_a.T, 2 * half_b.T)
+    return found, polygon_distance(a, b, 2 * half_a.T, 2 * half_b.T)
 
 
 def test_the_gap_is_the_distance_of_the_polygons() -> None:
