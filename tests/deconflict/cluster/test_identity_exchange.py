@@ -7,8 +7,10 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
+import pytest
 from websockets.asyncio.client import connect
 
+from deconflict.cluster import identity_exchange
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet import fleet_report
@@ -113,7 +115,10 @@ async def test_the_first_vendor_to_identify_a_robot_keeps_it(tmp_path: Path) -> 
             one.cancel()
 
 
-async def test_a_robot_that_was_forgotten_and_comes_back_is_known_again(tmp_path: Path) -> None:
+async def test_a_robot_that_was_forgotten_and_comes_back_is_known_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(identity_exchange, "AGAIN_S", 3.0)
     site = Site(reading=Reading(forget_after_s=2.0, silent_after_s=1.0, quiet_after_s=0.5))
     async with (
         cluster(tmp_path, site) as (machines, operator),

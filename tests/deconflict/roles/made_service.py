@@ -102,8 +102,8 @@ SITE = Site(
 
 
 CROSSING: dict[str, Course] = {
-    "A-1": lambda t: (-4.0 + t, 0.0, 0.0),
-    "B-1": lambda t: (0.0, -4.0 + t, pi / 2),
+    "A-1": lambda t: (-3.0 + t, 0.0, 0.0),
+    "B-1": lambda t: (0.0, -3.0 + t, pi / 2),
 }
 
 

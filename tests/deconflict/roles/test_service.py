@@ -126,11 +126,11 @@ async def test_an_open_advisory_survives_a_restart_with_its_id(tmp_path: Path) -
 async def test_a_step_of_the_host_clock_clears_no_advisory_and_hides_no_robot(tmp_path: Path, step_s: float) -> None:
     stepped_s = [0.0]
     async with running(tmp_path, wall=lambda: time.time() + stepped_s[0]) as service:
-        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 9))
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 60))
         raised = await service.until("/advisories", lambda answer: answer["advisories"])
         stepped_s[0] = step_s
         cleared = await service.until("/advisories?state=cleared", lambda answer: answer["advisories"])
-        await driving
+        driving.cancel()
         (before,), (after,) = raised["advisories"], cleared["advisories"]
         assert (after["id"], after["cleared_because"]) == (before["id"], "they have passed each other")
         assert -10 < seconds_between(before["raised_at"], after["cleared_at"]) < 15
@@ -145,8 +145,9 @@ def seconds_between(earlier: str, later: str) -> float:
 
 async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> None:
     async with running(tmp_path) as service:
-        await drive(service.robots_url, CROSSING, 9)
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 60))
         listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        driving.cancel()
         live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
     assert [again | {"seq": 0} for again in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
 
@@ -154,8 +155,9 @@ async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> N
 async def test_an_overloaded_service_shows_it_still_warns_and_replays_to_the_same_advisories(tmp_path: Path) -> None:
     hurried = SITE.model_copy(update={"engine": EngineSettings(deadline_s=1e-9)})
     async with running(tmp_path, hurried) as service:
-        await drive(service.robots_url, CROSSING, 9)
+        driving = asyncio.create_task(drive(service.robots_url, CROSSING, 60))
         listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
+        driving.cancel()
         live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
         health = await service.until("/healthz", lambda health: health["effort"] == "near")
         assert health["status"] == "ok"

@@ -26,10 +26,10 @@ from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.roles.made_service import SITE, Course, drive, running
 from tests.helpers.patience import PATIENCE_S
 
-SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=3.0)})
+SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=1.0)})
 PASSING: dict[str, Course] = {
-    "A-1": lambda t: (-6.0 + t, 0.0, 0.0),
-    "B-1": lambda t: (0.0, -7.7 + t, pi / 2),
+    "A-1": lambda t: (-3.0 + t, 0.0, 0.0),
+    "B-1": lambda t: (0.0, -4.7 + t, pi / 2),
 }
 
 
