@@ -11,7 +11,7 @@ import sys
 import threading
 from importlib.metadata import version
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import access, api_descriptions, json_schemas
@@ -26,15 +26,15 @@ from deconflict.settings import site, site_file
 from deconflict.settings.importers import plan_reader
 from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.site_check import check
-from deconflict.simulation import demo
-from deconflict.simulation.demo_site import demo_site
-from deconflict.simulation.drills.drill_scripts import DRILLS
-from deconflict.simulation.vendors.senders import simulate
+from deconflict.simulation.demo_site import ROBOTS, demo_site
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from metrics import commands as logs
 from metrics.monitoring import dashboards
 from metrics.monitoring.exposition import render
+
+if TYPE_CHECKING:
+    from deconflict.simulation.drills.drill_scripts import Drill
 
 FAILED, MISUSED = 1, 2
 COLLECTED_EVERY = (50_000, 20, 100)
@@ -85,7 +85,7 @@ def _add_service(commands: Commands) -> None:
 
 def _add_simulations(commands: Commands) -> None:
     show = commands.add_parser("demo", help="run the service with simulated vendors on a bundled site")
-    show.add_argument("--robots", type=_positive, default=demo.ROBOTS, metavar="N")
+    show.add_argument("--robots", type=_positive, default=ROBOTS, metavar="N")
     show.add_argument(
         "--seconds", type=float, metavar="S", help="stop after this time; 60 if there is no terminal, else never"
     )
@@ -95,7 +95,7 @@ def _add_simulations(commands: Commands) -> None:
     show.set_defaults(run=_demo)
 
     practise = commands.add_parser("drill", help="run scripted situations through the whole service, and score advice")
-    practise.add_argument("names", nargs="*", metavar="NAME", choices=[[], *(drill.name for drill in DRILLS)])
+    practise.add_argument("drills", nargs="*", metavar="NAME", type=_drill_named)
     practise.add_argument("--ignore", action="store_true", help="let the simulated robots ignore all advice")
     practise.set_defaults(run=_drill)
 
@@ -111,7 +111,7 @@ def _add_check(commands: Commands) -> None:
 def _add_simulate(commands: Commands) -> None:
     pretend = commands.add_parser("simulate", help="run simulated vendors that report to a running service")
     pretend.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
-    pretend.add_argument("--robots", type=_positive, default=demo.ROBOTS, metavar="N")
+    pretend.add_argument("--robots", type=_positive, default=ROBOTS, metavar="N")
     pretend.add_argument("--seconds", type=float, metavar="S", help="stop after this time")
     pretend.add_argument("--seed", type=int, default=1)
     pretend.set_defaults(run=_simulate)
@@ -166,6 +166,15 @@ def _positive(text: str) -> int:
     if number < 1:
         raise argparse.ArgumentTypeError("must be at least 1")
     return number
+
+
+def _drill_named(name: str) -> "Drill":
+    from deconflict.simulation.drills.drill_scripts import DRILLS  # noqa: PLC0415 - loads the simulated world
+
+    for drill in DRILLS:
+        if drill.name == name:
+            return drill
+    raise argparse.ArgumentTypeError(f"no drill is named {name}; choose of {', '.join(drill.name for drill in DRILLS)}")
 
 
 def _settings(args: argparse.Namespace, path: Path | None) -> site.Site:
@@ -225,6 +234,8 @@ def _check_access(settings: site.Site, allow_open: bool) -> None:
 
 
 def _demo(args: argparse.Namespace) -> int:
+    from deconflict.simulation import demo  # noqa: PLC0415 - loads the simulated world
+
     settings = _settings(args, demo_site())
     _check_access(settings, args.open)
     return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
@@ -232,9 +243,9 @@ def _demo(args: argparse.Namespace) -> int:
 
 def _drill(args: argparse.Namespace) -> int:
     from deconflict.simulation.drills import drill_run  # noqa: PLC0415 - loads the engine
+    from deconflict.simulation.drills.drill_scripts import DRILLS  # noqa: PLC0415 - loads the simulated world
 
-    drills = [drill for drill in DRILLS if drill.name in (args.names or [drill.name])]
-    return drill_run.drill(drills, render, ignored=args.ignore)
+    return drill_run.drill(args.drills or DRILLS, render, ignored=args.ignore)
 
 
 def _site_import(args: argparse.Namespace) -> int:
@@ -251,6 +262,8 @@ def _site_suggest(args: argparse.Namespace) -> int:
 
 
 def _simulate(args: argparse.Namespace) -> int:
+    from deconflict.simulation.vendors.senders import simulate  # noqa: PLC0415 - loads the simulated world
+
     async def run() -> dict[str, int]:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):

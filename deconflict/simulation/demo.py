@@ -29,7 +29,6 @@ from deconflict.settings.site import Site
 from deconflict.simulation.vendors.senders import simulate
 from ingest.measures.measures import Histogram, joined_values
 
-ROBOTS = 24
 SECONDS_WITHOUT_TERMINAL = 60.0
 START_WITHIN_S = 30.0
 REFRESH_S = 0.5

@@ -1,6 +1,8 @@
-"""The path of the demo's bundled site file."""
+"""What the demo shows: its bundled site file, and how many robots."""
 
 from pathlib import Path
+
+ROBOTS = 24
 
 
 def demo_site() -> Path:

@@ -10,13 +10,15 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from math import atan2, cos, inf, sin
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
 
 from ingest.batch import Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.spatial import Delaunay
 
 WITHIN = 1e-12
 """A point that is outside a triangle by at most this share of its height counts as inside."""
@@ -121,6 +123,8 @@ class Adjusted(Map):
 
     def __init__(self, base: Affine, readings: Floats, residuals: Floats) -> None:
         """`residuals` (points, 2) are the errors of `base` at `readings` (points, 2), in the site's frame."""
+        from scipy.spatial import Delaunay  # noqa: PLC0415 - takes a fifth of a second, and few maps need it
+
         self._base = base
         middle = readings.mean(axis=0)
         self._middle = float(middle[0]), float(middle[1])
@@ -250,7 +254,7 @@ def _shares(corners: Floats) -> Floats:
     return np.stack([np.where(swapped, others, own), np.where(swapped, own, others)], axis=1)
 
 
-def _without_flat_rim(triangles: Delaunay) -> tuple[NDArray[np.bool_], Ints]:
+def _without_flat_rim(triangles: "Delaunay") -> tuple[NDArray[np.bool_], Ints]:
     """Which triangles to keep (t,), and the edges of their rim as rows of two points (e, 2).
 
     A flat triangle is removed if only its longest side is at the rim: each of its points then belongs to another one.
