@@ -28,6 +28,8 @@ class BatchMerger:
         """`enough` robots are processed at once."""
         self._enough = enough
         self._waiting: list[Batch] = []
+        self._robots = 0
+        """How many robots wait."""
 
     def add(self, batch: Batch) -> list[MergedBatch]:
         """Add a batch; return what is to be processed now, in order.
@@ -36,13 +38,14 @@ class BatchMerger:
         """
         due = self.flush() if self._waiting and not _same_floors(self._waiting[-1], batch) else []
         self._waiting.append(batch)
-        if batch.gone or sum(map(len, self._waiting)) >= self._enough:
+        self._robots += len(batch)
+        if batch.gone or self._robots >= self._enough:
             due += self.flush()
         return due
 
     def flush(self) -> list[MergedBatch]:
         """All that still waits: none or one."""
-        waiting, self._waiting = self._waiting, []
+        waiting, self._waiting, self._robots = self._waiting, [], 0
         if not waiting:
             return []
         now_s = np.repeat([batch.now_s for batch in waiting], [len(batch) for batch in waiting])
