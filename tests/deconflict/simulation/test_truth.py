@@ -1,32 +1,14 @@
-"""True encounters and stops: every two fleets get in each other's way within ten minutes."""
-
-from itertools import combinations
+"""True encounters of the simulated world."""
 
 import numpy as np
 import pytest
 
-from deconflict.simulation.cast import VendorName, cast
+from deconflict.simulation.cast import cast
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.driving.true_stops import Stops
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.truth import near_pairs, true_encounters
 
 CLEARANCE_M = 0.3
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_every_two_fleets_have_stops_for_each_other(seed: int) -> None:
-    world = World(layout_for(24), cast(24), np.random.default_rng(seed))
-    stops = Stops(world)
-    for _ in range(6000):
-        world.step(0.1)
-        stops.update(0.1)
-    met = {
-        frozenset(world.members[robot].make.vendor for robot in (one.robot, one.other))
-        for one in stops.found
-        if not one.ordered
-    }
-    assert {frozenset(pair) for pair in combinations(VendorName, 2)} <= met
 
 
 def test_encounters_are_of_envelopes_within_the_clearance() -> None:

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from deconflict.simulation.cast import cast
+from deconflict.simulation.cast import VendorName, cast
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.driving.traffic import Activity, World
@@ -109,6 +110,12 @@ def test_robots_sometimes_yield_to_other_fleets(seen: Seen) -> None:
     of_another = [stop for stop in seen.stops if stop.counts]
     per_robot_hour = len(of_another) / (seen.robots * MINUTES / 60)
     assert 4.0 <= per_robot_hour <= 30.0
+
+
+def test_every_two_fleets_have_stops_for_each_other(seen: Seen) -> None:
+    fleets = [member.make.vendor for member in cast(seen.robots)]
+    met = {frozenset((fleets[stop.robot], fleets[stop.other])) for stop in seen.stops if not stop.ordered}
+    assert {frozenset(pair) for pair in combinations(VendorName, 2)} <= met
 
 
 def test_the_same_seed_is_the_same_world() -> None:
