@@ -29,6 +29,7 @@ from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
 from metrics.replay.replay import AdvisoryLine, BatchSink, LineSink, advisory_lines, document
 
+CONNECT_TIMEOUT_S = 10.0
 WINDOW_S = 60.0
 """Length of a window in the log's time. A window takes some seconds to compute; passing the states takes a few percent
 of that."""
@@ -50,7 +51,7 @@ def cluster(address: str) -> Iterator[Client]:
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if address:
         try:
-            client = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
+            client = Client(address, timeout=CONNECT_TIMEOUT_S)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise ClusterError(f"no Dask scheduler answers at {address}: start one with `dask scheduler`") from error
         with client:
