@@ -18,7 +18,7 @@ from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_service import Running
 
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
-STRETCH_S = (20.0, 32.0)
+STRETCH_S = (20.0, 26.0)
 """Of the recording: long enough for people to meet."""
 
 pytestmark = pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
