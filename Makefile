@@ -18,7 +18,7 @@ demo: $(READY)
 
 # The short inner loop: what breaks most often, in under a minute.
 check: lint types
-	$(BIN)/python -m pytest -q -n 3 --dist worksteal -m 'not slow'
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m 'not slow'
 
 test: lint types
 	$(BIN)/python -m pytest -n 3 --dist worksteal

@@ -35,8 +35,17 @@ SLOW = (
 """Folders and files whose tests start processes, play long scenes, or look at ten thousand cases."""
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import the slow tests for `make check`."""
+    return config.option.markexpr == "not slow" and is_slow(collection_path) or None
+
+
+def is_slow(path: Path) -> bool:
+    return path.is_relative_to(TESTS) and path.relative_to(TESTS).as_posix().startswith(SLOW)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the slow tests: `make check` leaves them out."""
     for item in items:
-        if item.path.relative_to(TESTS).as_posix().startswith(SLOW):
+        if is_slow(item.path):
             item.add_marker("slow")
