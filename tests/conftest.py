@@ -37,7 +37,7 @@ SLOW = (
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Do not even import the slow tests for `make check`."""
-    return config.option.markexpr == "not slow" and is_slow(collection_path) or None
+    return (config.option.markexpr == "not slow" and is_slow(collection_path)) or None
 
 
 def is_slow(path: Path) -> bool:

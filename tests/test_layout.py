@@ -57,10 +57,15 @@ def files(folder: str) -> Iterator[Path]:
 
 
 @cache
+def nodes(source: str) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(source)))
+
+
+@cache
 def imported_modules(source: str) -> list[str]:
     """Every module, and every name from a module, that a file imports: `a.b` and `a.b.c` of `from a.b import c`."""
     modules: list[str] = []
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, ast.Import):
             modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
@@ -162,17 +167,16 @@ def test_no_file_name_stands_twice_in_the_product() -> None:
     assert {name for name, count in names.items() if count > 1} <= REPEATED_NAMES | {"settings"}
 
 
-def product_trees() -> Iterator[tuple[str, ast.Module, str]]:
-    """Path, parsed source and source of each file of the product."""
+def sources() -> Iterator[tuple[str, str]]:
+    """Path and source of each file of the product."""
     for path in chain.from_iterable(map(files, PACKAGES)):
-        source = path.read_text()
-        yield str(path.relative_to(ROOT)), ast.parse(source), source
+        yield str(path.relative_to(ROOT)), path.read_text()
 
 
 def test_no_class_name_stands_twice_in_the_product() -> None:
     homes: defaultdict[str, list[str]] = defaultdict(list)
-    for path, tree, _ in product_trees():
-        for node in ast.walk(tree):
+    for path, source in sources():
+        for node in nodes(source):
             if isinstance(node, ast.ClassDef):
                 homes[node.name].append(path)
     assert not {name: paths for name, paths in homes.items() if len(paths) > 1}
@@ -186,8 +190,8 @@ def is_compiled(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
 def test_functions_and_files_can_be_read_in_a_sitting() -> None:
     """Kernels may be longer: to pass the state of a loop from function to function would hide more than it shows."""
     long = []
-    for path, tree, source in product_trees():
-        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    for path, source in sources():
+        functions = [node for node in nodes(source) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
         if not any(map(is_compiled, functions)) and source.count("\n") > MOST_LINES_OF_A_FILE:
             long.append(f"{path}: {source.count(chr(10))} lines")
         for function in functions:
@@ -200,8 +204,8 @@ def test_functions_and_files_can_be_read_in_a_sitting() -> None:
 def test_variables_are_named_for_what_they_hold() -> None:
     riddles = [
         f"{path}:{node.lineno}: {node.id}"
-        for path, tree, _ in product_trees()
-        for node in ast.walk(tree)
+        for path, source in sources()
+        for node in nodes(source)
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in RIDDLES
         if path != JSON_KEYS
     ]
