@@ -9,14 +9,9 @@ from typing import Any
 
 import pytest
 
-from deconflict.__main__ import parser
 from metrics.commands import LogError
+from tests.helpers.commands import run
 from tests.metrics.replay.made_replays import log_of_a_crossing
-
-
-def run(*words: str | Path) -> None:
-    args = parser().parse_args([str(word) for word in words])
-    assert args.run(args) == 0
 
 
 def scores(out: Path) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,13 @@ from typing import Any
 import pytest
 
 from benchmarks.replay import write_log
-from deconflict.__main__ import main
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo_site import demo_site
 from ingest.recording.log_reader import LogReader
+from metrics.commands import LogError
 from metrics.replay import replay
+from tests.helpers.commands import run
 
 pytest.importorskip("dask.distributed", reason="Dask is not installed: pip install '.[dask]'")
 
@@ -96,10 +96,7 @@ def test_a_worker_that_dies_does_not_change_the_result(client: Client, log: Path
     assert seen == sorted(set(seen))
 
 
-def test_the_command_says_when_no_scheduler_answers(
-    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_says_when_no_scheduler_answers(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_replay, "CONNECT_TIMEOUT_S", 0.2)
-    monkeypatch.setattr(sys, "argv", ["deconflict", "replay", str(log), "--scheduler", "tcp://127.0.0.1:9"])
-    assert main() != 0
-    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err
+    with pytest.raises(LogError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        run("replay", log, "--scheduler", "tcp://127.0.0.1:9")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from ingest.languages.massrobotics import timestamps
+from tests.helpers.commands import run
 from tests.helpers.saying import identity, status
 from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
 
@@ -67,8 +68,8 @@ def test_figures_are_also_by_vendor(tmp_path: Path) -> None:
 def test_the_command_writes_scores_and_the_revisions_of_the_stream(tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
     told, results = [], []
-    for run in ("1", "2"):
-        out, lines = tmp_path / f"{run}.json", tmp_path / f"{run}.jsonl"
+    for name in ("1", "2"):
+        out, lines = tmp_path / f"{name}.json", tmp_path / f"{name}.jsonl"
         command = [sys.executable, "-m", "deconflict", "replay", str(log), "--clearance", "0.0", "0.3"]
         subprocess.run([*command, "--json", str(out), "--advisories", str(lines)], check=True)
         assert [load["clearance_m"] for load in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
@@ -101,14 +102,15 @@ def test_straight_forecasts_give_a_precision_at_least_two_fifths_above_the_basel
     assert all(0.88 <= row["covered_90"] <= 0.92 for row in result["forecast_error"]["all"])
 
 
-def test_an_override_acts_like_a_site_setting_and_results_are_compared(tmp_path: Path) -> None:
+def test_an_override_acts_like_a_site_setting_and_results_are_compared(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
     near, far = tmp_path / "near.json", tmp_path / "far.json"
-    command = [sys.executable, "-m", "deconflict", "replay"]
     for clearance, out in (("0.2", near), ("0.6", far)):
-        subprocess.run([*command, str(log), "--set", f"clearance={clearance}", "--json", str(out)], check=True)
-    told = subprocess.run([*command, "--compare", str(near), str(far)], check=True, capture_output=True, text=True)
-    assert "clearance 0.2 m and 0.6 m: 1 and 1 foreseeable encounters" in told.stdout
+        run("replay", log, "--set", f"clearance={clearance}", "--json", out)
+    run("replay", "--compare", near, far)
+    assert "clearance 0.2 m and 0.6 m: 1 and 1 foreseeable encounters" in capsys.readouterr().out
 
 
 def test_a_missing_log_is_reported_in_one_line(tmp_path: Path) -> None:

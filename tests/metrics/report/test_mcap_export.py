@@ -8,6 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
+from tests.helpers.commands import run
 from tests.metrics.replay.made_replays import log_of_a_crossing
 
 Told = list[tuple[str, dict[str, Any], dict[str, Any]]]
@@ -18,9 +19,9 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder: Path = tmp_path_factory.mktemp("mcap")
     log = log_of_a_crossing(folder / "log.jsonl")
     out = folder / "out.mcap", folder / "again.mcap"
-    for path in out:
-        command = [sys.executable, "-m", "deconflict", "replay", str(log), "--mcap", str(path)]
-        subprocess.run([*command, "--json", str(folder / "out.json")], check=True)
+    arguments = ["replay", str(log), "--json", str(folder / "out.json"), "--mcap"]
+    run(*arguments, out[0])
+    subprocess.run([sys.executable, "-m", "deconflict", *arguments, str(out[1])], check=True)
     return out
 
 

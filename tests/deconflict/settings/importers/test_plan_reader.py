@@ -14,6 +14,7 @@ from deconflict.settings.importers.plan_reader import imported_toml
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import fit_problems, load
 from tests.deconflict.settings.importers.made_plans import BUILDING, PLANT
+from tests.helpers.commands import run
 
 RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
 
@@ -101,14 +102,13 @@ def test_a_file_that_is_not_a_plan_is_explained(name: str, text: str, message: s
         imported_toml(written(tmp_path, name, text), 1.2)
 
 
-def test_the_command_prints_a_site_that_check_accepts(tmp_path: Path) -> None:
+def test_the_command_prints_a_site_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan, made = written(tmp_path, "hall.xml", PLANT.format(x="positionX", y="positionY")), tmp_path / "site.toml"
-    command = [sys.executable, "-m", "deconflict"]
-    printed = subprocess.run([*command, "site", "import", str(plan)], capture_output=True, text=True, check=True)
-    made.write_text(printed.stdout)
-    checked = subprocess.run([*command, "check", str(made)], capture_output=True, text=True, check=False)
-    assert checked.returncode == 0, checked.stdout + checked.stderr
-    wrong = subprocess.run([*command, "site", "import", str(made)], capture_output=True, text=True, check=False)
+    run("site", "import", plan)
+    made.write_text(capsys.readouterr().out)
+    run("check", made)
+    command = [sys.executable, "-m", "deconflict", "site", "import", str(made)]
+    wrong = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
 
 
