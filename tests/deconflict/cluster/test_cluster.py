@@ -38,7 +38,7 @@ async def test_no_advisory_is_lost_or_doubled_if_an_engine_is_killed(tmp_path: P
         for name in ("first", "second", "third"):
             machines.start(name, "engine")
         await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
-        start_s = time.time() - 2.0
+        start_s = time.time() - 6.0
         told_by = zip(urls, crossings(), strict=True)
         driving = [asyncio.create_task(drive(url, half, 300, start_s)) for url, half in told_by]
         await until(base, "/advisories", lambda listed: len(listed["advisories"]) >= 2)
