@@ -165,7 +165,7 @@ class Batch:
 
     now_s: float
     floors: tuple[str, ...]
-    """Floor ids by index. Ids are added at the end and never reordered."""
+    """Floor ids by index. Only the batches of one sender since its start have one order; see `FloorNumbers`."""
     robots: tuple[str, ...]
     """(n,) UUIDs."""
     vendors: tuple[str, ...]
@@ -218,7 +218,7 @@ class Batch:
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """All the robots of one or more batches with the same floors, in order, as of the last one's tick."""
+        """All the robots of one or more batches, as of the last one's tick. Its floors begin with all other lists."""
         if len(parts) == 1:
             return parts[0]
         texts: dict[str, Any] = {name: _concatenated(map(attrgetter(name), parts)) for name in _ROBOT_TEXTS}

@@ -5,17 +5,18 @@ import json
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.tile_channels import EVERY, FloorNumbers, outdated
+from deconflict.cluster.tiles.tile_channels import EVERY, outdated
 from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.runtime.rpc import Handler, LinkDownError
 from ingest.batch import Batch
+from ingest.frames.floor_numbers import FloorNumbers
+from ingest.measures.measures import Measures
 
 WITHIN_S, ROBOTS_WITHIN_S = 1.5, 8.0
 """Time limits of answers. The documents of ten thousand robots take seconds."""
@@ -28,7 +29,7 @@ class IngestCalls:
     """Joins the answers of all ingests. Subscribes to the robots only while somebody follows the floor."""
 
     def __init__(self, bus: Bus) -> None:
-        self._bus, self._recent, self._floors = bus, RecentBatches(), FloorNumbers()
+        self._bus, self._recent, self._floors = bus, RecentBatches(), FloorNumbers(Measures())
         self._waiting: list[Batch] = []
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
@@ -96,7 +97,7 @@ class IngestCalls:
         if batch := await self._recent.after(int(payload)):
             return batch
         parts = [unpacked_batch(answer)[2] for answer in await self._answers("follow", WITHIN_S)]
-        whole = self._joined([self._floors.renumbered(part) for part in parts if part])
+        whole = self._joined([part for part in parts if part])
         return packed_batch(self._recent.number, whole.to_bytes(), whole=True)
 
     async def _subscribe(self) -> None:
@@ -109,12 +110,11 @@ class IngestCalls:
                     raise LinkDownError("NATS server") from error
 
     def _add_parcel(self, data: bytes) -> None:
-        self._waiting.append(self._floors.renumbered(Batch.from_bytes(data)))
+        self._waiting.append(Batch.from_bytes(data))
 
     def _joined(self, batches: list[Batch]) -> Batch:
         """One batch, without robots of which a newer status has come."""
-        floors = tuple(self._floors.names)
-        joined = Batch.joined([replace(batch, floors=floors) for batch in batches])
+        joined = self._floors.joined(batches)
         kept = joined.take(np.flatnonzero(~outdated(joined, self._arrived_s)), joined.gone)
         self._arrived_s.update(zip(kept.robots, kept.arrival_s.tolist(), strict=True))
         for uuid in kept.gone:

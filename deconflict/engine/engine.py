@@ -33,6 +33,7 @@ from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import ACCURACY_M, PairConflicts
 from ingest.batch import Batch, Pair
+from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
 
 COARSE_M = 0.25
@@ -62,7 +63,7 @@ class Engine:
         self.site, self._conflicts_only = site, conflicts_only
         restored, conflict = tuple(restored), site.conflict
         self.measures = Measures()
-        self.live = LiveRobots()
+        self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence = Presence(self.live, self.measures)
         distances_m = conflict.clearance_m, conflict.clear_margin_m
         self.foresight = ProbabilityEstimator(*distances_m, conflict.horizon_s, self.measures)
@@ -122,7 +123,7 @@ class Engine:
 
     def receive(self, batch: Batch) -> None:
         """Add the robots that changed; a batch may hold the whole floor."""
-        batch = self.presence.receive(batch)
+        batch = self.presence.receive(self.floors.renumbered(batch))
         self.foresight.settle_absent(self.presence.passed)
         self._shared.receive(self._add(batch))
 

@@ -159,7 +159,10 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     ),
     "deconflict_conflicts": CatalogueEntry("gauge", (), "Pairs of robots in predicted conflict, confirmed or not."),
     "deconflict_invalid_forecasts_total": CatalogueEntry(
-        "counter", ("reason",), "Forecasts that the engine could not use. The robot counts as standing where it was."
+        "counter",
+        ("reason",),
+        "Forecasts that the engine could not use, by reason. The robot counts as standing where it was. Reason "
+        "floor-not-listed: its batch does not list its floor; start all processes from one release.",
     ),
     "deconflict_sweep_segment_pairs_total": CatalogueEntry(
         "counter", (), "Pairs of path segments that passed the sweep's bounding box test."

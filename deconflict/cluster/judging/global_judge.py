@@ -14,7 +14,7 @@ from deconflict.advisories.advisory_counts import count_by_severity, count_revis
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import ClaimAdvisory
 from deconflict.cluster.judging.cross_ingest_claims import CrossIngestClaims
-from deconflict.cluster.tiles.tile_channels import FloorNumbers, outdated
+from deconflict.cluster.tiles.tile_channels import outdated
 from deconflict.contention.contention import Contention
 from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.engine.claim_lifecycle import ClaimLifecycle
@@ -24,6 +24,7 @@ from deconflict.foresight.presence.presence_batches import contention_batches
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from ingest.batch import Batch
+from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
 
 REMEMBERED = 10_000
@@ -42,7 +43,7 @@ class GlobalJudge:
     ) -> None:
         """`learned` is what `learned()` of an earlier judge returned. Raises `UnreadableError`."""
         self.site, self.measures = site, Measures()
-        self._live, self._floors = LiveRobots(), FloorNumbers()
+        self._live, self._floors = LiveRobots(), FloorNumbers(self.measures)
         self._presence = Presence(self._live, self.measures)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""

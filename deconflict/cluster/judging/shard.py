@@ -10,7 +10,6 @@ The owner of the tile in which the first robot of a near miss last reported coun
 
 from collections import Counter, OrderedDict
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from deconflict.advisories.advisory_counts import (
     set_open_count,
 )
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from deconflict.cluster.tiles.tile_channels import GONE, FloorNumbers, RobotExtents, channel, outdated, wide_channel
+from deconflict.cluster.tiles.tile_channels import GONE, RobotExtents, channel, outdated, wide_channel
 from deconflict.cluster.tiles.tiles import Area, FloorPosition, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
@@ -61,7 +60,6 @@ class Shard:
         self._grid, self._reach_m = grid, reach_m
         self._tile_channels = {GONE}
         """The channels of its tiles and of the tiles around them."""
-        self._floors = FloorNumbers()
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot here arrived."""
         self._homes: dict[str, FloorPosition] = {}
@@ -81,7 +79,7 @@ class Shard:
         """Use another engine, which has the open advisories but no robots yet."""
         self.engine, self._reach_m = engine, reach_m
         self._tile_channels = {GONE, *self._channels_of(self.area.roots_near(reach_m))}
-        self._floors, self._arrived_s = FloorNumbers(), {}
+        self._arrived_s = {}
 
     def set_tiles(self, tiles: Iterable[Tile]) -> None:
         """Own these tiles from now on. The next step publishes open advisories in them that nobody has published."""
@@ -112,8 +110,7 @@ class Shard:
         """Take in parcels of its channels, in order of arrival. Returns the robots in its own tiles, if any came."""
         if not batches:
             return None
-        batches = [self._floors.renumbered(batch) for batch in batches]
-        batch = Batch.joined([replace(part, floors=batches[-1].floors) for part in batches])
+        batch = self.engine.floors.joined(batches)
         rows = np.flatnonzero(~outdated(batch, self._arrived_s))
         kept = rows[self._is_near(batch, rows)]
         stay = {batch.robots[row] for row in kept.tolist()}
@@ -215,7 +212,7 @@ class Shard:
         for forecast in (live[uuid].forecast for uuid in robots if uuid in live):
             floor = int(forecast.floor[0])
             if floor >= 0:
-                yield FloorPosition(self._floors.names[floor], float(forecast.x_m[0]), float(forecast.y_m[0]))
+                yield FloorPosition(self.engine.floors.names[floor], float(forecast.x_m[0]), float(forecast.y_m[0]))
 
     def _is_near(self, batch: Batch, rows: Ints) -> Bools:
         """(m,) whether each of `rows` may be in conflict in its tiles, or is in one of its advisories."""

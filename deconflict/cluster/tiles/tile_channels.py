@@ -5,7 +5,7 @@ come further within the horizon than engines listen goes to its whole floor. One
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from math import ceil
 from typing import NamedTuple
@@ -126,7 +126,7 @@ class ChannelSorter:
         return {Tile(span.datum, *cell) for span in spans for cell in product(span.columns, span.rows)}
 
     def sort(self, batch: Batch) -> dict[str, Batch]:
-        """The part of a batch for each channel. A robot on no floor goes to the channel of its last tile."""
+        """The part of a batch for each channel. A robot on no known floor goes to the channel of its last tile."""
         rows: dict[str, list[int]] = {}
         extents = RobotExtents.of(batch, self.conflict)
         wide = extents.beyond(self.reach_m).tolist()
@@ -135,7 +135,7 @@ class ChannelSorter:
         for row, (uuid, floor, (x_m, y_m), is_wide) in enumerate(where):
             channels = {channel(self._last[uuid])} if uuid in self._last else set()
             self._forget(uuid)
-            if floor >= 0:
+            if 0 <= floor < len(batch.floors):  # engines refuse and count a floor that is not listed
                 datum = batch.floors[floor]
                 tile = self._last[uuid] = self.grid.root(FloorPosition(datum, x_m, y_m))
                 west, south, east, north = spans[row]
@@ -168,25 +168,3 @@ class TileSpan(NamedTuple):
     datum: str
     columns: range
     rows: range
-
-
-@dataclass(slots=True, eq=False)
-class FloorNumbers:
-    """One numbering of floors for batches of several ingests."""
-
-    names: list[str] = field(default_factory=list)
-    _numbers: dict[str, int] = field(default_factory=dict)
-
-    def renumbered(self, batch: Batch) -> Batch:
-        """The batch with this numbering."""
-        for name in batch.floors:
-            if name not in self._numbers:
-                self._numbers[name] = len(self.names)
-                self.names.append(name)
-        number = np.array([*(self._numbers[name] for name in batch.floors), -1])
-        return replace(
-            batch,
-            floors=tuple(self.names),
-            forecasts=replace(batch.forecasts, floor=number[batch.forecasts.floor]),
-            destinations=replace(batch.destinations, floor=number[batch.destinations.floor]),
-        )

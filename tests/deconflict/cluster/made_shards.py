@@ -8,7 +8,7 @@ from numpy.random import Generator
 
 from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
-from deconflict.cluster.tiles.tile_channels import ChannelSorter, FloorNumbers, reach_m
+from deconflict.cluster.tiles.tile_channels import ChannelSorter, reach_m
 from deconflict.cluster.tiles.tiles import FloorPosition, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict, Site
@@ -71,11 +71,11 @@ class Single:
     """What the service on one machine tells."""
 
     def __init__(self) -> None:
-        self.engine, self._floors = Engine(conflicts_only_site(SITE), conflicts_only=True), FloorNumbers()
+        self.engine = Engine(conflicts_only_site(SITE), conflicts_only=True)
 
     def step(self, tick: int, batches: Iterable[Batch]) -> list[ConflictAdvisory]:
         for batch in batches:
-            self.engine.receive(self._floors.renumbered(batch))
+            self.engine.receive(batch)
         told = self.engine.step(NOW_S + tick / TICKS)
         return [one for one in told if isinstance(one, ConflictAdvisory)]
 

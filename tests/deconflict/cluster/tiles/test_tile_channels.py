@@ -1,5 +1,7 @@
 """Who is told of a robot."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,13 +10,14 @@ from deconflict.cluster.tiles.tile_channels import (
     GONE,
     MOST_BYTES,
     ChannelSorter,
-    FloorNumbers,
     channel,
     parcels_of,
     wide_channel,
 )
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from ingest.batch import Batch
+from ingest.frames.floor_numbers import FloorNumbers
+from ingest.measures.measures import Measures
 from tests.deconflict.cluster.made_shards import REACH_M, SITE, Course, Ingests
 from tests.helpers.saying import HALL, LOFT, robot
 
@@ -88,8 +91,18 @@ def test_any_floor_name_becomes_one_token_of_a_subject(name: str) -> None:
 
 
 def test_floors_that_two_ingests_number_differently_are_the_same() -> None:
-    floors, hall = FloorNumbers(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
+    floors, hall = FloorNumbers(Measures()), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
     (loft, _) = Ingests({"A": lambda _: (1.0, 1.0, 0.0)}, {"A": LOFT}).batches(0)
     told = [floors.renumbered(one) for one in (hall, loft, hall)]
     assert [one.floors[one.forecasts.floor[0]] for one in told] == [HALL, LOFT, HALL]
     assert hall.forecasts.floor[0] == loft.forecasts.floor[0]
+
+
+def test_a_robot_whose_floor_is_not_listed_goes_to_its_last_tile_and_is_refused_by_the_engines() -> None:
+    one, batch, measures = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0)), Measures()
+    one.sort(batch)
+    wrong = replace(batch, forecasts=replace(batch.forecasts, floor=batch.forecasts.floor + 7))
+    told = one.sort(wrong)
+    assert set(told) == {channel(Tile(HALL, 0, 0)), EVERY}
+    assert len(FloorNumbers(measures).joined([batch, told[EVERY]])) == 1
+    assert measures.values["deconflict_invalid_forecasts_total"] == {("floor-not-listed",): 1}
