@@ -20,7 +20,6 @@ from deconflict.contention.queues.queue_advice import QueueAdvice, queue_advice_
 from deconflict.contention.queues.queue_entries import LOOK_S, QueueEntries
 from deconflict.contention.queues.queue_forecast import QueueForecast, forecast_queues
 from deconflict.contention.queues.zone_flow import ZoneFlows
-from deconflict.contention.robots.batch_merging import BatchMerger, MergedBatch
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
@@ -69,7 +68,6 @@ class Contention:
         self._dwells = {resource.id: DwellTimes(resource) for resource in self.geometry.resources.values()}
         self._flows = ZoneFlows({zone.id: zone.capacity for zone in self.geometry.zones.values()})
         self._entries = QueueEntries(self.geometry, self.robots, self._dwells, self._flows)
-        self._merger = BatchMerger()
         self._looked_s = self._needs_s = -inf
         """When the last look was, and the last forecast of who will need a charger."""
         self._queues: dict[str, QueueForecast] = {}
@@ -98,7 +96,6 @@ class Contention:
 
     def learned(self) -> dict[str, Part]:
         """What is worth keeping over a restart: errors of arrival times, dwells and batteries."""
-        self._catch_up()
         arrivals = self.robots.arrivals
         return {
             "arrivals": arrivals.learned(),
@@ -119,18 +116,10 @@ class Contention:
             self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
 
     def receive(self, batch: Batch) -> None:
-        """Add the robots that changed: at once, or when there are more of them or a look needs them."""
-        for merged in self._merger.add(batch):
-            self._update_robots(merged)
-
-    def _update_robots(self, merged: MergedBatch) -> None:
-        for resource, dwell_s in self.robots.update(merged):
+        """Update the robots that changed."""
+        for resource, dwell_s in self.robots.update(batch):
             self._dwells[resource].add(dwell_s)
-        self.robots.forget(merged.batch.gone)
-
-    def _catch_up(self) -> None:
-        for merged in self._merger.flush():
-            self._update_robots(merged)
+        self.robots.forget(batch.gone)
 
     def step(self, now_s: float) -> list[FindingAdvisory]:
         """The revisions of this look; none between looks."""
@@ -138,7 +127,6 @@ class Contention:
             return []
         dt_s = min(now_s - self._looked_s, 10 * LOOK_S)
         self._looked_s = now_s
-        self._catch_up()
         passing, nearby = self.robots.passing(), NearbyBoxes.of(self.robots)
         self._flows.update(passing, now_s, dt_s)
         journeys = legs(self.robots, nearby, now_s)

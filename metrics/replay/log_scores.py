@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from math import floor, inf
 from typing import Any
 
-from deconflict.contention.robots.batch_merging import BatchMerger
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.languages.massrobotics import timestamps
@@ -23,8 +22,6 @@ from metrics.truth.nearest_scenes import NearestScene
 
 WARNED_BEFORE_S = 10.0
 """An advisory that was cleared longer than this before a near moment does not count as a warning of it."""
-MERGED_ROBOTS = 1024
-"""Robots whose reports are processed together. Large, because only the final figures are needed, not short passes."""
 
 
 class LogScores:
@@ -38,7 +35,6 @@ class LogScores:
             ClearanceScores(clearance_m, self.truth, self.interactions, self.absences) for clearance_m in clearances_m
         ]
         self.forecasts, self.arrivals, self.contention = ForecastScores(), ArrivalScores(), ContentionScores(site)
-        self._merging = BatchMerger(MERGED_ROBOTS)
         self.vendor_of: dict[str, str] = {}
         """By robot that has reported its position."""
         self._name_of: dict[str, str] = {}
@@ -103,15 +99,10 @@ class LogScores:
         self.interactions.add_batch(batch, self.forecasts.usually_aside_m(makers))
 
     def _add_contention(self, batch: Batch, outputs: Sequence[EngineOutput], now_s: float) -> None:
-        for merged in self._merging.add(batch):
-            self._add_merged(merged.batch)
-        revisions, place_forecast = (outputs[0].other_revisions, outputs[0].place_forecast) if outputs else ((), None)
-        self.contention.add_output(now_s, revisions, place_forecast)
-
-    def _add_merged(self, batch: Batch) -> None:
-        """Add the reports of several passes to the scores that need only a final result."""
         self.arrivals.add_batch(batch)
         self.contention.add_batch(batch)
+        revisions, place_forecast = (outputs[0].other_revisions, outputs[0].place_forecast) if outputs else ((), None)
+        self.contention.add_output(now_s, revisions, place_forecast)
 
     def _advance_believers(self, now_s: float) -> None:
         """Advance the path believers at the first pass of each second."""
@@ -123,9 +114,7 @@ class LogScores:
             scores.believer.advance(now_s, fallen_silent)
 
     def _finish(self) -> None:
-        """Process what is still held back."""
-        for merged in self._merging.flush():
-            self._add_merged(merged.batch)
+        """Process what still waits for later reports."""
         self.truth.finish()
         self.absences.finish()
         self.forecasts.finish()

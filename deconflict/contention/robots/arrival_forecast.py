@@ -79,17 +79,18 @@ class ArrivalForecast:
         for announcements in self._announced.add(robot, now_s, here, points, announced_s):
             self._record_arrival(vendor, now_s, announcements)
 
-    def add_batch(self, batch: Batch, now_s: Floats, here: FloorPoints) -> ArrivalCorrections:
-        """Add the destinations of a batch, whose robots (n,) are `here` at `now_s`; return the corrections of them.
+    def add_batch(self, batch: Batch, here: FloorPoints) -> ArrivalCorrections:
+        """Add the destinations of a batch, whose robots (n,) are `here`; return the corrections of them.
 
         An arrival counts for the robots from its own row on.
         """
         numbers = {vendor: number for number, vendor in enumerate(dict.fromkeys(batch.vendors))}
         vendor = np.array([numbers[vendor] for vendor in batch.vendors], np.int64)
         known, row_of = [self._known(name) for name in numbers], vendor.copy()
+        now_s = np.full(len(batch), batch.now_s)
         for row, arrivals in self._announced.add_batch(batch, now_s, here, batch.destinations):
             for announcements in arrivals:
-                self._record_arrival(batch.vendors[row], float(now_s[row]), announcements)
+                self._record_arrival(batch.vendors[row], batch.now_s, announcements)
             row_of[row:][vendor[row:] == vendor[row]] = len(known)
             known.append(self._known(batch.vendors[row]))
         rates, left_s = zip(*known, strict=True)

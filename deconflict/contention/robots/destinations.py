@@ -39,7 +39,7 @@ class PlannedStop(NamedTuple):
     x_m: float
     y_m: float
     resource: str | None
-    """The resource that it is in; None if it is in nrobot."""
+    """The resource that it is in; None if it is in none."""
 
 
 def write_stops(
@@ -47,15 +47,15 @@ def write_stops(
     slots: Ints,
     floor_numbers: Ints,
     destinations: Destinations,
-    now_s: Floats,
+    now_s: float,
     view: Lookahead,
     corrections: ArrivalCorrections,
     resources: Outlines,
 ) -> tuple[Ints, Bools]:
     """Write where n robots go into `stops`: (n,) how many stops each has, and whether any may be in a resource.
 
-    The first stops that a robot is at already are left out. `STOP.resource` is not set yet. `view` begins at `now_s`
-    (n,), and `floor_numbers` are the table's numbers of the floors of `destinations`.
+    The first stops that a robot is at already are left out. `STOP.resource` is not set yet. `view` begins at `now_s`.
+    `floor_numbers` are the table's numbers of the floors of `destinations`.
     """
     return _write_stops(
         stops,
@@ -75,7 +75,7 @@ def write_stops(
 
 @kernel(
     numba.types.Tuple((numba.int64[::1], numba.boolean[::1]))(  # type: ignore[no-untyped-call]
-        _STOPS, *[_INTS] * 4, *[_FLOATS] * 4, LOOKAHEAD, _INTS, _TABLE, OUTLINES, numba.float64
+        _STOPS, *[_INTS] * 4, *[_FLOATS] * 3, numba.float64, LOOKAHEAD, _INTS, _TABLE, OUTLINES, numba.float64
     )
 )
 def _write_stops(
@@ -87,7 +87,7 @@ def _write_stops(
     t_s: Floats,
     x_m: Floats,
     y_m: Floats,
-    now_s: Floats,
+    now_s: float,
     view: Lookahead,
     correction: Ints,
     rates: Floats,
@@ -103,10 +103,10 @@ def _write_stops(
             away_m = hypot(x_m[k] - view.x_m[row, 0], y_m[k] - view.y_m[row, 0]) if on == at else 0.0
             if counts[row] == 0 and on == at and away_m <= arrived_m:
                 continue
-            ahead_s = max(t_s[k] - now_s[row], 0.0)
+            ahead_s = max(t_s[k] - now_s, 0.0)
             stop = stops[slots[row], counts[row]]
             stop.announced_s = t_s[k]
-            stop.t_s = stop.expected_s = max(now_s[row] + middle * ahead_s, now_s[row] + away_m / FASTEST_MPS)
+            stop.t_s = stop.expected_s = max(now_s + middle * ahead_s, now_s + away_m / FASTEST_MPS)
             stop.spread_s = (high - low) / 2 * ahead_s
             stop.x_m, stop.y_m, stop.floor, stop.resource = x_m[k], y_m[k], on, -1
             counts[row] += 1
@@ -117,10 +117,8 @@ def _write_stops(
     return counts, bound
 
 
-def postpone_overdue(
-    robots: Records, stops: Stops, slots: Ints, now_s: Floats, corrections: ArrivalCorrections
-) -> None:
-    """Postpone the expected arrivals of robots (n,) that are overdue at their next stop at `now_s` (n,).
+def postpone_overdue(robots: Records, stops: Stops, slots: Ints, now_s: float, corrections: ArrivalCorrections) -> None:
+    """Postpone the expected arrivals of robots (n,) that are overdue at their next stop.
 
     A robot that drives comes at its speed. One that stands takes as long as others of its vendor did. The times between
     its stops stay as announced.
@@ -139,28 +137,28 @@ def _time_left_s(left_s: Floats, overdue_s: Floats, late_s: float) -> tuple[floa
     return low, middle, high
 
 
-@kernel(numba.void(_RECORDS, _STOPS, _INTS, _FLOATS, _INTS, _STACK, _FLOATS, numba.float64))
+@kernel(numba.void(_RECORDS, _STOPS, _INTS, numba.float64, _INTS, _STACK, _FLOATS, numba.float64))
 def _postpone(
     robots: Records,
     stops: Stops,
     slots: Ints,
-    now_s: Floats,
+    now_s: float,
     correction: Ints,
     left_s: Floats,
     overdue_s: Floats,
     lookahead_s: float,
 ) -> None:
     for row in range(len(slots)):
-        robot, now = robots[slots[row]], now_s[row]
-        if robot.stops == 0 or stops[slots[row], 0].announced_s >= now:
+        robot = robots[slots[row]]
+        if robot.stops == 0 or stops[slots[row], 0].announced_s >= now_s:
             continue
         first = stops[slots[row], 0]
         away_m = hypot(first.x_m - robot.x_m, first.y_m - robot.y_m) if first.floor == robot.floor else 0.0
         if robot.goes and not robot.stands:
-            first.expected_s = max(first.t_s, now + away_m * lookahead_s / robot.way_m)
+            first.expected_s = max(first.t_s, now_s + away_m * lookahead_s / robot.way_m)
         else:
-            low, middle, high = _time_left_s(left_s[correction[row]], overdue_s, now - first.announced_s)
-            first.expected_s, first.spread_s = max(first.t_s, now + middle), (high - low) / 2
+            low, middle, high = _time_left_s(left_s[correction[row]], overdue_s, now_s - first.announced_s)
+            first.expected_s, first.spread_s = max(first.t_s, now_s + middle), (high - low) / 2
         for k in range(1, robot.stops):
             stop, before = stops[slots[row], k], stops[slots[row], k - 1]
             stop.expected_s = max(stop.t_s, before.expected_s + stop.announced_s - before.announced_s)

@@ -68,7 +68,7 @@ def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m
 
 @kernel(
     numba.types.Tuple((*[numba.float64[:, ::1]] * 4, numba.int64[:, ::1]))(  # type: ignore[no-untyped-call]
-        _INTS, *[_FLOATS] * 4, _INTS, _FLOATS, numba.float64, numba.int64
+        _INTS, *[_FLOATS] * 4, _INTS, *[numba.float64] * 2, numba.int64
     )
 )
 def _ahead(
@@ -78,21 +78,21 @@ def _ahead(
     y_m: Floats,
     yaw_rad: Floats,
     floor: Ints,
-    now_s: Floats,
+    now_s: float,
     step_s: float,
     steps: int,
 ) -> tuple[Floats, Floats, Floats, Floats, Ints]:
-    n = len(now_s)
+    n = len(start) - 1
     times, x, y, yaw = np.empty((n, steps)), np.empty((n, steps)), np.empty((n, steps)), np.empty((n, steps))
     on = np.empty((n, steps), np.int64)
     for row in range(n):
         before, end = start[row], start[row + 1]
         sound, turn, turns_from = before < end, 0.0, -1
         for step in range(steps):
-            times[row, step] = now_s[row] + step_s * step
+            times[row, step] = now_s + step_s * step
             if not sound:
                 continue
-            while before + 1 < end and t_s[before + 1] - now_s[row] <= step_s * step:
+            while before + 1 < end and t_s[before + 1] - now_s <= step_s * step:
                 before += 1
             after, share = min(before + 1, end - 1), 0.0
             if after > before and floor[after] == floor[before]:
@@ -111,8 +111,8 @@ def _ahead(
     return times, x, y, yaw, on
 
 
-def look_ahead(forecasts: Forecasts, now_s: Floats) -> Lookahead:
-    """Each robot from its `now_s` (n,) on, interpolated as `Forecasts` says; before its first knot, at that knot.
+def look_ahead(forecasts: Forecasts, now_s: float) -> Lookahead:
+    """Each robot from `now_s` on, interpolated as `Forecasts` says; before its first knot, at that knot.
 
     A robot whose numbers are not finite is on floor -1.
     """

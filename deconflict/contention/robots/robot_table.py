@@ -11,7 +11,6 @@ from shapely.ops import substring
 from deconflict.contention.robots import record_kernels
 from deconflict.contention.robots.announced_arrivals import ARRIVED_M
 from deconflict.contention.robots.arrival_forecast import ArrivalCorrections, ArrivalForecast
-from deconflict.contention.robots.batch_merging import MergedBatch
 from deconflict.contention.robots.battery_use import BatteryUse
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
 from deconflict.contention.robots.destinations import PlannedStop, postpone_overdue, write_stops
@@ -91,21 +90,20 @@ class RobotTable(Mapping[str, RobotView]):
                 by_slot.pop(slot, None)
         self._views.clear()
 
-    def update(self, merged: MergedBatch) -> list[tuple[str, float]]:
+    def update(self, batch: Batch) -> list[tuple[str, float]]:
         """Update the robots of a batch; return the resources that robots have left, and for how long they had them."""
-        batch, now_s = merged
         if not len(batch):
             return []
         self._views.clear()
-        view, forecasts = look_ahead(batch.forecasts, now_s), batch.forecasts
+        view, forecasts = look_ahead(batch.forecasts, batch.now_s), batch.forecasts
         paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
         slots, _ = self._slots.assign(batch.robots)
         self._grow(len(self._slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
         self._names.update(zip(batch.robots, zip(batch.vendors, batch.names, batch.states, strict=True), strict=True))
         level_before_pct = self._add_levels(batch, slots)
-        corrections = self.arrivals.add_batch(batch, now_s, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
-        counts, bound = self._add_stops(batch, now_s, view, corrections, slots, floor_numbers)
+        corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
+        counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         stale = update_records(
             self.records,
             self._paths,
@@ -126,7 +124,7 @@ class RobotTable(Mapping[str, RobotView]):
         )
         left = self._update_places(batch, view, paths, slots, stale, level_before_pct) if stale.any() else []
         if len(batch.destinations.t_s):
-            postpone_overdue(self.records, self.stops, slots, now_s, corrections)
+            postpone_overdue(self.records, self.stops, slots, batch.now_s, corrections)
         return left
 
     def _add_levels(self, batch: Batch, slots: Ints) -> Floats:
@@ -245,7 +243,6 @@ class RobotTable(Mapping[str, RobotView]):
     def _add_stops(
         self,
         batch: Batch,
-        now_s: Floats,
         view: Lookahead,
         corrections: ArrivalCorrections,
         slots: Ints,
@@ -258,7 +255,8 @@ class RobotTable(Mapping[str, RobotView]):
         missing = int((destinations.start[1:] - destinations.start[:-1]).max()) - self.stops.shape[1]
         if missing > 0:
             self.stops = np.pad(self.stops, ((0, 0), (0, missing)))
-        return write_stops(self.stops, slots, floor_numbers, destinations, now_s, view, corrections, self._resources)
+        places = self._resources
+        return write_stops(self.stops, slots, floor_numbers, destinations, batch.now_s, view, corrections, places)
 
     def _grow(self, slots: int) -> None:
         if slots > len(self.records):

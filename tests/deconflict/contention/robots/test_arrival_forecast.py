@@ -58,15 +58,11 @@ def arrivals_of(announced: AnnouncedArrivals, batch: Batch) -> list[tuple[int, l
 
 def expected(arrivals: ArrivalForecast, vendor: str, now_s: float, told_s: float) -> tuple[float, float]:
     """Of one robot that goes to another floor."""
-    batch, at_s, stops = (
-        report_of("r", now_s, AWAY, [("loft", 10.0, 0.0)], [told_s]),
-        np.array([now_s]),
-        np.zeros((1, 1), STOP),
-    )
+    batch, stops = report_of("r", now_s, AWAY, [("loft", 10.0, 0.0)], [told_s]), np.zeros((1, 1), STOP)
     nothing = Outlines(np.empty(0, np.int64), np.empty((0, 4)))
     known = ArrivalCorrections(np.zeros(1, np.int64), np.array([arrivals.quantiles(vendor)]), np.zeros((1, 1, 3)))
-    view = look_ahead(batch.forecasts, at_s)
-    write_stops(stops, np.zeros(1, np.int64), np.arange(2), batch.destinations, at_s, view, known, nothing)
+    view = look_ahead(batch.forecasts, now_s)
+    write_stops(stops, np.zeros(1, np.int64), np.arange(2), batch.destinations, now_s, view, known, nothing)
     return float(stops["t_s"][0, 0]), float(stops["spread_s"][0, 0])
 
 

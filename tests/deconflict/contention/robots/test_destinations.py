@@ -2,7 +2,6 @@
 
 import pytest
 
-from deconflict.contention.robots.batch_merging import BatchMerger
 from deconflict.contention.robots.destinations import FASTEST_MPS, PlannedStop
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
@@ -16,9 +15,8 @@ def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[PlannedStop, ...
     scene = Scene(site(DOCK), {"a": Script([(0, *at)], stops), "b": Script([(0, 90, 90)])})
     for name, script in scene.robots.items():
         scene.fleet.receive(script.says(name, 0.0), NOW_S, LINE)
-    robots, merger = RobotTable(PlaceGeometry([DOCK], ())), BatchMerger()
-    for due in [*merger.add(scene.fleet.next_batch(NOW_S)), *merger.flush()]:
-        robots.update(due)
+    robots = RobotTable(PlaceGeometry([DOCK], ()))
+    robots.update(scene.fleet.next_batch(NOW_S))
     one, other = sorted(robots.values(), key=lambda seen: seen.y_m)
     assert other.stops == ()
     return one.stops

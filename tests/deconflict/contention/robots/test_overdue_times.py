@@ -5,7 +5,6 @@ import pytest
 
 from deconflict.advisory import ContentionAdvisory
 from deconflict.contention.robots.arrival_forecast import ArrivalForecast
-from deconflict.contention.robots.batch_merging import BatchMerger
 from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S, OverdueTimes
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
@@ -101,13 +100,10 @@ def test_an_arrival_is_late_by_its_last_announcement() -> None:
 def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> tuple[list[float], list[float]]:
     """In how long a robot is expected at its stops, and how surely; it has stood at x = 50 or drives towards 0."""
     script = Script([(0, 50, 0)] if stands else [(0, 50 + at_s, 0), (at_s + 50, 0, 0)], stops)
-    scene, robots, merger = Scene(site(DOCK), {"a": script}), RobotTable(PlaceGeometry([DOCK], ())), BatchMerger()
+    scene, robots = Scene(site(DOCK), {"a": script}), RobotTable(PlaceGeometry([DOCK], ()))
     for second in range(int(at_s) + 1):
         scene.fleet.receive(script.says("a", float(second)), NOW_S + second, LINE)
-        for due in merger.add(scene.fleet.next_batch(NOW_S + second)):
-            robots.update(due)
-    for due in merger.flush():
-        robots.update(due)
+        robots.update(scene.fleet.next_batch(NOW_S + second))
     found = robots[robot("a")].stops
     return [one.expected_s - NOW_S - at_s for one in found], [one.spread_s for one in found]
 

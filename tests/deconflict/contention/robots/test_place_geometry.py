@@ -34,13 +34,13 @@ def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> F
 
 
 def passage(of: Forecasts, geometry: PlaceGeometry) -> ZonePassage | None:
-    view = look_ahead(of, np.array([NOW_S]))
+    view = look_ahead(of, NOW_S)
     ways = paths_ahead(view, np.full(1, STEPS))
     return geometry.passages([HALL], view, ways, of.length_m, of.width_m).get(0, {}).get("lane")
 
 
 def test_the_lookahead_interpolates_knots_and_stands_after_the_last() -> None:
-    view: Lookahead = look_ahead(forecast((-1, 0, 0, 0), (1, 4, 0, 0), (3, 4, 2, 0)), np.array([NOW_S]))
+    view: Lookahead = look_ahead(forecast((-1, 0, 0, 0), (1, 4, 0, 0), (3, 4, 2, 0)), NOW_S)
     assert view.x_m[0, :5].tolist() == pytest.approx([2.0, 3.0, 4.0, 4.0, 4.0])
     assert view.y_m[0, [2, 4, 6, 20]].tolist() == pytest.approx([0.0, 1.0, 2.0, 2.0])
 
@@ -65,7 +65,7 @@ def test_a_robot_that_changes_floors_first_is_not_in_it() -> None:
 
 
 def test_a_robot_with_numbers_that_are_not_finite_is_on_no_floor() -> None:
-    assert look_ahead(forecast((0, float("nan"), 0, 0)), np.array([NOW_S])).floor[0, 0] == -1
+    assert look_ahead(forecast((0, float("nan"), 0, 0)), NOW_S).floor[0, 0] == -1
 
 
 def test_a_lift_is_one_resource_on_all_its_floors() -> None:

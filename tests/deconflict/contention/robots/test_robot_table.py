@@ -1,11 +1,10 @@
 """Robots as contention keeps them: what is written by kernels, a batch or many at once, against plain reckoning."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from math import hypot
 
 import numpy as np
 
-from deconflict.contention.robots.batch_merging import MergedBatch
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_M, STANDS_S, WAY_M, collect_boxes
@@ -43,10 +42,6 @@ def batches(seconds: int) -> list[Batch]:
     return found
 
 
-def gathered(parts: list[Batch]) -> MergedBatch:
-    return MergedBatch(Batch.joined(parts), np.repeat([part.now_s for part in parts], [len(part) for part in parts]))
-
-
 def known(robots: RobotTable) -> dict[str, list[str]]:
     """All that is told of each robot, and the way that it has left."""
     told = {uuid: [repr(getattr(one, each.name)) for each in fields(one)] for uuid, one in robots.items()}
@@ -57,12 +52,13 @@ def known(robots: RobotTable) -> dict[str, list[str]]:
     }
 
 
-def test_merged_batches_leave_the_same_table_as_single_ones() -> None:
+def test_joined_batches_leave_the_same_table_as_single_ones() -> None:
     said, waited = batches(60), 0
     each, many = (RobotTable(PlaceGeometry([DOCK], [LANE])) for _ in range(2))
     for first in range(0, 60, 5):
-        left = [one for part in said[first : first + 5] for one in each.update(gathered([part]))]
-        assert sorted(left) == sorted(many.update(gathered(said[first : first + 5])))
+        parts = [replace(part, now_s=NOW_S + first) for part in said[first : first + 5]]
+        left = [one for part in parts for one in each.update(part)]
+        assert sorted(left) == sorted(many.update(Batch.joined(parts)))
         assert known(each) == known(many)
         waited += sum("way" in name for name in known(each))
     assert waited > 10
@@ -73,7 +69,7 @@ def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
     stood: dict[str, tuple[float, float, float]] = {}
     stands = 0
     for batch in batches(60):
-        robots.update(gathered([batch]))
+        robots.update(batch)
         first = batch.forecasts.start[:-1]
         poses = zip(batch.robots, batch.forecasts.x_m[first], batch.forecasts.y_m[first], batch.event_s, strict=True)
         for row, (uuid, x_m, y_m, event_s) in enumerate(poses):
@@ -93,7 +89,7 @@ def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
 def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
     robots = RobotTable(PlaceGeometry([DOCK], [LANE]))
     for batch in batches(30):
-        robots.update(gathered([batch]))
+        robots.update(batch)
     ends_m, standing_m, going_m, ends, standing, going = collect_boxes(robots.records, robots.stops, ROUNDING_M)
     uuid = robots.uuids.__getitem__
     told = [
