@@ -141,8 +141,9 @@ class HoldDesk:
         pending = {
             pairs for pairs, question in self._questions.items() if question.answer and pairs in self._groups.all
         }
-        lately = {group.pairs for pair in self._asked_s if (group := self._groups.group_of(pair))}
-        return pending | {pairs for pairs in lately if all(map(self._asked_s.__contains__, pairs))}
+        found = (self._groups.group_of(pair) for pair in self._asked_s)
+        lately = {id(group): group.pairs for group in found if group}
+        return pending | {pairs for pairs in lately.values() if all(map(self._asked_s.__contains__, pairs))}
 
     def _question(self, group: ConflictGroup, now_s: float, find_nearby: FindNearby) -> Callable[[], Recommendation]:
         near = find_nearby(_robots(group.pairs))

@@ -123,8 +123,9 @@ class ConflictLifecycle:
     def mark_silent(self, silent: set[str], now_s: float, scene: ConflictScene) -> list[ConflictAdvisory]:
         """The revisions that say that these robots have fallen silent; none if their advisories say so already."""
         revisions = []
-        for pair, advisory in sorted(self.advisories.items()):
-            if silent.isdisjoint(pair) or not all(map(scene.is_present, pair)):
+        concerned = [(pair, advisory) for pair, advisory in self.advisories.items() if not silent.isdisjoint(pair)]
+        for pair, advisory in sorted(concerned):
+            if not all(map(scene.is_present, pair)):
                 continue
             parties = scene.party(pair[0], now_s), scene.party(pair[1], now_s)
             watched = self.pairs.get(pair)
