@@ -16,7 +16,7 @@ from deconflict.cluster.tiles.tile_channels import EVERY, ChannelSorter, RobotEx
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.settings.site import Conflict
-from ingest.batch import Basis, Batch, Destinations, Forecasts
+from ingest.batch import AMOUNTS, Basis, Batch, Destinations, Forecasts
 
 FASTEST_MPS = 2.0
 TICKS_PER_S = 10
@@ -44,8 +44,7 @@ def batch_of(forecasts: Forecasts) -> Batch:
         event_s=zeros,
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=zeros,
-        battery_pct=zeros,
-        run_time_left_s=zeros,
+        amounts=np.zeros(n, AMOUNTS),
         forecasts=forecasts,
         destinations=Destinations(np.zeros(n + 1, np.int64), none, none, none, np.zeros(0, np.int64)),
         gone=(),

@@ -7,6 +7,7 @@ Nothing else goes from the vendors' sockets to the engine.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from math import nan
 from operator import attrgetter
 from typing import Any, NamedTuple, Self
 
@@ -19,6 +20,25 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Pair = tuple[str, str]
 """The UUIDs of two robots, in ascending order."""
+
+
+class Amounts(NamedTuple):
+    """Amounts that a robot reports of itself with a status; nan if it does not report one.
+
+    A new field needs no change but here and in the language that reads it (`languages/massrobotics/amounts.py`).
+    """
+
+    battery_pct: float = nan
+    """Level of the battery."""
+    run_time_left_s: float = nan
+    """How much longer the battery lasts."""
+    load_used_pct: float = nan
+    """Share of the load that the robot can carry."""
+
+
+NO_AMOUNTS = Amounts()
+AMOUNTS = np.dtype([(name, np.float64) for name in Amounts._fields])
+"""One robot's `Amounts` in an array."""
 
 
 class Basis(IntEnum):
@@ -188,10 +208,8 @@ class Batch:
     """(n,) `Basis` of each forecast."""
     doubt_m: Floats
     """(n,) how far off the position may be as reported."""
-    battery_pct: Floats
-    """(n,) level of the battery; nan if the robot does not report it."""
-    run_time_left_s: Floats
-    """(n,) how much longer the battery lasts; nan if the robot does not report it."""
+    amounts: NDArray[Any]
+    """(n,) of `AMOUNTS`."""
     forecasts: Forecasts
     """n robots, in the same order."""
     destinations: Destinations
@@ -230,7 +248,9 @@ class Batch:
 
     def to_bytes(self) -> bytes:
         """A line of JSON with the texts and the layout of the arrays, then the bytes of the arrays in that order."""
-        arrays: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)) for name in _ARRAYS}
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        amounts = arrays.pop("amounts")
+        arrays |= {name: amounts[name] for name in amounts.dtype.names}
         for part, kind in _PARTS.items():
             arrays |= {f"{part}.{field.name}": getattr(getattr(self, part), field.name) for field in fields(kind)}
         head = {name: getattr(self, name) for name in _HEAD_KEYS}
@@ -252,14 +272,16 @@ class Batch:
             part: kind(**{field.name: arrays.pop(f"{part}.{field.name}") for field in fields(kind)})
             for part, kind in _PARTS.items()
         }
-        for name in _ADDED:
-            arrays.setdefault(name, np.full(len(arrays["event_s"]), np.nan))
+        amounts = np.full(len(arrays["event_s"]), np.nan, AMOUNTS)
+        for name in Amounts._fields:
+            if name in arrays:  # an earlier release may not have it
+                amounts[name] = arrays.pop(name)
         now_s = document.pop("now_s")
         claims = tuple(
             Claim(owner, claimant, tuple(robots), *rest) for owner, claimant, robots, *rest in document.pop("claims")
         )
         texts: dict[str, Any] = {name: tuple(value) for name, value in document.items()}
-        return cls(now_s=now_s, claims=claims, **parts, **arrays, **texts)
+        return cls(now_s=now_s, claims=claims, amounts=amounts, **parts, **arrays, **texts)
 
 
 def _concatenated(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
@@ -272,7 +294,5 @@ def _concatenated(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
 
 _ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states")
 _HEAD_KEYS = ("now_s", "floors", *_ROBOT_TEXTS, "gone", "claims")
-_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "battery_pct", "run_time_left_s")
-_ADDED = ("battery_pct", "run_time_left_s")
-"""Arrays that a batch of an earlier release does not have."""
+_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "amounts")
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

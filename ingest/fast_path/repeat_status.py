@@ -23,7 +23,6 @@ from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
-from ingest.languages.massrobotics.amounts import HOUR_S
 from ingest.languages.massrobotics.conformance_rules import Findings
 from ingest.port.connection import Connection
 
@@ -84,8 +83,7 @@ class RepeatReader:
         if not knots:
             return None
         robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
-        robot.battery_pct, run_time_left_h = scanned.rows.item(2, 0), scanned.rows.item(2, 1)
-        robot.run_time_left_s = run_time_left_h * HOUR_S
+        robot.amounts = scanned.amounts
         robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS

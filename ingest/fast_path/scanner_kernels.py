@@ -63,6 +63,7 @@ HEAD_ROWS = 4
 2. battery, hours of run time left, load still available, unused
 3. first and last time of the path, first and last time of the destinations
 """
+AMOUNTS_ROW = 2
 UUID_BEGIN, UUID_END, STATE_BEGIN, STATE_END, STAMP_DIGITS, STAMP_DEVIATION = range(6)
 OF_LOCATION, OF_PATH, OF_DESTINATIONS, MARKS = 6, 10, 17, 24
 """Marks of a status, -1 for what it does not have:

@@ -10,8 +10,9 @@ from math import isnan
 import msgspec
 import numpy as np
 
-from ingest.batch import Floats
+from ingest.batch import Amounts, Floats
 from ingest.fast_path.scanner_kernels import (
+    AMOUNTS_ROW,
     HEAD_ROWS,
     LEAST_POINT_LENGTH,
     MARKS,
@@ -75,6 +76,11 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
     def stamp_resolution_s(self) -> float:
         return _RESOLUTIONS_S[self.marks[STAMP_DIGITS]]
 
+    @property
+    def amounts(self) -> Amounts:
+        battery_pct, run_time_left_h, available_pct, _ = self.rows[AMOUNTS_ROW].tolist()
+        return Amounts(battery_pct, run_time_left_h * HOUR_S, 100.0 - available_pct)
+
     def message(self, names_as_uuid: str | None) -> Status | Rejection:
         """The same as `parser.read`: the status, or a rejection if its UUID can't be read."""
         findings: Findings = {}
@@ -86,9 +92,7 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
 
     def _status(self, uuid: str, findings: Findings) -> Status:
         rows, marks, texts = self.rows, self.marks, self.texts
-        pose, (z, linear_mps, turn_rad, _), (battery_pct, run_time_left_h, available_pct, _), ends_s = rows[
-            :HEAD_ROWS
-        ].tolist()
+        pose, (z, linear_mps, turn_rad, _), _, ends_s = rows[:HEAD_ROWS].tolist()
         stamp_s, x, y, yaw_rad = pose
         if texts.findings:
             findings.update(dict.fromkeys(texts.findings))
@@ -112,9 +116,7 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
             texts.datum,
             None if isnan(linear_mps) else linear_mps,
             None if isnan(turn_rad) else turn_rad,
-            None if isnan(available_pct) else 100.0 - available_pct,
-            None if isnan(battery_pct) else battery_pct,
-            None if isnan(run_time_left_h) else run_time_left_h * HOUR_S,
+            self.amounts,
             (),
             destinations,
             path,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ingest.batch import Batch, Claim, Destinations, Floats, Forecasts, Ints
+from ingest.batch import AMOUNTS, Batch, Claim, Destinations, Floats, Forecasts, Ints
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast
 from ingest.fleet.robot import Robot
 
@@ -32,8 +32,7 @@ def batch(
         event_s=_column(robots, "seen.t_s"),
         basis=_column(forecasts, "basis", np.int64),
         doubt_m=_column(robots, "doubt_m"),
-        battery_pct=_column(robots, "battery_pct"),
-        run_time_left_s=_column(robots, "run_time_left_s"),
+        amounts=np.array(list(_values(robots, "amounts")), AMOUNTS),
         forecasts=_forecasts(forecasts),
         destinations=_destinations(list(_values(robots, "stops"))),
         gone=gone,

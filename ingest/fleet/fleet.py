@@ -9,7 +9,7 @@ service's clock, placed on a floor, forecast, and counted.
 
 from collections import OrderedDict
 from collections.abc import Iterable
-from math import isnan, nan
+from math import isnan
 from operator import attrgetter
 from typing import Any
 
@@ -176,8 +176,7 @@ class Fleet:
             if event_s < robot.seen.t_s:
                 return (*findings, "stamp-not-increasing")
         robot.state, robot.known_state = status.state, status.known_state
-        robot.battery_pct = nan if status.battery_pct is None else status.battery_pct
-        robot.run_time_left_s = nan if status.run_time_left_s is None else status.run_time_left_s
+        robot.amounts = status.amounts
         self._note_newest(robot, raw, arrival_s)
         self._changed[robot.uuid] = robot
         return findings + self._placement.forecast(robot, status, frame, sighting, robot.seen)

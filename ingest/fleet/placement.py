@@ -65,7 +65,7 @@ class Placement:
         self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
         """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the findings."""
-        context = self._context(robot, bool(status.load_used_pct), status.datum)
+        context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum)
         robot.frame = frame
         robot.seen, findings = plausibility.reconcile(before, sighting)
         robot.forecast = forecast(status, robot.seen, context)

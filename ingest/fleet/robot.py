@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from math import nan
 
-from ingest.batch import Floats
+from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.introductions import Introduction
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
@@ -46,10 +46,8 @@ class Robot:
     """The destinations ahead, as `prediction.forecast.stops` returns them."""
     doubt_m: float = 0.0
     """How far off its position may be."""
-    battery_pct: float = nan
-    """nan if its newest status does not say it."""
-    run_time_left_s: float = nan
-    """How much longer its battery lasts; nan if its newest status does not say it."""
+    amounts: Amounts = NO_AMOUNTS
+    """Those of its newest status."""
     owned: bool = False
     """Whether its vendor is settled: it identified itself, or reported over a connection of that vendor."""
     context: ForecastContext | None = None

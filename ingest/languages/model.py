@@ -5,6 +5,8 @@ from math import nan
 
 import msgspec
 
+from ingest.batch import Amounts
+
 Row = tuple[float, float, float, float]
 """t_s, x, y, yaw_rad. The yaw is nan if the heading is unknown."""
 
@@ -64,10 +66,7 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     linear_mps: float | None
     turn_rad_per_s: float | None
     """The rotation made in one second."""
-    load_used_pct: float | None
-    battery_pct: float | None
-    run_time_left_s: float | None
-    """How much longer its battery lasts; None if not sent, as with the other amounts."""
+    amounts: Amounts
     error_codes: tuple[str, ...]
     destinations: Path
     path: Path

@@ -141,11 +141,16 @@ def _keys_and_types() -> Iterator[Vector]:
     yield Vector("a key of its own in a volume", named(cargoMaxVolume={"x": 1, "y": 1, "r": 2}), ("key-unknown",))
     yield Vector("a key of its own in an envelope", named(baseRobotEnvelope={"x": 1, "y": 1, "r": 2}), ("key-unknown",))
     yield Vector(
-        "null for no battery", with_null(said(), "batteryPercentage"), ("null-value",), reads={"battery_pct": None}
+        "null for no battery",
+        with_null(said(), "batteryPercentage"),
+        ("null-value",),
+        reads={"amounts.battery_pct": nan},
     )
     yield Vector("null in a list", said(errorCodes=[None]), ("null-value",), reads={"error_codes": ()})
     yield Vector("the word null", said(errorCodes=["null"]), reads={"error_codes": ("null",)})
-    yield Vector("a number as text", said(batteryPercentage="81.5"), ("number-as-text",), reads={"battery_pct": 81.5})
+    yield Vector(
+        "a number as text", said(batteryPercentage="81.5"), ("number-as-text",), reads={"amounts.battery_pct": 81.5}
+    )
     yield Vector("a coordinate as text", said(location=here(x="1.5")), ("number-as-text",), reads={"x": 1.5})
     yield Vector("a serial number", named(robotSerialNumber=7), ("text-as-number",), reads={"serial": "7"})
     yield Vector("an error number", said(errorCodes=[12]), ("text-as-number",), reads={"error_codes": ("12",)})
@@ -157,7 +162,7 @@ def _keys_and_types() -> Iterator[Vector]:
     )
     yield Vector("a destination twice", said(destinations=[at(T + 60)] * 2), ("duplicate-items",))
     yield Vector(
-        "a battery in words", said(batteryPercentage="full"), ("value-unreadable",), reads={"battery_pct": None}
+        "a battery in words", said(batteryPercentage="full"), ("value-unreadable",), reads={"amounts.battery_pct": nan}
     )
     yield Vector("a path in words", said(path="left"), ("single-not-list", "point-unreadable"))
     yield Vector(
@@ -259,21 +264,30 @@ def _where() -> Iterator[Vector]:
 
 def _amounts() -> Iterator[Vector]:
     yield Vector(
-        "a battery of 104", said(batteryPercentage=104), ("battery-out-of-range",), reads={"battery_pct": 100.0}
+        "a battery of 104", said(batteryPercentage=104), ("battery-out-of-range",), reads={"amounts.battery_pct": 100.0}
     )
-    yield Vector("a battery of -1", said(batteryPercentage=-1), ("battery-out-of-range",), reads={"battery_pct": 0.0})
-    yield Vector("a battery of 0.87", said(batteryPercentage=0.87), ("battery-fraction",), reads={"battery_pct": 0.87})
+    yield Vector(
+        "a battery of -1", said(batteryPercentage=-1), ("battery-out-of-range",), reads={"amounts.battery_pct": 0.0}
+    )
+    yield Vector(
+        "a battery of 0.87", said(batteryPercentage=0.87), ("battery-fraction",), reads={"amounts.battery_pct": 0.87}
+    )
     yield Vector("no time left", said(remainingRunTime=-0.1), ("run-time-negative",))
     yield Vector("a run time below zero", named(maxRunTime=-8), ("run-time-negative",))
     yield Vector(
-        "a load of -10", said(loadPercentageStillAvailable=110), ("load-out-of-range",), reads={"load_used_pct": 0.0}
+        "a load of -10",
+        said(loadPercentageStillAvailable=110),
+        ("load-out-of-range",),
+        reads={"amounts.load_used_pct": 0.0},
     )
-    yield Vector("the load used", said(loadPercentageUsed=30), ("load-used-key",), reads={"load_used_pct": 30.0})
+    yield Vector(
+        "the load used", said(loadPercentageUsed=30), ("load-used-key",), reads={"amounts.load_used_pct": 30.0}
+    )
     yield Vector(
         "the load used beside what is left",
         said(loadPercentageUsed=30, loadPercentageStillAvailable=60),
         ("load-used-key",),
-        reads={"load_used_pct": 40.0},
+        reads={"amounts.load_used_pct": 40.0},
     )
     yield Vector("light speed", said(velocity={"linear": 3e8}), ("speed-absurd",), reads={"linear_mps": None})
     yield Vector("at most light speed", named(maxSpeed=3e8), ("speed-absurd",), reads={"max_speed_mps": None})
@@ -351,7 +365,15 @@ def _official_dialect() -> Vector:
 
 
 def _conforming() -> Iterator[Vector]:
-    reads = {"x": 1.0, "y": 2.0, "z": 0.0, "yaw_rad": 0.0, "datum": HALL, "state": "navigating", "battery_pct": None}
+    reads = {
+        "x": 1.0,
+        "y": 2.0,
+        "z": 0.0,
+        "yaw_rad": 0.0,
+        "datum": HALL,
+        "state": "navigating",
+        "amounts.battery_pct": nan,
+    }
     yield Vector("the least a status may say", said(), reads=reads)
     along = points(*((T + i, float(i), 0.0, 0.1 * i) for i in range(10)))
     full = said(
@@ -368,8 +390,8 @@ def _conforming() -> Iterator[Vector]:
         "z": 0.2,
         "linear_mps": -0.5,
         "turn_rad_per_s": -0.2,
-        "battery_pct": 81.5,
-        "load_used_pct": 40.0,
+        "amounts.battery_pct": 81.5,
+        "amounts.load_used_pct": 40.0,
         "error_codes": ("battery low",),
         "path.yaw_rad": [0.1 * i for i in range(10)],
         "destinations.t_s": [T + 900],

@@ -3,8 +3,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from ingest import batch as batch_module
-from ingest.batch import Basis, Batch, Claim, Destinations, Forecasts
+from ingest.batch import AMOUNTS, Amounts, Basis, Batch, Claim, Destinations, Forecasts
 
 
 def forecasts(*knots: int, seed: int = 1) -> Forecasts:
@@ -64,8 +63,7 @@ def batch_of(*knots: int) -> Batch:
         event_s=np.arange(n, dtype=np.float64) + 0.2,
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=np.zeros(n),
-        battery_pct=np.linspace(20.0, 90.0, n),
-        run_time_left_s=np.full(n, np.nan),
+        amounts=np.array([(20.0 + row, np.nan, 60.0) for row in range(n)], AMOUNTS),
         forecasts=forecasts(*knots),
         destinations=Destinations(
             start=np.arange(n + 1),
@@ -88,28 +86,18 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
     for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims"):
         assert getattr(back, name) == getattr(batch, name)
-    for name in (
-        "statuses",
-        "first_arrival_s",
-        "arrival_s",
-        "event_s",
-        "basis",
-        "doubt_m",
-        "battery_pct",
-        "run_time_left_s",
-    ):
+    for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m"):
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
+    for name in Amounts._fields:
+        np.testing.assert_array_equal(back.amounts[name], batch.amounts[name])
 
 
-def test_a_batch_of_a_release_that_told_no_batteries_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_batch_of_a_release_without_an_amount_is_read() -> None:
     batch = batch_of(2, 3)
-    older = tuple(name for name in batch_module._ARRAYS if name not in batch_module._ADDED)
-    monkeypatch.setattr(batch_module, "_ARRAYS", older)
-    data = batch.to_bytes()
-    monkeypatch.undo()
-    assert b"battery_pct" not in data
-    back = Batch.from_bytes(data)
-    assert np.isnan([back.battery_pct, back.run_time_left_s]).tolist() == [[True, True]] * 2
+    older = batch.amounts[["battery_pct", "run_time_left_s"]]
+    back = Batch.from_bytes(replace(batch, amounts=older).to_bytes())
+    assert back.amounts["battery_pct"].tolist() == [20.0, 21.0]
+    assert np.isnan(back.amounts["load_used_pct"]).all()
     assert_same(back.forecasts, batch.forecasts)
 
 

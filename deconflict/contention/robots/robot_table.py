@@ -129,9 +129,9 @@ class RobotTable(Mapping[str, RobotView]):
 
     def _add_levels(self, batch: Batch, slots: Ints) -> Floats:
         """Add levels of batteries, if there are chargers; (n,) the levels before, nan if not known."""
-        if not self._geometry.chargers or np.isnan(batch.battery_pct).all():
+        if not self._geometry.chargers or np.isnan(batch.amounts["battery_pct"]).all():
             return np.full(len(batch), np.nan)
-        levels = (batch.event_s, batch.battery_pct, batch.run_time_left_s)
+        levels = (batch.event_s, batch.amounts["battery_pct"], batch.amounts["run_time_left_s"])
         return self.batteries.add_levels(slots, batch.vendors, *levels)
 
     def _update_places(
@@ -170,7 +170,9 @@ class RobotTable(Mapping[str, RobotView]):
                     left.append((before, event_s - came_s))
                     del self._here[slot]
                 if before in chargers:
-                    self.batteries.leave_charger(slot, batch.vendors[row], before, float(batch.battery_pct[row]))
+                    self.batteries.leave_charger(
+                        slot, batch.vendors[row], before, float(batch.amounts["battery_pct"][row])
+                    )
                 if place:
                     self._here[slot] = place, event_s
                 if place in chargers:

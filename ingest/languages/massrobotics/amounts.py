@@ -1,15 +1,57 @@
-"""Amounts of a message: speeds, percentages, run times. Values out of range are clamped or left out, with a finding."""
+"""Amounts of a message: speeds, percentages, run times. Values out of range are clamped or left out, with a finding.
+
+A further amount of a status is a key of `AmountsReport`, a line in `_sent` and one in `read`, and a field of
+`ingest.batch.Amounts`.
+"""
 
 from math import isnan, nan
 
+from ingest.batch import Amounts
 from ingest.languages.massrobotics import path_points, repair
 from ingest.languages.massrobotics.conformance_rules import Findings
-from ingest.languages.massrobotics.report_models import StatusReport, Velocity
+from ingest.languages.massrobotics.json_objects import Report, Velocity
 
 MAX_SPEED_MPS = 100.0
 HOUR_S = 3600.0
 LOAD_USED_KEY = "loadPercentageUsed"
 """A key after the text of the standard (5.3.4). Its schema asks for what is still available."""
+
+
+class AmountsReport(Report):
+    """The part of a status that holds amounts."""
+
+    batteryPercentage: float | None = None  # noqa: N815
+    remainingRunTime: float | None = None  # noqa: N815
+    """Hours."""
+    loadPercentageStillAvailable: float | None = None  # noqa: N815
+
+
+def read(report: AmountsReport, findings: Findings) -> Amounts:
+    """The amounts of a status."""
+    battery_pct, run_time_left_h, available_pct = _sent(report, findings).values()
+    return Amounts(
+        nan if battery_pct is None else battery_pct,
+        nan if run_time_left_h is None else run_time_left_h * HOUR_S,
+        nan if available_pct is None else 100.0 - available_pct,
+    )
+
+
+def document(report: AmountsReport) -> dict[str, float]:
+    """The amounts that were sent, under the keys of the standard."""
+    return {key: value for key, value in _sent(report, {}).items() if value is not None}
+
+
+def _sent(report: AmountsReport, findings: Findings) -> dict[str, float | None]:
+    """The value of each key, in range. None if it was not sent."""
+    battery_pct = report.batteryPercentage
+    if battery_pct is not None and 0.0 < battery_pct < 1.0:
+        findings["battery-fraction"] = None
+    available_pct = _load_available(report, findings)
+    return {
+        "batteryPercentage": _percentage(battery_pct, "battery-out-of-range", findings),
+        "remainingRunTime": run_time(report.remainingRunTime, findings),
+        "loadPercentageStillAvailable": _percentage(available_pct, "load-out-of-range", findings),
+    }
 
 
 def motion(velocity: Velocity | None, findings: Findings) -> tuple[float | None, float | None]:
@@ -36,13 +78,7 @@ def speed_limit(speed_mps: float | None, findings: Findings) -> float | None:
     return None
 
 
-def battery(battery_pct: float | None, findings: Findings) -> float | None:
-    if battery_pct is not None and 0.0 < battery_pct < 1.0:
-        findings["battery-fraction"] = None
-    return percentage(battery_pct, "battery-out-of-range", findings)
-
-
-def load_available(report: StatusReport, findings: Findings) -> float | None:
+def _load_available(report: AmountsReport, findings: Findings) -> float | None:
     """How much more the robot could carry, in percent. Derived from the load used if only that is sent."""
     available_pct = report.loadPercentageStillAvailable
     extra = report.__pydantic_extra__
@@ -51,10 +87,10 @@ def load_available(report: StatusReport, findings: Findings) -> float | None:
         used_pct = repair.number(extra[LOAD_USED_KEY], findings)
         if available_pct is None and repair.is_number(used_pct):
             available_pct = 100.0 - used_pct
-    return percentage(available_pct, "load-out-of-range", findings)
+    return available_pct
 
 
-def percentage(value_pct: float | None, rule: str, findings: Findings) -> float | None:
+def _percentage(value_pct: float | None, rule: str, findings: Findings) -> float | None:
     """The value clamped to 0 to 100. A value outside breaks `rule`."""
     if value_pct is None or 0.0 <= value_pct <= 100.0:
         return value_pct

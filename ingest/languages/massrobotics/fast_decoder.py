@@ -4,12 +4,12 @@ A report that it decodes has the same values as with pydantic, which is five tim
 unknown key or a null: those are left to pydantic, which keeps unknown keys.
 """
 
-from types import NoneType, UnionType
-from typing import Annotated, Any, TypeGuard, Union, cast, get_args, get_origin
+from typing import Any, TypeGuard, cast
 
 import msgspec
 
-from ingest.languages.massrobotics.report_models import IdentityReport, Report, StatusReport
+from ingest.languages.massrobotics.json_objects import Report, value_type
+from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 
 _STATUS_KEY = b'"operationalState"'
 
@@ -48,17 +48,11 @@ def _struct(model: type[Report]) -> type[msgspec.Struct]:
     )
 
 
-def _kind(kind: Any) -> Any:
+def _kind(annotation: Any) -> Any:
     """The type of a struct's field for a model's field. It does not allow null."""
-    arguments = get_args(kind)[: 1 if get_origin(kind) is Annotated else None]
-    inner = tuple(_kind(argument) for argument in arguments if argument is not NoneType)
-    if get_origin(kind) is Annotated:
-        return inner[0]
-    if get_origin(kind) in {Union, UnionType}:
-        return Union[inner]  # noqa: UP007
-    if get_origin(kind) is list:
-        return list[inner[0]]  # type: ignore[valid-type]
-    return _struct_of(kind) if isinstance(kind, type) and issubclass(kind, Report) else kind
+    kind, is_list = value_type(annotation)
+    item = _struct_of(kind) if issubclass(kind, Report) else kind
+    return list[item] if is_list else item  # type: ignore[valid-type]
 
 
 _structs: dict[type[Report], type[msgspec.Struct]] = {}

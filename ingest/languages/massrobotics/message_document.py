@@ -27,12 +27,7 @@ def message_document(raw: bytes) -> dict[str, Any]:
 
 def _spell_status(document: dict[str, Any], report: StatusReport) -> None:
     document["operationalState"] = vocabulary.state(report.operationalState, {})[0]
-    values = {
-        "batteryPercentage": amounts.battery(report.batteryPercentage, {}),
-        "loadPercentageStillAvailable": amounts.load_available(report, {}),
-        "remainingRunTime": amounts.run_time(report.remainingRunTime, {}),
-    }
-    document.update((key, value) for key, value in values.items() if value is not None)
+    document |= amounts.document(report)
     _spell_datum(document["location"], "planarDatum")
     for point in (*document.get("path", ()), *document.get("destinations", ())):
         _spell_datum(point, "planarDatumUUID")

@@ -1,20 +1,13 @@
 """One message in; an identity, a status or a rejection out. Never raises, whatever a sender sends."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, cast
 
 from ingest.languages.massrobotics import amounts, fast_decoder, path_points, repair, timestamps, vocabulary
 from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
-from ingest.languages.massrobotics.report_models import (
-    Extent,
-    IdentityReport,
-    PredictedLocation,
-    Quaternion,
-    Report,
-    ReportedLocation,
-    StatusReport,
-    Velocity,
-)
+from ingest.languages.massrobotics.json_objects import Report, value_type
+from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.massrobotics.report_reader import decoded_report
 from ingest.languages.model import Identity, Rejection, Status
 
@@ -23,16 +16,6 @@ MAX_REASON = 300
 """Characters kept of a rejection's reason."""
 MAX_TEXT = 100
 """Characters kept of a name: it is in every batch and advisory of its robot."""
-_PARTS = {
-    IdentityReport: ("baseRobotEnvelope", "cargoMaxVolume"),
-    StatusReport: ("location", "velocity", "path", "destinations"),
-    ReportedLocation: ("angle",),
-    PredictedLocation: ("angle",),
-    Velocity: ("angular",),
-    Extent: (),
-    Quaternion: (),
-}
-"""The keys of each report that hold objects of the standard."""
 
 
 def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status | Rejection:
@@ -100,8 +83,6 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
     _note_unknown_keys(report, findings)
     state, known_state = vocabulary.state(report.operationalState, findings)
     linear_mps, turn_rad_per_s = amounts.motion(report.velocity, findings)
-    available_pct = amounts.load_available(report, findings)
-    run_time_left_h = amounts.run_time(report.remainingRunTime, findings)
     return Status(  # by position, which costs a sixth of passing each by name
         uuid,
         stamp.t_s,
@@ -115,9 +96,7 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
         vocabulary.datum(here.planarDatum, here.planarDatumUUID, findings, empty="datum-missing"),
         linear_mps,
         turn_rad_per_s,
-        None if available_pct is None else 100.0 - available_pct,
-        amounts.battery(report.batteryPercentage, findings),
-        None if run_time_left_h is None else run_time_left_h * amounts.HOUR_S,
+        amounts.read(report, findings),
         _error_codes(report.errorCodes, findings) if report.errorCodes else (),
         path_points.destinations(report.destinations, stamp.t_s, findings),
         path_points.path(report.path, stamp.t_s, findings),
@@ -147,11 +126,17 @@ def _note_unknown_keys(report: Report, findings: Findings) -> None:
         raise RejectedError("number-not-finite", f"{key[:60]!r} holds NaN or an infinite number; leave it out")
     if extra.keys() - {amounts.LOAD_USED_KEY}:
         findings["key-unknown"] = None
-    for name in _PARTS[type(report)]:
+    for name in _parts(type(report)):
         value: Any = getattr(report, name)
         for part in value if isinstance(value, list) else (value,):
             if part is not None:
                 _note_unknown_keys(part, findings)
+
+
+@cache
+def _parts(model: type[Report]) -> list[str]:
+    """The keys of a report that hold objects of the standard."""
+    return [name for name, field in model.model_fields.items() if issubclass(value_type(field.annotation)[0], Report)]
 
 
 def _error_codes(codes: Sequence[str], findings: Findings) -> tuple[str, ...]:

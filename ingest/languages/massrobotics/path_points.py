@@ -7,7 +7,7 @@ from operator import le, lt
 
 from ingest.languages.massrobotics import timestamps, vocabulary
 from ingest.languages.massrobotics.conformance_rules import Findings
-from ingest.languages.massrobotics.report_models import PredictedLocation, Quaternion
+from ingest.languages.massrobotics.json_objects import PredictedLocation, Quaternion
 from ingest.languages.model import NO_PATH, Path, Row
 from ingest.settings import NIL_DATUM
 

@@ -1,45 +1,13 @@
 """Repairs a report whose types are wrong but whose meaning is clear. Each repair is a rule of `conformance_rules`."""
 
-from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
 from pydantic import ValidationError
 
 from ingest.languages.massrobotics.conformance_rules import Findings
+from ingest.languages.massrobotics.json_objects import Report, value_type
 from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
-from ingest.languages.massrobotics.report_models import (
-    Extent,
-    PredictedLocation,
-    Quaternion,
-    Report,
-    ReportedLocation,
-    Velocity,
-)
-
-_POINT_LISTS = ("destinations", "path")
-_OBJECTS: dict[str, type[Report]] = {
-    "location": ReportedLocation,
-    "angle": Quaternion,
-    "angular": Quaternion,
-    "velocity": Velocity,
-    "baseRobotEnvelope": Extent,
-    "cargoMaxVolume": Extent,
-}
-_NUMBERS = frozenset(
-    (
-        "x",
-        "y",
-        "z",
-        "w",
-        "linear",
-        "maxSpeed",
-        "maxRunTime",
-        "batteryPercentage",
-        "remainingRunTime",
-        "loadPercentageStillAvailable",
-    )
-)
 
 
 def repaired(document: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
@@ -50,7 +18,7 @@ def repaired(document: dict[str, Any], model: type[Report], findings: Findings) 
         if value is None:
             findings["null-value"] = None
         else:
-            copy[key] = _value(key, value, findings) if key in known else value
+            copy[key] = _value(key, value, known[key].annotation, findings) if key in known else value
     return copy
 
 
@@ -58,7 +26,7 @@ def without_misfits(document: dict[str, Any], model: type[Report], findings: Fin
     """The report without the optional values and the points that do not fit `model`. Required values stay."""
     kept = dict(document)
     for key in _misfits(document, model):
-        fitting = _fitting(key, document[key], findings) if key in document else None
+        fitting = _fitting(document[key], model.model_fields[key].annotation, findings) if key in document else None
         if fitting is not None:
             kept[key] = fitting
         elif not model.model_fields[key].is_required():
@@ -76,29 +44,26 @@ def finite(value: Any) -> bool:
     return not isinstance(value, list) or all(map(finite, value))
 
 
-def _value(key: str, value: Any, findings: Findings) -> Any:
-    if key in _POINT_LISTS:
-        return _list(value, _point, findings)
-    if key == "errorCodes":
-        return _list(value, _text, findings)
-    if key in _NUMBERS:
-        return number(value, findings)
-    if key not in _OBJECTS:
-        return _stamp(value) if key == "timestamp" else _text(value, findings)
-    return repaired(value, _OBJECTS[key], findings) if isinstance(value, dict) else value
+def _value(key: str, value: Any, annotation: Any, findings: Findings) -> Any:
+    kind, is_list = value_type(annotation)
+    if is_list:
+        return _list(value, kind, findings)
+    return _stamp(value) if key == "timestamp" else _item(value, kind, findings)
 
 
-def _list(value: Any, repaired_item: Callable[[Any, Findings], Any], findings: Findings) -> list[Any]:
+def _list(value: Any, kind: type, findings: Findings) -> list[Any]:
     if not isinstance(value, list):
         findings["single-not-list"] = None
         value = [value]
     if None in value:
         findings["null-value"] = None
-    return [repaired_item(item, findings) for item in value if item is not None]
+    return [_item(item, kind, findings) for item in value if item is not None]
 
 
-def _point(value: Any, findings: Findings) -> Any:
-    return repaired(value, PredictedLocation, findings) if isinstance(value, dict) else value
+def _item(value: Any, kind: type, findings: Findings) -> Any:
+    if issubclass(kind, Report):
+        return repaired(value, kind, findings) if isinstance(value, dict) else value
+    return number(value, findings) if kind is float else _text(value, findings)
 
 
 def number(value: Any, findings: Findings) -> Any:
@@ -144,18 +109,21 @@ def _misfits(value: dict[str, Any], model: type[Report]) -> list[str]:
     return []
 
 
-def _fitting(key: str, value: Any, findings: Findings) -> Any:
+def _fitting(value: Any, annotation: Any, findings: Findings) -> Any:
     """The part of a value that fits. None if nothing can be kept."""
-    if key in _POINT_LISTS:
-        fitting = (_fitting_object(point, PredictedLocation, findings) for point in value[:MOST_POINTS_USED])
-        points = [point for point in fitting if point is not None]
-        if len(points) < min(len(value), MOST_POINTS_USED):
-            findings["point-unreadable"] = None
-        return points
-    if key == "errorCodes":
+    kind, is_list = value_type(annotation)
+    if not issubclass(kind, Report):
+        if not is_list:
+            return None
         findings["value-unreadable"] = None
-        return [code for code in value if isinstance(code, str)]
-    return _fitting_object(value, _OBJECTS[key], findings) if key in _OBJECTS else None
+        return [text for text in value if isinstance(text, str)]
+    if not is_list:
+        return _fitting_object(value, kind, findings)
+    fitting = (_fitting_object(point, kind, findings) for point in value[:MOST_POINTS_USED])
+    points = [point for point in fitting if point is not None]
+    if len(points) < min(len(value), MOST_POINTS_USED):
+        findings["point-unreadable"] = None
+    return points
 
 
 def _fitting_object(value: Any, model: type[Report], findings: Findings) -> dict[str, Any] | None:

@@ -8,52 +8,10 @@ rejecting the message. Keys that the standard does not have are kept in `__pydan
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-
-class Report(BaseModel):
-    """A JSON object of the standard."""
-
-    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False, frozen=True)
-
-
-class Quaternion(Report):
-    x: float
-    y: float
-    z: float
-    w: float
-
-
-class Extent(Report):
-    """Metres along the heading, across it and up. z is 0 if not sent."""
-
-    x: float
-    y: float
-    z: float = 0.0
-
-
-class Velocity(Report):
-    linear: float
-    """Metres a second along the heading."""
-    angular: Quaternion | None = None
-    """The rotation made in one second."""
-
-
-class ReportedLocation(Report):
-    """Where a robot is. Senders confuse the two keys of the datum, so every location may have either."""
-
-    x: float
-    y: float
-    z: float = 0.0
-    angle: Quaternion | None = None
-    planarDatum: str | None = None  # noqa: N815
-    planarDatumUUID: str | None = None  # noqa: N815
-
-
-class PredictedLocation(ReportedLocation):
-    """Where a robot will be, and when."""
-
-    timestamp: str
+from ingest.languages.massrobotics.amounts import AmountsReport
+from ingest.languages.massrobotics.json_objects import Extent, PredictedLocation, Report, ReportedLocation, Velocity
 
 
 class IdentityReport(Report):
@@ -78,7 +36,7 @@ class IdentityReport(Report):
     cargoMaxWeight: str | None = None  # noqa: N815
 
 
-class StatusReport(Report):
+class StatusReport(AmountsReport):
     """Where a robot is, how it is, and where it will be (standard, section 5)."""
 
     uuid: str
@@ -86,9 +44,6 @@ class StatusReport(Report):
     operationalState: str  # noqa: N815
     location: ReportedLocation
     velocity: Velocity | None = None
-    batteryPercentage: float | None = None  # noqa: N815
-    remainingRunTime: float | None = None  # noqa: N815
-    loadPercentageStillAvailable: float | None = None  # noqa: N815
     errorCodes: Annotated[list[str], Field(fail_fast=True)] | None = None  # noqa: N815
     destinations: Annotated[list[PredictedLocation], Field(fail_fast=True)] | None = None
     path: Annotated[list[PredictedLocation], Field(fail_fast=True)] | None = None

@@ -249,11 +249,11 @@ def test_a_batch_has_the_battery_of_the_newest_status() -> None:
     one = fleet()
     one.receive(status("A", NOW_S, batteryPercentage=61.5, remainingRunTime=1.5), NOW_S, LINE)
     one.receive(status("B", NOW_S), NOW_S, LINE)
-    told = one.next_batch(NOW_S)
-    assert (told.battery_pct[0], told.run_time_left_s[0]) == (61.5, 5400.0)
-    assert np.isnan([told.battery_pct[1], told.run_time_left_s[1]]).all()
+    amounts = one.next_batch(NOW_S).amounts
+    assert (amounts["battery_pct"][0], amounts["run_time_left_s"][0]) == (61.5, 5400.0)
+    assert np.isnan([amounts["battery_pct"][1], amounts["run_time_left_s"][1]]).all()
     one.receive(status("A", NOW_S + 1), NOW_S + 1, LINE)
-    assert np.isnan(one.next_batch(NOW_S + 1).battery_pct[0])
+    assert np.isnan(one.next_batch(NOW_S + 1).amounts["battery_pct"][0])
 
 
 def test_the_load_changes_the_envelope() -> None:

@@ -10,7 +10,7 @@ from deconflict.contention.robots.arrival_forecast import MOST_RATIOS, ArrivalCo
 from deconflict.contention.robots.destinations import write_stops
 from deconflict.contention.robots.lookahead import look_ahead
 from deconflict.contention.robots.record_kernels import STOP, Outlines
-from ingest.batch import Batch, Destinations, Forecasts
+from ingest.batch import AMOUNTS, Batch, Destinations, Forecasts
 
 DOCK: DatumPoint = ("hall", 10.0, 0.0)
 AWAY: DatumPoint = ("hall", 0.0, 0.0)
@@ -43,8 +43,7 @@ def report_of(
         event_s=np.array([now_s]),
         basis=np.array([0]),
         doubt_m=zero,
-        battery_pct=zero * np.nan,
-        run_time_left_s=zero * np.nan,
+        amounts=np.full(1, np.nan, AMOUNTS),
         forecasts=Forecasts(np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], one, one, zero, one),
         destinations=Destinations(np.array([0, len(points)]), np.array(told_s, float), x_m[1:], y_m[1:], floor[1:]),
         gone=(),

@@ -6,7 +6,7 @@ import numpy as np
 
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
-from ingest.batch import Basis, Batch, Destinations, Forecasts, Pair
+from ingest.batch import AMOUNTS, Basis, Batch, Destinations, Forecasts, Pair
 from ingest.measures.measures import Measures
 from tests.helpers.made_encounters import NOW_S, robot
 
@@ -67,8 +67,7 @@ class Stage:
             event_s=np.full(n, now_s),
             basis=np.full(n, int(Basis.PATH)),
             doubt_m=np.zeros(n),
-            battery_pct=np.full(n, np.nan),
-            run_time_left_s=np.full(n, np.nan),
+            amounts=np.full(n, np.nan, AMOUNTS),
             forecasts=Forecasts.joined(walk.forecast(t_s) for walk in self.walks.values()),
             destinations=NO_STOPS,
             gone=(),

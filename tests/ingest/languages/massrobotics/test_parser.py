@@ -22,13 +22,13 @@ rejected = [vector for vector in VECTORS if vector.rejected]
 
 
 def value(message: Any, where: str) -> Any:
-    """An attribute of a message; `path.x` is a column of its poses."""
+    """An attribute of a message or of a part of it; `path.x` is a column of its poses."""
     name, _, part = where.partition(".")
-    one = getattr(message, name)
-    if not part:
-        return one
-    assert isinstance(one, Path)
-    return one.datums if part == "datums" else [pose[COLUMNS[part]] for pose in one.poses]
+    held = getattr(message, name)
+    if part in COLUMNS:
+        assert isinstance(held, Path)
+        return [pose[COLUMNS[part]] for pose in held.poses]
+    return getattr(held, part) if part else held
 
 
 @pytest.mark.parametrize("vector", accepted, ids=lambda vector: vector.name)
@@ -171,7 +171,7 @@ def test_a_conforming_status_is_read_without_changes(
     message = read(raw)
     assert isinstance(message, Status)
     assert message.findings == ()
-    assert (message.uuid, message.x, message.y, message.battery_pct) == (robot("A-1"), x, y, share_pct)
+    assert (message.uuid, message.x, message.y, message.amounts.battery_pct) == (robot("A-1"), x, y, share_pct)
     assert (message.stamp_s, message.yaw_rad) == pytest.approx((t_s, yaw_rad), rel=1e-12, abs=1e-12)
     assert message.error_codes == tuple(codes)
     expected = np.array(along).reshape(-1, 4)

@@ -1,7 +1,8 @@
 import pytest
 from pydantic import ValidationError
 
-from ingest.languages.massrobotics.report_models import IdentityReport, Quaternion, StatusReport
+from ingest.languages.massrobotics.json_objects import Quaternion
+from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from tests.helpers.vectors import named, said
 
 REQUIRED = {
