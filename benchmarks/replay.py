@@ -35,7 +35,7 @@ from deconflict.simulation.cast import cast
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.robot_state import some_robots
+from deconflict.simulation.robot_state import robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.sweep.incremental import Sweeper
 from ingest.fleet.fleet import Fleet
@@ -87,7 +87,7 @@ def write_log(path: Path, robots: int, seconds: float) -> int:
             world.step(STEP_S)
             due = np.flatnonzero(np.floor((world.t_s + phase_s) / every_s) > before)
             now_s = START_S + world.t_s
-            for row, robot in zip(due.tolist(), some_robots(world, due), strict=True):
+            for row, robot in zip(due.tolist(), robot_states(world, due), strict=True):
                 messages_of_robot = DIALECTS[robot.member.make.vendor].messages(
                     robot, now_s, introduce=row not in introduced
                 )

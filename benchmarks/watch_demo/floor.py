@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.watch_demo.true_encounters import SAME_ENCOUNTER_S, TrueEncounter, near_pairs
+from benchmarks.watch_demo.true_stops import Stops, TrueStop
 from deconflict.simulation.annex import split
 from deconflict.simulation.cast import BodySize, CastMember, VendorName, cast
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.driving.true_stops import Stops, TrueStop
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.robot_state import RobotState, some_robots
-from deconflict.simulation.truth import SAME_ENCOUNTER_S, TrueEncounter, near_pairs
+from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.simulation.vendors.senders import OWN_PATH
 from ingest.batch import Floats, Ints
@@ -81,7 +81,7 @@ class Floor:
     def _robots(self, rows: Ints) -> list[RobotState]:
         halls = len(self.world)
         players = [self._annex.robot(row - halls, self.world.t_s) for row in rows.tolist() if row >= halls]
-        return [*some_robots(self.world, rows[rows < halls]), *players]
+        return [*robot_states(self.world, rows[rows < halls]), *players]
 
     def _update_truth(self) -> None:
         """Update the truth: the positions of all robots, and the near pairs."""

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from deconflict.simulation.cast import CastMember
 from deconflict.simulation.crossing_schedule import CrossingSchedule
 from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
@@ -47,12 +45,7 @@ class RobotState:
         return FULL_RUN_H * self.battery_pct / 100
 
 
-def robots(world: World) -> tuple[RobotState, ...]:
-    """The states of all members of the world."""
-    return tuple(some_robots(world, np.arange(len(world))))
-
-
-def some_robots(world: World, rows: Ints) -> list[RobotState]:
+def robot_states(world: World, rows: Ints) -> list[RobotState]:
     """The states of the members in these rows of the world."""
     locations, velocities, floors = world.locations(), world.velocities(), world.floor
     schedule, found = CrossingSchedule(world), []

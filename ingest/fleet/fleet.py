@@ -67,10 +67,6 @@ class Fleet:
         self._repeat_readers = RepeatReaders(fast_path, self._owners.names_as_uuid)
 
     @property
-    def reads_fast(self) -> bool:
-        return self._repeat_readers is not None
-
-    @property
     def vendors(self) -> VendorRegistry:
         return self._owners.vendors
 

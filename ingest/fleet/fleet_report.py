@@ -48,11 +48,6 @@ def _measured_state(robot: Robot, reading: Reading, now_s: float) -> str:
     return robot.state if robot.state and robot.known_state else "other"
 
 
-def robot_documents(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
-    """The documents of all robots, by UUID."""
-    return [robot_document(fleet, fleet.robots[uuid], now_s) for uuid in sorted(fleet.robots)]
-
-
 def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
     """Everything that a robot reported and what was derived from it, JSON-ready."""
     return {

@@ -69,7 +69,7 @@ def floor(raw: bytes) -> None:
         if number % TICKS == 0:
             _step(engine, fleet.next_batch(now_s))
     now_s = T + len(lines) * TICK_S
-    json.dumps(fleet_report.robot_documents(fleet, now_s), allow_nan=False)
+    json.dumps([fleet_report.robot_document(fleet, robot, now_s) for robot in fleet.robots.values()], allow_nan=False)
     for after_s in ENDS_S[len(raw) % len(ENDS_S)]:
         _step(engine, fleet.next_batch(now_s + after_s))
     fleet_report.measure(fleet, now_s)

@@ -16,7 +16,7 @@ from deconflict.simulation.annex import Annex, split
 from deconflict.simulation.cast import CastMember, VendorName, cast
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.robot_state import some_robots
+from deconflict.simulation.robot_state import robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS
 from ingest.batch import Ints
 
@@ -203,7 +203,7 @@ async def _sleep_unless(stop: asyncio.Event, seconds: float) -> None:
 def _report(world: World, annex: Annex, due: Ints, senders: Sequence[Sender], now_s: float) -> None:
     rows = np.array([row for row in due if senders[row].up], np.int64)
     players = [annex.robot(row - len(world), world.t_s) for row in rows.tolist() if row >= len(world)]
-    robots = [*some_robots(world, rows[rows < len(world)]), *players]
+    robots = [*robot_states(world, rows[rows < len(world)]), *players]
     for row, robot in zip(rows.tolist(), robots, strict=True):
         sender = senders[row]
         hides_identity = robot.member.make.person and robot.member.number % 2 == 0 and world.t_s < SHY_S

@@ -13,7 +13,6 @@ from websockets.asyncio.client import connect
 from deconflict.cluster import identity_exchange
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
-from ingest.fleet import fleet_report
 from ingest.fleet.log_recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import segments
@@ -21,6 +20,7 @@ from ingest.settings import Reading
 from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server, until
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.saying import identity, robot, status
+from tests.ingest.fleet.made_fleet import documents
 
 LARGE = {"x": 2.0, "y": 1.0, "z": 0.4}
 pytestmark = needs_server
@@ -69,7 +69,7 @@ async def test_an_identity_report_to_one_ingest_applies_to_statuses_at_another(
             one.cancel()
     again = fleet_of(machines.site(), Measures())
     recover(again, segments(tmp_path / "east" / "log"), time.time())
-    assert sized(A=2.0, B=1.0)({"robots": fleet_report.robot_documents(again, time.time())})
+    assert sized(A=2.0, B=1.0)({"robots": documents(again, time.time())})
 
 
 async def test_ingests_of_one_machine_share_a_port(tmp_path: Path) -> None:

@@ -110,5 +110,5 @@ async def test_a_receiver_that_has_read_a_thousand_messages_loads_the_fast_path(
         await engine.call("batch")
         assert not role._fast_path_asked
         role.fleet.receive(status("A-1", now_s + 60), now_s + 60, Connection(1))
-        while not role.fleet.reads_fast:
+        while not role.fleet._repeat_readers:
             await engine.call("batch")

@@ -6,6 +6,7 @@ from math import hypot
 import numpy as np
 import pytest
 
+from benchmarks.watch_demo.true_encounters import near_pairs
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
@@ -13,7 +14,6 @@ from deconflict.settings.site_file import load
 from deconflict.simulation.annex import CHARGER, FEWEST, ROLES, split
 from deconflict.simulation.cast import cast
 from deconflict.simulation.demo_site import demo_site
-from deconflict.simulation.truth import near_pairs
 from deconflict.simulation.vendors.dialects import DIALECTS
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

@@ -9,7 +9,7 @@ from deconflict.simulation.driving.crossings import CrossingPassage
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.driving.traffic import Activity, World
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.robot_state import robots
+from deconflict.simulation.robot_state import robot_states
 
 EAST, NORTH = (1, 0), (0, 1)
 
@@ -45,7 +45,7 @@ def test_robots_of_different_fleets_do_not_wait_for_each_other() -> None:
 @pytest.mark.parametrize(("second", "waits"), [(ALDER, True), (CORVID, False)])
 def test_reported_paths_keep_only_the_order_of_the_own_fleet(second: Make, waits: bool) -> None:
     one = two_that_cross(second)
-    _, later = robots(one)
+    _, later = robot_states(one, np.arange(len(one)))
     at_line_s = 8.0 / second.max_speed_mps
     poses, _ = later.plan.at(np.array([at_line_s + 1.5]))
     assert (poses[0, 1] <= -2.5) == waits

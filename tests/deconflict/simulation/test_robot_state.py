@@ -8,7 +8,7 @@ from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
 from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import BayKind, layout_for
-from deconflict.simulation.robot_state import RobotState, robots
+from deconflict.simulation.robot_state import RobotState, robot_states
 
 STEP_S = 0.1
 STATES = {"navigating", "idle", "charging", "waitingHumanEvent", "waitingExternalEvent"}
@@ -41,7 +41,7 @@ def test_alone_on_the_floor_a_robot_is_where_it_planned_to_be(row: int) -> None:
         one.until_s[others] = np.inf
         for _ in range(round(2.0 / STEP_S)):
             one.step(STEP_S)
-        told = robots(one)[row]
+        told = robot_states(one, np.arange(len(one)))[row]
         if one.doing[row] != Activity.DRIVING:
             continue
         for after_s in (1.0, 4.0):
@@ -59,9 +59,9 @@ def test_a_plan_includes_the_time_to_accelerate() -> None:
     one = world(1)
     while one.doing[0] != Activity.DRIVING or one.progress_m[0] < 5.0:
         one.step(STEP_S)
-    fast, _ = robots(one)[0].plan.at(np.array([1.0]))
+    fast, _ = robot_states(one, np.arange(len(one)))[0].plan.at(np.array([1.0]))
     one.speed_mps[0] = 0.0
-    slow, _ = robots(one)[0].plan.at(np.array([1.0]))
+    slow, _ = robot_states(one, np.arange(len(one)))[0].plan.at(np.array([1.0]))
     here, gain = one.locations()[0, :2], one.members[0].make.gain_mps2
     assert np.hypot(*(slow[0, :2] - here)) == pytest.approx(gain / 2, abs=0.06)
     assert np.hypot(*(fast[0, :2] - here)) > gain
@@ -72,7 +72,7 @@ def told_while(one: World, seconds: float) -> list[RobotState]:
     for _ in range(round(seconds)):
         for _ in range(round(1.0 / STEP_S)):
             one.step(STEP_S)
-        told += robots(one)
+        told += robot_states(one, np.arange(len(one)))
     return told
 
 
@@ -95,7 +95,7 @@ def test_a_robot_in_a_lift_reports_destinations_on_the_other_floor() -> None:
         if riding.any():
             break
     row = int(np.flatnonzero(riding)[0])
-    told = robots(one)[row]
+    told = robot_states(one, np.arange(len(one)))[row]
     assert told.state == "navigating"
     assert told.plan.at(np.array([0.0, RIDE_S + STEP_S]))[1].tolist() == [told.floor, 1 - told.floor]
     for _ in range(round(RIDE_S / STEP_S) + 2):

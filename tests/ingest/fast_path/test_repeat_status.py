@@ -9,7 +9,6 @@ import pytest
 from ingest.fast_path.loader import load
 from ingest.fast_path.repeat_status import RepeatReader
 from ingest.fast_path.status_scanner import ScannedStatus
-from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
@@ -18,6 +17,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Model, Reading, Vendor
 from tests.helpers.saying import HALL, LOFT, angle, identity, points, robot, stamp, status
+from tests.ingest.fleet.made_fleet import documents
 from tests.ingest.frames.made_maps import HALL as PLACES
 from tests.ingest.frames.made_maps import similarity
 
@@ -143,7 +143,7 @@ def results(messages: list[Sent], *, fast: bool) -> tuple[list[bytes], list[dict
         if i % 4 == 0:
             batches.append(receiving.next_batch(arrival_s).to_bytes())
     measured = {name: dict(series) for name, series in receiving.measures.values.items()}
-    return batches, fleet_report.robot_documents(receiving, NOW_S), measured
+    return batches, documents(receiving, NOW_S), measured
 
 
 @pytest.fixture

@@ -28,9 +28,9 @@ def counted(of: Fleet, name: str) -> dict[tuple[str, ...], float]:
 
 
 def document(of: Fleet, name: str, now_s: float = NOW_S) -> dict[str, Any]:
-    (found,) = [
-        robot_document
-        for robot_document in fleet_report.robot_documents(of, now_s)
-        if robot_document["uuid"] == robot(name)
-    ]
-    return found
+    return fleet_report.robot_document(of, of.robots[robot(name)], now_s)
+
+
+def documents(of: Fleet, now_s: float = NOW_S) -> list[dict[str, Any]]:
+    """The documents of all robots, by UUID."""
+    return [fleet_report.robot_document(of, of.robots[uuid], now_s) for uuid in sorted(of.robots)]

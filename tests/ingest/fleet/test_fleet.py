@@ -12,7 +12,7 @@ from ingest.frames.frame_registry import FrameRegistry
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN, Datum, Model, Reading, Vendor
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, stamp, status
-from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, documents, fleet
 
 NIL = "00000000-0000-0000-0000-000000000000"
 
@@ -122,7 +122,7 @@ def test_a_robot_known_by_name_has_its_uuid_everywhere() -> None:
     alder = Connection(1, vendor="Alder")
     for raw in (identity("A-1", NOW_S, uuid="Truck 7"), status("A-1", NOW_S, uuid="Truck 7")):
         assert one.receive(raw, NOW_S, alder) is None
-    (told,) = fleet_report.robot_documents(one, NOW_S)
+    (told,) = documents(one, NOW_S)
     assert told["uuid"] == one.next_batch(NOW_S).robots[0] == told["identity"]["uuid"] == told["status"]["uuid"]
 
 
@@ -130,7 +130,7 @@ def test_vendors_that_only_messages_name_are_bounded() -> None:
     one = fleet()
     for i in range(80):
         one.receive(identity(f"R-{i}", NOW_S, manufacturerName=f"Maker {i}"), NOW_S, Connection(i))
-    names = {each["vendor"] for each in fleet_report.robot_documents(one, NOW_S)}
+    names = {each["vendor"] for each in documents(one, NOW_S)}
     assert OTHER in names
     assert len(names) == 65
 
@@ -274,7 +274,7 @@ def test_silence_never_removes_a_robot_until_it_is_forgotten_and_counted() -> No
     assert one.next_batch(NOW_S + 3599).gone == ()
     assert one.next_batch(NOW_S + 3601).gone == (robot("A-1"),)
     assert counted(one, "robots_forgotten_total")[UNKNOWN,] == 1
-    assert fleet_report.robot_documents(one, NOW_S + 3601) == []
+    assert documents(one, NOW_S + 3601) == []
 
 
 def test_the_robots_document_has_everything_that_its_messages_said() -> None:

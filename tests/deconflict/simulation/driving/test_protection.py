@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import shapely
 
+from deconflict.contention.robots.lookahead import corners
 from deconflict.simulation.cast import ALDER
 from deconflict.simulation.driving.protection import NOBODY, free_ways, gaps, may_sidestep
-from deconflict.simulation.truth import corners
 from tests.deconflict.simulation.driving.made_traffic import Way, traffic
 
 
@@ -16,9 +16,7 @@ def test_gaps_are_negative_for_overlaps_and_at_most_the_distance() -> None:
     a, b = (np.stack([*rng.uniform(-2, 2, (2, n)), rng.uniform(-4, 4, n)]) for _ in range(2))
     size_a, size_b = (tuple(rng.uniform(0.3, 2.0, (2, n))) for _ in range(2))
     found = gaps(a, b, (size_a[0], size_a[1]), (size_b[0], size_b[1]))
-    shapes_a, shapes_b = (
-        shapely.polygons(corners(np.column_stack([*pose, *size]))) for pose, size in ((a, size_a), (b, size_b))
-    )
+    shapes_a, shapes_b = (shapely.polygons(corners(*pose, *size)) for pose, size in ((a, size_a), (b, size_b)))
     distance_m = shapely.distance(shapes_a, shapes_b)
     assert np.array_equal(found > 0, distance_m > 0)
     assert np.all(found <= distance_m + 1e-9)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from benchmarks.watch_demo.true_encounters import near_pairs
+from benchmarks.watch_demo.true_stops import Stops, TrueStop
 from deconflict.simulation.cast import VendorName, cast
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.driving.traffic import Activity, World
-from deconflict.simulation.driving.true_stops import Stops, TrueStop
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.truth import near_pairs
 from ingest.batch import Floats
 
 STEP_S, MINUTES = 0.1, 10

@@ -15,7 +15,7 @@ from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.robot_state import RobotState, robots
+from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS, SITE_MAPS
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.massrobotics.parser import read
@@ -41,7 +41,7 @@ def told() -> list[RobotState]:
     for _ in range(12):
         for _ in range(100):
             world.step(0.1)
-        found += robots(world)
+        found += robot_states(world, np.arange(len(world)))
     return found
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.watch_demo.true_encounters import near_pairs, true_encounters
 from deconflict.simulation.cast import cast
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.truth import near_pairs, true_encounters
 
 CLEARANCE_M = 0.3
 

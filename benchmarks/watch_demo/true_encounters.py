@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from deconflict.contention.robots.lookahead import corners
 from deconflict.simulation.driving.traffic import World
 from ingest.batch import Floats, Ints
 
@@ -47,19 +48,7 @@ def true_encounters(world: World, seconds: float, clearance_m: float, dt_s: floa
 
 def near_pairs(envelopes: Floats, floors: Ints, clearance_m: float) -> Iterator[tuple[tuple[int, int], float]]:
     """Pairs of rows (a < b) on one floor within the clearance, with their separation; `envelopes` is (n, 5)."""
-    shapes = np.asarray(shapely.polygons(corners(envelopes)))
+    shapes = np.asarray(shapely.polygons(corners(*envelopes.T)))
     pairs = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=clearance_m).T
     for a, b in pairs[(pairs[:, 0] < pairs[:, 1]) & (floors[pairs[:, 0]] == floors[pairs[:, 1]])]:
         yield (int(a), int(b)), float(shapely.distance(shapes[a], shapes[b]))
-
-
-def corners(envelopes: Floats) -> Floats:
-    """(n, 4, 2) corners of rectangles given as (n, 5) x, y, yaw, length, width."""
-    x, y, yaw, length_m, width_m = envelopes.T
-    along = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-    across = np.stack([-np.sin(yaw), np.cos(yaw)], axis=-1)
-    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) / 2
-    half_along = (length_m[:, None] * along)[:, None, :] * signs[:, :1]
-    half_across = (width_m[:, None] * across)[:, None, :] * signs[:, 1:]
-    rectangles: Floats = np.stack([x, y], axis=-1)[:, None, :] + half_along + half_across
-    return rectangles
