@@ -12,7 +12,7 @@ from numba import types
 
 from ingest.batch import Basis, Floats
 from ingest.frames.angles import turn_between
-from ingest.frames.transforms import WITHIN
+from ingest.frames.transforms import map_point
 from ingest.kernels import inner, kernel
 
 NEARLY = 1 - 1e-9
@@ -53,46 +53,13 @@ It gets them as an array of floats and views them as this record: numba takes tw
 """
 Limits = Any
 """One record of `LIMITS`."""
-Correction = tuple[float, float, float, float, float, float]
-"""By how much a point moves, x and y, and the slope of that by rows."""
 Pose = tuple[float, float, float, float]
 """t_s, x_m, y_m, yaw_rad"""
 Result = tuple[int, int, bool, float, float, float, float, float, float, float]
 _NUMBER, _ROWS = types.float64, types.float64[:, ::1]
 _RESULT = types.Tuple((*[types.int64] * 2, types.boolean, *[_NUMBER] * 7))  # type: ignore[no-untyped-call]
 _turn_between = inner(turn_between)
-
-
-@inner
-def _beside(x: float, y: float, rim: Floats) -> Correction:
-    """As `Adjusted._beside`."""
-    least, at, nearest = inf, 0.0, 0
-    for i in range(len(rim)):
-        dx, dy = rim[i, 2], rim[i, 3]
-        share = ((x - rim[i, 0]) * dx + (y - rim[i, 1]) * dy) / rim[i, 4]
-        share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-        away_x, away_y = x - rim[i, 0] - share * dx, y - rim[i, 1] - share * dy
-        distance2 = away_x * away_x + away_y * away_y
-        if distance2 < least:
-            least, at, nearest = distance2, share, i
-    more_x, more_y = rim[nearest, 7], rim[nearest, 8]
-    by_x, by_y = rim[nearest, 5] + at * more_x, rim[nearest, 6] + at * more_y
-    if at in {0.0, 1.0}:
-        return by_x, by_y, 0.0, 0.0, 0.0, 0.0
-    u, v = rim[nearest, 2] / rim[nearest, 4], rim[nearest, 3] / rim[nearest, 4]
-    return by_x, by_y, more_x * u, more_x * v, more_y * u, more_y * v
-
-
-@inner
-def _correction(x: float, y: float, triangles: Floats, rim: Floats) -> Correction:
-    """As `Adjusted._correction`."""
-    for i in range(len(triangles)):
-        dx, dy = x - triangles[i, 4], y - triangles[i, 5]
-        first, second = triangles[i, 0] * dx + triangles[i, 1] * dy, triangles[i, 2] * dx + triangles[i, 3] * dy
-        if not (first < -WITHIN or second < -WITHIN or first + second > 1 + WITHIN):
-            a, b, c, d = triangles[i, 8], triangles[i, 9], triangles[i, 10], triangles[i, 11]
-            return triangles[i, 6] + a * dx + b * dy, triangles[i, 7] + c * dx + d * dy, a, b, c, d
-    return _beside(x, y, rim)
+_map_point = inner(map_point)
 
 
 @inner
@@ -100,14 +67,7 @@ def placed(x: float, y: float, yaw_rad: float, table: Floats) -> tuple[float, fl
     """As `Map.pose`, for the `table` of a map. An empty table leaves the pose as it is."""
     if len(table) == 0:
         return x, y, yaw_rad
-    base, rim = table[0], table[1 + int(table[0, 8]) :]
-    a, b, c, d = base[0], base[1], base[2], base[3]
-    to_x, to_y = a * x + b * y + base[4], c * x + d * y + base[5]
-    if len(rim):
-        by_x, by_y, more_a, more_b, more_c, more_d = _correction(
-            x - base[6], y - base[7], table[1 : len(table) - len(rim)], rim
-        )
-        to_x, to_y, a, b, c, d = to_x + by_x, to_y + by_y, a + more_a, b + more_b, c + more_c, d + more_d
+    to_x, to_y, a, b, c, d = _map_point(x, y, table)
     along, across = cos(yaw_rad), sin(yaw_rad)
     return to_x, to_y, atan2(c * along + d * across, a * along + b * across)
 

@@ -6,11 +6,9 @@ for example of three points along a wall, are left out: over their small height 
 give wrong headings.
 """
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from functools import cached_property
 from math import atan2, cos, inf, sin
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,23 +26,68 @@ FLAT_SHARE = 0.1
 
 Placed = tuple[float, float, float, float, float, float]
 """The mapped x and y of a point, and the linear part of the map there by rows."""
+Rows = list[list[float]]
+"""A map, in rows of twelve numbers, filled up with zeros.
+
+1. The global fit: its matrix by rows, its shift, the middle of the reference points, the number of triangles.
+2. Each triangle: its barycentric map by rows, its last corner, and the correction there with its slope by rows.
+3. Each edge of the rim: its start, its vector, the squared length of that, the correction at its start, and the change
+   of the correction along it.
+
+Corners and starts are relative to the middle. A map without correction has one row.
+"""
 
 
-class Map(ABC):
+def map_point(x: float, y: float, rows: Rows | Floats) -> Placed:
+    """The mapped point. `ingest/fast_path/path_kernels.py` compiles this function too.
+
+    Outside all triangles the slope of the correction is that along the nearest edge, or 0 at the edge's ends.
+    """
+    base = rows[0]
+    a, b, c, d = base[0], base[1], base[2], base[3]
+    to_x, to_y = a * x + b * y + base[4], c * x + d * y + base[5]
+    if len(rows) == 1:
+        return to_x, to_y, a, b, c, d
+    x, y = x - base[6], y - base[7]
+    first_edge = 1 + int(base[8])
+    for i in range(1, first_edge):
+        row = rows[i]
+        dx, dy = x - row[4], y - row[5]
+        first, second = row[0] * dx + row[1] * dy, row[2] * dx + row[3] * dy
+        if not (first < -WITHIN or second < -WITHIN or first + second > 1 + WITHIN):
+            by_x, by_y = row[6] + row[8] * dx + row[9] * dy, row[7] + row[10] * dx + row[11] * dy
+            return to_x + by_x, to_y + by_y, a + row[8], b + row[9], c + row[10], d + row[11]
+    least, at, nearest = inf, 0.0, rows[first_edge]
+    for i in range(first_edge, len(rows)):
+        edge = rows[i]
+        dx, dy = edge[2], edge[3]
+        share = ((x - edge[0]) * dx + (y - edge[1]) * dy) / edge[4]
+        share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+        away_x, away_y = x - edge[0] - share * dx, y - edge[1] - share * dy
+        distance2 = away_x * away_x + away_y * away_y
+        if distance2 < least:
+            least, at, nearest = distance2, share, edge
+    more_x, more_y = nearest[7], nearest[8]
+    to_x, to_y = to_x + (nearest[5] + at * more_x), to_y + (nearest[6] + at * more_y)
+    if at in {0.0, 1.0}:
+        return to_x, to_y, a, b, c, d
+    u, v = nearest[2] / nearest[4], nearest[3] / nearest[4]
+    return to_x, to_y, a + more_x * u, b + more_x * v, c + more_y * u, d + more_y * v
+
+
+class Map:
     """Maps points one at a time, since a message has few of them, or as an array."""
 
-    @abstractmethod
+    rows: Rows
+
+    @cached_property
+    def table(self) -> Floats:
+        """The rows for compiled code, (rows, 12)."""
+        return np.array(self.rows)
+
     def at(self, x: float, y: float) -> Placed:
         """The mapped point."""
-
-    @property
-    @abstractmethod
-    def table(self) -> Floats:
-        """The map for compiled code, (1 + t + e, 12).
-
-        The first row has the matrix by rows, the shift, the middle and t; then come t rows of `_Triangle` and e rows of
-        `_Edge`, filled up with zeros.
-        """
+        return map_point(x, y, self.rows)
 
     def pose(self, x: float, y: float, yaw_rad: float) -> tuple[float, float, float]:
         """The mapped pose. Its heading is mapped by the linear part there; an unknown heading stays nan."""
@@ -62,33 +105,18 @@ class Map(ABC):
         return placed[:, :2], placed[:, 2:].reshape(-1, 2, 2)
 
 
-@dataclass(frozen=True, eq=False)
 class Affine(Map):
     """x -> matrix x + shift."""
 
-    matrix: Floats
-    """(2, 2)"""
-    shift: Floats
-    """(2,)"""
-
-    def at(self, x: float, y: float) -> Placed:
-        a, b, c, d, shift_x, shift_y = self._numbers
-        return a * x + b * y + shift_x, c * x + d * y + shift_y, a, b, c, d
-
-    @cached_property
-    def table(self) -> Floats:
-        return np.array([[*self._numbers, *[0.0] * 6]])
+    def __init__(self, matrix: Floats, shift: Floats) -> None:
+        """`matrix` (2, 2), `shift` (2,)."""
+        self.matrix, self.shift = matrix, shift
+        self.rows = [[*matrix.ravel().tolist(), *shift.tolist(), *[0.0] * 6]]
 
     @property
     def mirrored(self) -> bool:
-        a, b, c, d, *_ = self._numbers
-        return a * d < b * c
-
-    @cached_property
-    def _numbers(self) -> tuple[float, float, float, float, float, float]:
-        """The matrix by rows, and the shift."""
-        a, b, c, d = self.matrix.ravel().tolist()
-        return a, b, c, d, float(self.shift[0]), float(self.shift[1])
+        (a, b), (c, d) = self.matrix.tolist()
+        return bool(a * d < b * c)
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -127,58 +155,20 @@ class Adjusted(Map):
 
         self._base = base
         middle = readings.mean(axis=0)
-        self._middle = float(middle[0]), float(middle[1])
         self._triangles = Delaunay(readings - middle)
         self._kept, rim = _without_flat_rim(self._triangles)
         kept = self._triangles.simplices[self._kept]
         points, missed = self._triangles.points[kept], residuals[kept]
         shares = _shares(points)
         self._slopes = np.einsum("tij,tik->tjk", missed[:, :2] - missed[:, 2:], shares)
-        flat = (part.reshape(-1, part[0].size) for part in (shares, points[:, 2], missed[:, 2], self._slopes))
-        self._inner = [_Triangle(*row) for row in np.hstack(list(flat)).tolist()]
+        flat = [part.reshape(-1, part[0].size) for part in (shares, points[:, 2], missed[:, 2], self._slopes)]
         starts, ends = self._triangles.points[rim[:, 0]], self._triangles.points[rim[:, 1]]
         changes = residuals[rim[:, 1]] - residuals[rim[:, 0]]
         along = ends - starts
         length2 = along[:, :1] * along[:, :1] + along[:, 1:] * along[:, 1:]
-        rows = np.hstack([starts, along, length2, residuals[rim[:, 0]], changes])
-        self._rim = [_Edge(*row) for row in rows.tolist()]
-
-    def at(self, x: float, y: float) -> Placed:
-        to_x, to_y, a, b, c, d = self._base.at(x, y)
-        by_x, by_y, more_a, more_b, more_c, more_d = self._correction(x - self._middle[0], y - self._middle[1])
-        return to_x + by_x, to_y + by_y, a + more_a, b + more_b, c + more_c, d + more_d
-
-    def _correction(self, x: float, y: float) -> Placed:
-        """By how much a point moves, and the slope of that. Outside all triangles, as at the nearest rim point."""
-        for t00, t01, t10, t11, corner_x, corner_y, by_x, by_y, a, b, c, d in self._inner:
-            dx, dy = x - corner_x, y - corner_y
-            first, second = t00 * dx + t01 * dy, t10 * dx + t11 * dy
-            if not (first < -WITHIN or second < -WITHIN or first + second > 1 + WITHIN):
-                return by_x + a * dx + b * dy, by_y + c * dx + d * dy, a, b, c, d
-        return self._beside(x, y)
-
-    def _beside(self, x: float, y: float) -> Placed:
-        """The correction at the nearest point of the rim, and its slope: along the edge, or 0 at the edge's ends."""
-        least, at, nearest = inf, 0.0, self._rim[0]
-        for edge in self._rim:
-            edge_x, edge_y, dx, dy, length2, _, _, _, _ = edge
-            share = ((x - edge_x) * dx + (y - edge_y) * dy) / length2
-            share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-            away_x, away_y = x - edge_x - share * dx, y - edge_y - share * dy
-            distance2 = away_x * away_x + away_y * away_y
-            if distance2 < least:
-                least, at, nearest = distance2, share, edge
-        _, _, dx, dy, length2, by_x, by_y, more_x, more_y = nearest
-        by_x, by_y = by_x + at * more_x, by_y + at * more_y
-        if at in {0.0, 1.0}:
-            return by_x, by_y, 0.0, 0.0, 0.0, 0.0
-        u, v = dx / length2, dy / length2
-        return by_x, by_y, more_x * u, more_x * v, more_y * u, more_y * v
-
-    @cached_property
-    def table(self) -> Floats:
-        first = [*self._base.table[0, :6], *self._middle, len(self._inner), 0.0, 0.0, 0.0]
-        return np.array([first, *self._inner, *((*edge, 0.0, 0.0, 0.0) for edge in self._rim)])
+        edges = np.hstack([starts, along, length2, residuals[rim[:, 0]], changes, np.zeros((len(rim), 3))])
+        fit = [*base.rows[0][:6], *middle.tolist(), float(len(kept)), *[0.0] * 3]
+        self.rows = [fit, *np.hstack(flat).tolist(), *edges.tolist()]
 
     @property
     def mirrored(self) -> bool:
@@ -192,44 +182,6 @@ class Adjusted(Map):
         bends = np.linalg.norm(np.linalg.inv(self._base.matrix) @ self._slopes, ord=2, axis=(1, 2))
         worst = int(np.argmax(bends))
         return float(bends[worst]), tuple(self._triangles.simplices[self._kept][worst].tolist())
-
-
-class _Triangle(NamedTuple):
-    """A triangle of reference points, relative to their middle.
-
-    It has its barycentric map by rows, its last corner, and the correction there with its slope by rows.
-    """
-
-    t00: float
-    t01: float
-    t10: float
-    t11: float
-    corner_x: float
-    corner_y: float
-    by_x: float
-    by_y: float
-    a: float
-    b: float
-    c: float
-    d: float
-
-
-class _Edge(NamedTuple):
-    """An edge of the rim, relative to the middle of the points.
-
-    It has its start, its vector, the correction at its start, and the change of the correction along it.
-    """
-
-    x: float
-    y: float
-    dx: float
-    dy: float
-    length2: float
-    """Squared."""
-    by_x: float
-    by_y: float
-    more_x: float
-    more_y: float
 
 
 Transform = Affine | Adjusted
