@@ -193,8 +193,7 @@ def places(robots: int) -> tuple[tuple[Resource, ...], tuple[Zone, ...]]:
 def middles(robots: int) -> Floats:
     """(robots, 2) centres of their circles."""
     across, every = int(np.ceil(np.sqrt(robots))), np.arange(robots)
-    middles_m: Floats = MARGIN_M + SPACING_M * np.column_stack([every % across, every // across]).astype(np.float64)
-    return middles_m
+    return MARGIN_M + SPACING_M * np.column_stack([every % across, every // across]).astype(np.float64)
 
 
 def docks_m(robots: int) -> Floats:

@@ -120,8 +120,7 @@ def _bluesky(world: World, rows: Sequence[int]) -> list[tuple[str, str]]:
 
     craft, apart = _traffic(world, rows)
     ahead = np.full(len(rows), HORIZON_S)
-    found: list[tuple[str, str]] = cstatebased.detect(craft, craft, apart, np.full(len(rows), 10.0), ahead)[0]
-    return found
+    return cstatebased.detect(craft, craft, apart, np.full(len(rows), 10.0), ahead)[0]
 
 
 def _bluesky_pass(world: World) -> float:

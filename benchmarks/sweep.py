@@ -176,7 +176,7 @@ def footprint(robots: int) -> Row:
 def footprint_of(robots: int, **environment: str) -> Row:
     command = [sys.executable, "-m", "benchmarks.footprint", str(robots)]
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ | environment)
-    return json.loads(done.stdout)  # type: ignore[no-any-return]
+    return json.loads(done.stdout)
 
 
 def beside_peers(repeats: int, pairs: int) -> list[Row]:

@@ -111,7 +111,7 @@ def _is_likely(predicted: Any, now_s: float, thresholds: Any) -> bool:
     needed = thresholds.raise_probability
     if predicted.separation_m > thresholds.clearance_m:
         needed = max(needed, thresholds.sure)
-    return predicted.deciding >= needed and predicted.contact_s > now_s  # type: ignore[no-any-return]
+    return predicted.deciding >= needed and predicted.contact_s > now_s
 
 
 @inner

@@ -62,8 +62,7 @@ class OperatorSources:
         return self._engine.presence
 
     async def quarantine(self) -> list[dict[str, Any]]:
-        rejected: list[dict[str, Any]] = await self._ask("quarantine")
-        return rejected
+        return await self._ask("quarantine")
 
     async def measures(self) -> list[dict[str, Any]]:
         """The measures of every role that answers. Old measures of the others are left out."""
@@ -202,8 +201,7 @@ class OperatorSources:
 
     def _role_processes(self) -> dict[str, dict[str, Any]]:
         path = self._runtime / ROLES_FILE
-        processes: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
-        return processes
+        return json.loads(path.read_text()) if path.exists() else {}
 
 
 def _presence_of(uuid: str, presence: dict[str, Any]) -> dict[str, Any]:

@@ -41,8 +41,7 @@ async def run_in_process(function: Callable[..., Result], *arguments: object) ->
         process.close()
     if not succeeded:
         raise WorkerError(answer)
-    result: Result = answer
-    return result
+    return answer
 
 
 def _received(receiving: Connection) -> tuple[bool, Any]:

@@ -136,5 +136,4 @@ def write(path: Path, text: str) -> None:
 def reload_results(runtime: Path) -> dict[str, Any] | None:
     """The contents of `RESULTS_FILE`; None without a supervisor."""
     path = runtime / RESULTS_FILE
-    results: dict[str, Any] | None = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
-    return results
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None

@@ -110,8 +110,7 @@ def _driven_s(world: World, robot: int, way_m: Floats) -> Floats:
     now_mps = max(float(world.speed_mps[robot]), 0.0)
     gains_m = (make.max_speed_mps**2 - now_mps**2) / (2 * make.gain_mps2)
     gaining_s = (np.sqrt(now_mps**2 + 2 * make.gain_mps2 * np.minimum(way_m, gains_m)) - now_mps) / make.gain_mps2
-    gone_s: Floats = starts_s + gaining_s + np.maximum(way_m - gains_m, 0.0) / make.max_speed_mps
-    return gone_s
+    return starts_s + gaining_s + np.maximum(way_m - gains_m, 0.0) / make.max_speed_mps
 
 
 def _riding(world: World, row: int, after_s: Floats, poses: Floats, floor: int, out_s: float) -> FleetPlan:

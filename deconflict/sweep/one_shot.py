@@ -98,5 +98,4 @@ def _order(forecasts: Forecasts) -> Ints:
         np.where(counts > 0, column[knot], 0.0) if len(column) else np.zeros(len(forecasts))
         for column in (forecasts.t_s, forecasts.yaw_rad, forecasts.y_m, forecasts.x_m)
     ]
-    order: Ints = np.lexsort((counts, forecasts.width_m, forecasts.length_m, *first))
-    return order
+    return np.lexsort((counts, forecasts.width_m, forecasts.length_m, *first))

@@ -64,8 +64,7 @@ class SlotTable:
         self.keys[left], self.robots["count"][left] = "", 0
         if len(left):
             self._ranks = None
-        slots: list[int] = left.tolist()
-        return slots
+        return left.tolist()
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
         """Copies of the robots of `keys`, in that order, and of their knots; an unknown robot has no knots."""
@@ -73,8 +72,7 @@ class SlotTable:
 
     def present(self, slots: Ints) -> Ints:
         """Those of `slots` whose robot has knots."""
-        present: Ints = slots[self.robots["count"][slots] > 0]
-        return present
+        return slots[self.robots["count"][slots] > 0]
 
     def ranks(self) -> Ints:
         """(slots,) the place of each slot's key among all keys in ascending order."""

@@ -97,8 +97,7 @@ class ChangeDetector:
 
     def learned(self) -> dict[str, Any]:
         """The whole state, JSON-ready."""
-        state: dict[str, Any] = _STATE.dump_python(self, mode="json")
-        return state
+        return _STATE.dump_python(self, mode="json")
 
     @classmethod
     def resumed(cls, limits: ChangeLimits, state: object) -> "ChangeDetector":

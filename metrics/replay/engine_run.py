@@ -72,5 +72,4 @@ class EngineRun:
     def _bands_m(self, batch: Batch) -> Floats:
         ledger = self.engine.foresight.ledger
         rows = ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
-        bands_m: Floats = ledger.bands_m[rows]
-        return bands_m
+        return ledger.bands_m[rows]

@@ -11,8 +11,7 @@ LEAST_M, GROWTH, BINS = 1e-3, 1.02, 700
 def bins_of(lengths_m: Floats) -> Ints:
     """The bin of each length."""
     steps = np.log(np.maximum(lengths_m, LEAST_M) / LEAST_M) / np.log(GROWTH)
-    rows: Ints = np.minimum(np.rint(steps).astype(np.int64), BINS - 1)
-    return rows
+    return np.minimum(np.rint(steps).astype(np.int64), BINS - 1)
 
 
 def quantile(counts: Ints, share: float) -> float | None:

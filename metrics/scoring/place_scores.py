@@ -168,8 +168,7 @@ class PlaceScores:
             self._count_need(likely, entry.t_s - predicted_s <= AHEAD_S, np.full(len(AHEAD_S), True))
         ahead_s = np.array([entry.t_s - predicted_s for predicted_s, _ in before])[:, None]
         likely = np.array([likely for _, likely in before]).reshape(-1, len(AHEAD_S))
-        needed_s: Floats = np.where(likely >= 0.5, ahead_s, np.nan)
-        return needed_s
+        return np.where(likely >= 0.5, ahead_s, np.nan)
 
     def _count_need(self, likely: Floats, arrived: Bools, known: Bools) -> None:
         """Count one predicted need and whether the robot came to a charger, by `AHEAD_S` as far as it is known."""

@@ -23,8 +23,7 @@ def medians(values: Floats) -> Floats:
         return np.full(len(values), np.nan)
     rows, known = np.arange(len(values)), np.count_nonzero(~np.isnan(values), axis=1)
     ranked = np.sort(values, axis=1)
-    middle: Floats = (ranked[rows, (known - 1) // 2] + ranked[rows, known // 2]) / 2
-    return middle
+    return (ranked[rows, (known - 1) // 2] + ranked[rows, known // 2]) / 2
 
 
 def briers(groups: Floats) -> Floats:

@@ -117,8 +117,7 @@ def _nearest_rows(near: Separations) -> Ints:
     order = np.lexsort((near.sample, near.closeness, near.separation_m))
     key = near.a[order] * (int(near.b.max(initial=0)) + 1) + near.b[order]
     _, first = np.unique(key, return_index=True)
-    rows: Ints = order[np.sort(first)[:KEPT]]
-    return rows
+    return order[np.sort(first)[:KEPT]]
 
 
 def _part(sampled: SampledMotion, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:

@@ -94,8 +94,7 @@ class Traffic:
         gives_way = np.array([note is not None for note in self.protection.stopped])
         begins &= (self._stalled_until_s <= self.now_s) & ~gives_way
         self._stalled_until_s[begins] = self.now_s + lasts_s[begins]
-        stalled: Bools = self._stalled_until_s > self.now_s
-        return stalled
+        return self._stalled_until_s > self.now_s
 
     def _silences(self) -> Bools:
         """(n,) whether each robot stands because it is silent. Also carries robots away and brings them back."""

@@ -104,8 +104,7 @@ def report_samples(rng: np.random.Generator, samples: int, step_s: float, interv
     count = int(samples * step_s / (0.9 * interval_s)) + 2
     times_s = rng.uniform(0, interval_s) + np.cumsum(rng.uniform(0.9, 1.1, count) * interval_s) - interval_s
     found = np.unique(np.rint(times_s / step_s).astype(np.int64))
-    kept: list[int] = found[(found >= 0) & (found < samples)].tolist()
-    return kept
+    return found[(found >= 0) & (found < samples)].tolist()
 
 
 def latency_s(rng: np.random.Generator) -> float:

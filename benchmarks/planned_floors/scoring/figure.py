@@ -37,5 +37,4 @@ def alone(value: float, count: int) -> Figure:
 
 def ratio(over: Floats, under: Floats) -> Floats:
     """The quotient; nan if the denominator is 0."""
-    found: Floats = np.divide(over, under, out=np.full(len(under), np.nan), where=under > 0)
-    return found
+    return np.divide(over, under, out=np.full(len(under), np.nan), where=under > 0)

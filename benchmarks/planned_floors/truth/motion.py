@@ -116,5 +116,4 @@ def _separation(motion: Motion, a: Ints, b: Ints, sample: Ints) -> Floats:
     dy_m = motion.y_m[sample, b] - motion.y_m[sample, a]
     yaw_a, yaw_b = motion.yaw_rad[sample, a], motion.yaw_rad[sample, b]
     columns = (dx_m[:, None], dy_m[:, None], yaw_a[:, None], yaw_b[:, None])
-    separation_m: Floats = signed_gap(*columns, motion.half_m[:, a], motion.half_m[:, b])[:, 0]
-    return separation_m
+    return signed_gap(*columns, motion.half_m[:, a], motion.half_m[:, b])[:, 0]

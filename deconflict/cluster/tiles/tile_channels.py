@@ -49,8 +49,7 @@ def wide_channel(datum: str) -> str:
 def outdated(batch: Batch, arrived_s: Mapping[str, float]) -> Bools:
     """(n,) whether a newer status of each robot has come already, over another channel."""
     known_s = np.array([arrived_s.get(uuid, -np.inf) for uuid in batch.robots])
-    is_outdated: Bools = batch.arrival_s < known_s
-    return is_outdated
+    return batch.arrival_s < known_s
 
 
 def parcels_of(batch: Batch) -> list[bytes]:
@@ -100,8 +99,7 @@ class RobotExtents:
     def beyond(self, reach_m: float) -> Bools:
         """(n,) whether a robot may be in conflict further from its place than a reach."""
         away_m = np.hypot(*np.maximum(self.at - self.low, self.high - self.at).T)
-        beyond: Bools = away_m + self.slack_m > reach_m
-        return beyond
+        return away_m + self.slack_m > reach_m
 
 
 @dataclass(slots=True, eq=False)
@@ -158,8 +156,7 @@ class ChannelSorter:
         slack_m = extents.slack_m[:, None]
         low = np.maximum(extents.low - slack_m, extents.at - self.reach_m)
         high = np.minimum(extents.high + slack_m, extents.at + self.reach_m)
-        cells: list[list[int]] = np.floor(np.column_stack([low, high]) / self.grid.side_m).astype(np.int64).tolist()
-        return cells
+        return np.floor(np.column_stack([low, high]) / self.grid.side_m).astype(np.int64).tolist()
 
 
 class TileSpan(NamedTuple):

@@ -121,8 +121,7 @@ class Area:
             corner = np.array([west_m, south_m])
             away = np.maximum(np.maximum(corner - high, low - (corner + side_m)), 0.0)
             gap_m = np.minimum(gap_m, np.hypot(away[:, 0], away[:, 1]))
-        near: Bools = gap_m <= reach_m
-        return near
+        return gap_m <= reach_m
 
     def roots_near(self, reach_m: float) -> set[Tile]:
         """The tiles of the grid within a reach of the area."""

@@ -98,8 +98,7 @@ def _likely(level_pct: Floats, drains: Floats, below: Floats) -> Floats:
     """
     now = np.interp(level_pct, LEVELS_PCT, below)[:, None]
     then = np.interp(level_pct[:, None] - drains[:, None] * AHEAD_S, LEVELS_PCT, below)
-    likely: Floats = (now - then) / np.maximum(now, FEWEST_BELOW)
-    return likely
+    return (now - then) / np.maximum(now, FEWEST_BELOW)
 
 
 def _chargers(robot: RobotView, batteries: BatteryUse, geometry: PlaceGeometry) -> frozenset[str]:

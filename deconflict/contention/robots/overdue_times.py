@@ -73,8 +73,7 @@ def _left_s(late_s: Floats, weights: Floats) -> Floats:
     order = np.argsort(left_s, axis=1)
     so_far = np.cumsum(np.take_along_axis(counts, order, axis=1), axis=1)
     reached = so_far[:, :, None] >= SHARES * so_far[:, -1:, None]
-    found: Floats = np.take_along_axis(np.take_along_axis(left_s, order, axis=1), reached.argmax(axis=1), axis=1)
-    return found
+    return np.take_along_axis(np.take_along_axis(left_s, order, axis=1), reached.argmax(axis=1), axis=1)
 
 
 def _prior_left_s(end_rate: float) -> Floats:

@@ -136,8 +136,7 @@ class BelievedPlaces:
         leg, place = near
         forecasts, rows = batch.forecasts, legs.rows[leg]
         bottom_m, top_m = self._columns[6:8, place]
-        beside: Bools = (forecasts.bottom_m[rows] < top_m) & (forecasts.top_m[rows] > bottom_m)
-        return beside
+        return (forecasts.bottom_m[rows] < top_m) & (forecasts.top_m[rows] > bottom_m)
 
     def _is_through(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
         """(n,) whether robots drove through places: at their height, and far enough into the outline."""
@@ -177,13 +176,11 @@ class BelievedPlaces:
 
 def _cells(floor: Floats | Ints, x: Floats, y: Floats) -> Ints:
     """(n,) the number of each cell of the grid."""
-    cells: Ints = (np.asarray(floor, np.int64) << 48) + (x.astype(np.int64) << 24) + y.astype(np.int64)
-    return cells
+    return (np.asarray(floor, np.int64) << 48) + (x.astype(np.int64) << 24) + y.astype(np.int64)
 
 
 def _is_joined(legs: Legs) -> Bools:
-    joined: Bools = (legs.took_s <= JOINED_S) & (legs.floor[:, 0] == legs.floor[:, 1])
-    return joined
+    return (legs.took_s <= JOINED_S) & (legs.floor[:, 0] == legs.floor[:, 1])
 
 
 def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats, Floats]:

@@ -52,8 +52,7 @@ NINETY = 1.645
 
 def log_odds(share: Floats) -> Floats:
     """The log odds of shares of an error distribution, as features have them."""
-    odds: Floats = np.log((share + CERTAIN) / (1 + CERTAIN - share))
-    return odds
+    return np.log((share + CERTAIN) / (1 + CERTAIN - share))
 
 
 _FLOATS, _MATRIX, _CUBE = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]

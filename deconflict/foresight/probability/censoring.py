@@ -37,8 +37,7 @@ class CensoredOutcomes:
 
 def part_of(after_s: Floats, horizon_s: float) -> Ints:
     """The part of the horizon of each moment, `STAYED` from its end on. `after_s` counts from the horizon's start."""
-    part: Ints = np.minimum(np.maximum(after_s * (PARTS / horizon_s), 0), STAYED).astype(np.int64)
-    return part
+    return np.minimum(np.maximum(after_s * (PARTS / horizon_s), 0), STAYED).astype(np.int64)
 
 
 def outcomes_of(after_s: Floats, met: Bools, horizon_s: float) -> CensoredOutcomes:

@@ -280,8 +280,7 @@ class ProbabilityEstimator:
     def _contradicts(self, slots: Ints | slice) -> Bools:
         """Which robots of `slots` contradict their forecasts by their motion."""
         surprise, contradiction = self._robots.records["surprise"], self._stated_ways["contradiction"]
-        contradicts: Bools = (surprise[slots] > DISTRUSTED) | (contradiction[slots] > 1.0)
-        return contradicts
+        return (surprise[slots] > DISTRUSTED) | (contradiction[slots] > 1.0)
 
     def _measure(self) -> None:
         measure(self.ledger, self.measures)

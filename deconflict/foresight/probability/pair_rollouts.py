@@ -36,8 +36,7 @@ class PairRollouts:
     @property
     def is_blocked(self) -> Bools:
         """(slots,) whether a standing robot has to wait for another one."""
-        blocked: Bools = self._schedule.waits_for != NOBODY
-        return blocked
+        return self._schedule.waits_for != NOBODY
 
     def grow(self, slots: int) -> None:
         """Make room for so many slots."""

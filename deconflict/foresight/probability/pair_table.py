@@ -124,8 +124,7 @@ def slots_of(code: Ints) -> tuple[Ints, Ints]:
 def has_robot_of(code: Ints, slots: Ints) -> Bools:
     """(n,) whether each pair has a robot of `slots`."""
     a, b = slots_of(code)
-    is_of: Bools = np.isin(a, slots) | np.isin(b, slots)
-    return is_of
+    return np.isin(a, slots) | np.isin(b, slots)
 
 
 @kernel(

@@ -90,8 +90,7 @@ class TrackedRobots:
     def is_standing(self, slots: slice | Ints) -> Bools:
         """Which robots of `slots` stand, by their forecasts or by their reports."""
         robots = self.records[slots]
-        stands: Bools = robots["stays"] | (robots["stood_since_s"] < np.inf)
-        return stands
+        return robots["stays"] | (robots["stood_since_s"] < np.inf)
 
     def pair_code(self, slot: int, other_slot: int) -> int:
         """The code of a pair of slots, given in any order."""
@@ -111,8 +110,7 @@ class TrackedRobots:
     def both_present(self, code: Ints) -> Floats:
         """(p,) the probability that both robots of each pair are present."""
         a, b = slots_of(code)
-        both: Floats = (1.0 - self.absence[a]) * (1.0 - self.absence[b])
-        return both
+        return (1.0 - self.absence[a]) * (1.0 - self.absence[b])
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self)

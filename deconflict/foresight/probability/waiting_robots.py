@@ -17,8 +17,7 @@ LONGEST_GAP_S = 5.0
 
 def are_waiting(robots: Robots) -> Bools:
     """Which robots stand by their reports, and go at once by their forecasts."""
-    waiting: Bools = (robots["stood_since_s"] < np.inf) & robots["leaves"]
-    return waiting
+    return (robots["stood_since_s"] < np.inf) & robots["leaves"]
 
 
 def record_starts(

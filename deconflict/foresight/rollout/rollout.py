@@ -66,8 +66,7 @@ def run_rollout(robots: RolloutInput, horizon_s: float, clearance_m: float) -> R
 
 
 def _log_odds(counts: Floats) -> Floats:
-    odds: Floats = np.log((counts + PRIOR) / (SAMPLES - counts + PRIOR))
-    return odds
+    return np.log((counts + PRIOR) / (SAMPLES - counts + PRIOR))
 
 
 NEVER: Floats = _log_odds(np.zeros(ROLLED))

@@ -65,8 +65,7 @@ class RolloutSchedule:
         turn_s = lowest_key / KEYS * EVERY_S
         is_due = np.floor((now_s + turn_s) / EVERY_S) > np.floor((last_s + turn_s) / EVERY_S)
         is_due[_postponed(is_due, np.bincount(island), last_s, lowest_key)] = False
-        due: Ints = slots[is_due[island]]
-        return due
+        return slots[is_due[island]]
 
     def store(self, slots: Ints, result: RolloutResult, code: Ints, now_s: float) -> None:
         """Keep the result of a rollout of the robots `slots`, whose pairs have these codes (p,)."""
@@ -104,5 +103,4 @@ def _postponed(is_due: Bools, robots: Ints, last_s: Floats, lowest_key: Ints) ->
     due = np.flatnonzero(is_due)
     due = due[np.lexsort((lowest_key[due], last_s[due]))]
     before = np.cumsum(robots[due]) - robots[due]
-    waits: Ints = due[before >= MOST]
-    return waits
+    return due[before >= MOST]

@@ -25,11 +25,9 @@ def quantiles(key: Ints, quantity: int) -> Floats:
     mixed ^= mixed >> 13
     odd, first = 2 * (mixed % (SAMPLES // 2)) + 1, (mixed >> 5) % SAMPLES
     place = (np.arange(SAMPLES)[:, None] * odd + first) % SAMPLES
-    part: Floats = (place + 0.5) / SAMPLES
-    return part
+    return (place + 0.5) / SAMPLES
 
 
 def paces(key: Ints) -> Floats:
     """(SAMPLES, n) speeds of robots, as shares of their forecast speeds."""
-    pace: Floats = 1.0 + PACE_SD * ndtri(quantiles(key, PACE))
-    return pace
+    return 1.0 + PACE_SD * ndtri(quantiles(key, PACE))

@@ -61,8 +61,7 @@ class StartTimes:
         total = self.counts.sum(axis=0)
         overall = (total[..., 0] + PRIOR_S * PRIOR_PER_S) / (total[..., 1] + PRIOR_S)
         of_kind = self.counts[kind, side]
-        per_s: Floats = (of_kind[..., 0] + SHRUNK_S * overall[side]) / (of_kind[..., 1] + SHRUNK_S)
-        return per_s
+        return (of_kind[..., 0] + SHRUNK_S * overall[side]) / (of_kind[..., 1] + SHRUNK_S)
 
     def weights(self, kind: Ints, blocked: Bools, stood_s: Floats) -> Floats:
         """(n, len(LATE_S)) the probability of each delay of `LATE_S`, for robots of these kinds (n,) that have stood
@@ -71,8 +70,7 @@ class StartTimes:
         times_s = np.maximum(stood_s, 0.0)[:, None] + np.concatenate([[0.0], _UNTIL_S])
         hazard = _hazard(per_s, times_s)
         stays = np.concatenate([np.exp(hazard[:, :1] - hazard), np.zeros((len(kind), 1))], axis=1)
-        weights: Floats = stays[:, :-1] - stays[:, 1:]
-        return weights
+        return stays[:, :-1] - stays[:, 1:]
 
     def late_s(self, kind: Ints, stood_s: Floats, part: Floats) -> Floats:
         """(k, n) the delays of robots of these kinds (n,) whose way is free, at these parts (k, n) of the
@@ -81,8 +79,7 @@ class StartTimes:
         wanted = _hazard(per_s, stood_s[:, None])[:, 0] - np.log1p(-part)
         before, rows = _before(per_s), np.arange(len(kind))
         bins = (wanted[:, :, None] >= before[:, 1:]).sum(axis=2)
-        late_s: Floats = STOOD_S[bins] + (wanted - before[rows, bins]) / per_s[rows, bins] - stood_s
-        return late_s
+        return STOOD_S[bins] + (wanted - before[rows, bins]) / per_s[rows, bins] - stood_s
 
     def learned(self) -> Part:
         """What is kept over a restart."""
@@ -108,8 +105,7 @@ def _before(per_s: Floats) -> Floats:
 def _hazard(per_s: Floats, stood_s: Floats) -> Floats:
     """(n, k) cumulative hazard after robots have stood for so long (n, k)."""
     rows, bins = np.arange(len(per_s))[:, None], _bin(stood_s)
-    hazard: Floats = _before(per_s)[rows, bins] + per_s[rows, bins] * (stood_s - STOOD_S[bins])
-    return hazard
+    return _before(per_s)[rows, bins] + per_s[rows, bins] * (stood_s - STOOD_S[bins])
 
 
 def _bin(stood_s: Floats) -> Ints:

@@ -67,8 +67,7 @@ class Braking:
 
     def top_mps(self, now_s: float) -> Floats:
         """(n,) present speed limit of each robot besides that of its path; inf for most."""
-        tops_mps: Floats = np.where(self._creeps_until_s > now_s, CREEPING_MPS, self._passings.top_mps)
-        return tops_mps
+        return np.where(self._creeps_until_s > now_s, CREEPING_MPS, self._passings.top_mps)
 
     def top_of_mps(self, robot: int, now_s: float) -> float:
         """`top_mps` of one robot."""
@@ -110,8 +109,7 @@ class Braking:
         )
 
     def _gently(self, seen: Traffic, open_m: Floats) -> Floats:
-        speed_mps: Floats = np.sqrt(2 * GENTLY * seen.brake_mps2 * open_m)
-        return speed_mps
+        return np.sqrt(2 * GENTLY * seen.brake_mps2 * open_m)
 
     def _own_order(self, seen: Traffic, known_m: Floats, known: Ints, crossing: Limit) -> Limit:
         """How far its own fleet lets each robot drive."""
@@ -129,8 +127,7 @@ class Braking:
         brakes = seen.going & (sensed_m < np.where(speed_mps < MOVING_MPS, restart_m, stopping_m))
         self._held_until_s = np.where(brakes, now_s + self._held_s, self._held_until_s)
         self._held_for = np.where(brakes, free.sensed, self._held_for)
-        held: Bools = seen.going & (now_s < self._held_until_s)
-        return held
+        return seen.going & (now_s < self._held_until_s)
 
     def _note_yields(self, seen: Traffic, free: FreeWays, held: Bools, slows: Bools, line: Limit) -> None:
         nearest = np.where(seen.person, free.known, free.sensed)

@@ -30,8 +30,7 @@ class DriveTable:
 
     @property
     def length_m(self) -> Floats:
-        lengths: Floats = self.step_m * self.last
-        return lengths
+        return self.step_m * self.last
 
     def poses(self, robots: Ints, progress_m: Floats) -> Floats:
         """(3, ...) x, y, yaw of `robots` at `progress_m`, which broadcast together. Clamped to the ends of the
@@ -40,13 +39,11 @@ class DriveTable:
 
     def speed_mps(self, robots: Ints, progress_m: Floats) -> Floats:
         """Greatest speed of progress at `progress_m`."""
-        speeds: Floats = self._between(slice(3, 4), robots, progress_m)[0]
-        return speeds
+        return self._between(slice(3, 4), robots, progress_m)[0]
 
     def seconds(self, robots: Ints, progress_m: Floats) -> Floats:
         """Seconds from the start of the drive to `progress_m`, without obstacles."""
-        seconds: Floats = self._between(slice(4, 5), robots, progress_m)[0]
-        return seconds
+        return self._between(slice(4, 5), robots, progress_m)[0]
 
     def slope(self, robots: Ints, progress_m: Floats) -> Floats:
         """(2, ...) metres moved and radians turned per metre of progress."""
@@ -56,8 +53,7 @@ class DriveTable:
 
     def samples(self, robot: int) -> Floats:
         """(4, m) x, y, yaw and greatest speed of one robot's drive."""
-        drive: Floats = self._columns[:4, robot, : self.last[robot] + 1]
-        return drive
+        return self._columns[:4, robot, : self.last[robot] + 1]
 
     def _between(self, columns: slice, robots: Ints, progress_m: Floats) -> Floats:
         at = np.clip(progress_m / self.step_m[robots], 0.0, self.last[robots])

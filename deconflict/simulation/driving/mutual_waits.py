@@ -52,5 +52,4 @@ class MutualWaits:
         waits_for = np.append(np.where(self.blocker == NOBODY, nobody, self.blocker), nobody)
         for _ in range(6):
             waits_for = waits_for[waits_for]
-        mutual: Bools = waits_for[:-1] != nobody
-        return mutual
+        return waits_for[:-1] != nobody

@@ -120,8 +120,7 @@ class Passings:
 def _moved_m(from_m: float, to_m: float, along_m: Floats) -> Floats:
     """Offset to the left of a robot that moves from `from_m` to `to_m` while it drives `along_m` on its path."""
     most_m = np.maximum(along_m, 0.0) / BACK_STEEPNESS
-    moved_m: Floats = from_m + np.clip(to_m - from_m, -most_m, most_m)
-    return moved_m
+    return from_m + np.clip(to_m - from_m, -most_m, most_m)
 
 
 def _straight_until_m(traffic: Traffic, robot: int) -> float:

@@ -68,8 +68,7 @@ class Traffic:
 
     def braking_m(self) -> Floats:
         """(n,) stopping distance in progress if each braked now; negative when backing."""
-        way_m: Floats = self.speed_mps * np.abs(self.speed_mps) / (2 * self.brake_mps2)
-        return way_m
+        return self.speed_mps * np.abs(self.speed_mps) / (2 * self.brake_mps2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,8 +156,7 @@ def _boxes_meet(traffic: Traffic, pairs: tuple[Ints, Ints], looks: Floats, place
     reach_m = radius_m[pairs[0]] + radius_m[pairs[1]]
     before = looks[:2].min(axis=2) - reach_m < places[:2].max(axis=2)
     beyond = looks[:2].max(axis=2) + reach_m > places[:2].min(axis=2)
-    meet: Bools = np.all(before & beyond, axis=0)
-    return meet
+    return np.all(before & beyond, axis=0)
 
 
 def _looks(traffic: Traffic, who: Ints, along_m: Floats) -> Floats:
@@ -183,8 +181,7 @@ def _way_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Float
     before, at = (np.take_along_axis(gap_m, np.maximum(rows, 0), axis=0)[0] for rows in (reached - 1, reached))
     share = np.clip((before - MARGIN_M) / np.maximum(before - at, 1e-9), 0.0, 1.0)
     way_m = LOOK_STEP_M * (np.maximum(reached[0] - 1, 0) + share)
-    nearest_m: Floats = np.where(np.any(blocked, axis=0), way_m, np.inf).min(axis=1)
-    return nearest_m
+    return np.where(np.any(blocked, axis=0), way_m, np.inf).min(axis=1)
 
 
 def _gaps_m(traffic: Traffic, who: Ints, whom: Ints, looks: Floats, places: Floats, beside_m: float = 0.0) -> Floats:
@@ -217,5 +214,4 @@ def gaps(a: Floats, b: Floats, size_a: tuple[Floats, Floats], size_b: tuple[Floa
         cy, sy = np.cos(yaw), np.sin(yaw)
         found.append(np.abs(dx * cy + dy * sy) - (long + c * other_long + s * other_wide) / 2)
         found.append(np.abs(dy * cy - dx * sy) - (wide + s * other_long + c * other_wide) / 2)
-    largest: Floats = np.maximum(np.maximum(found[0], found[1]), np.maximum(found[2], found[3]))
-    return largest
+    return np.maximum(np.maximum(found[0], found[1]), np.maximum(found[2], found[3]))

@@ -102,8 +102,7 @@ def _reachable(progress_m: Floats, limit_mps: Floats, make: Make) -> Floats:
     gain, brake = 2 * make.gain_mps2 * progress_m, 2 * (make.brake_mps2 / 2) * progress_m
     squares = np.minimum.accumulate(squares - gain) + gain
     squares = np.minimum.accumulate((squares + brake)[::-1])[::-1] - brake
-    speeds: Floats = np.maximum(np.sqrt(np.maximum(squares, 0.0)), CREEP_MPS)
-    return speeds
+    return np.maximum(np.sqrt(np.maximum(squares, 0.0)), CREEP_MPS)
 
 
 def _pieces(corners: Sequence[Place], yaw_rad: float, make: Make) -> list[_Piece]:

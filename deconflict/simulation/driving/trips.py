@@ -37,16 +37,14 @@ class Trips:
     @property
     def floor(self) -> Ints:
         """(n,)"""
-        floors: Ints = self._floors[self.bay]
-        return floors
+        return self._floors[self.bay]
 
     def at(self, robot: int) -> Bay:
         return self.layout.bays[int(self.bay[robot])]
 
     def standing_at(self, kind: BayKind) -> NDArray[np.bool_]:
         """(n,) whether the last bay of each robot is of this kind."""
-        of_kind: NDArray[np.bool_] = self._kinds[self.bay] == kind.value
-        return of_kind
+        return self._kinds[self.bay] == kind.value
 
     def choose(self, robot: int, *, needs_charge: bool, may_ride: bool) -> Bay | None:
         """Reserve the bay to go to next. None if every suitable bay is taken."""

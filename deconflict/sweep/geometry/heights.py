@@ -28,8 +28,7 @@ def heights_overlap(one: HasHeights, other: HasHeights) -> bool:
 
 def heights_overlap_each(bottom_m: Floats, top_m: Floats, other_bottom_m: Floats, other_top_m: Floats) -> Bools:
     """(n,) the same of n pairs."""
-    overlaps: Bools = (bottom_m <= other_top_m) & (other_bottom_m <= top_m)
-    return overlaps
+    return (bottom_m <= other_top_m) & (other_bottom_m <= top_m)
 
 
 def largest_group_at_one_height(robots: Sequence[T]) -> list[T]:

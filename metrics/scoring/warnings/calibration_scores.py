@@ -126,8 +126,7 @@ class CalibrationTally:
         samples, squared = self.groups
         weights = self.weights() if weights is None else weights
         came_true = samples * (np.arange(PARTS + 2) < STAYED)[:, None]
-        every: Floats = (weights @ np.stack([samples, came_true, squared])).T
-        return every
+        return (weights @ np.stack([samples, came_true, squared])).T
 
     def ece(self, weights: Floats | None = None) -> float | None:
         """Expected calibration error: mean distance between probability and share over the bins, weighted by

@@ -38,8 +38,7 @@ def driven(speed_mps: float, said_mps: float, aside_m: float = 0.0, until_s: int
 
 
 def row(errors: ForecastScores, horizon: int) -> dict[str, float]:
-    found: dict[str, float] = errors.figures()["by_model"][0]["horizons"][horizon - 1]
-    return found
+    return errors.figures()["by_model"][0]["horizons"][horizon - 1]
 
 
 def test_a_forecast_that_comes_true_has_no_error() -> None:

@@ -122,8 +122,7 @@ def _off_way_m(motion: Motion, stop: Stop) -> Floats:
     during = slice(motion.sample(stop.start_s), motion.sample(stop.end_s + 20.0))
     along_x = np.abs(np.cos(motion.yaw_rad[during, column])) > 0.7
     across_m = np.where(along_x, motion.y_m[during, column], motion.x_m[during, column])
-    off_m: Floats = np.abs((across_m / CELL_M + 0.5) % 1 - 0.5) * CELL_M
-    return off_m
+    return np.abs((across_m / CELL_M + 0.5) % 1 - 0.5) * CELL_M
 
 
 def test_silent_robots_send_nothing_and_are_there_or_gone() -> None:

@@ -122,8 +122,7 @@ class Served:
         return f"ws://{self.address}/advisories/stream{query}"
 
     async def publish(self, *advisories: AnyAdvisory) -> list[AnyAdvisory]:
-        published: list[AnyAdvisory] = await self.app.state.publisher.publish(advisories)
-        return published
+        return await self.app.state.publisher.publish(advisories)
 
     def connections(self) -> int:
         """Connections that the server still holds."""

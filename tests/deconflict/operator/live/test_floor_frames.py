@@ -23,8 +23,7 @@ def fleet() -> Fleet:
 
 
 def frame(picture: FloorFrames, version: int) -> dict[str, Any]:
-    told: dict[str, Any] = json.loads(picture.since(version))
-    return told
+    return json.loads(picture.since(version))
 
 
 def moved(fleet: Fleet, *names: str, at_s: float = NOW_S, x: float = 0.0) -> None:

@@ -51,8 +51,7 @@ def of(told: list[RobotState], vendor: VendorName, *, moving: bool = False) -> l
 
 
 def status(robot: RobotState) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(DIALECTS[robot.member.make.vendor].messages(robot, NOW_S)[-1])
-    return document
+    return json.loads(DIALECTS[robot.member.make.vendor].messages(robot, NOW_S)[-1])
 
 
 def seconds(stamp: str) -> float:

@@ -64,8 +64,7 @@ async def background(work: Awaitable[object]) -> AsyncIterator[asyncio.Future[ob
 
 
 def port_of(server: Server) -> int:
-    port: int = server.sockets[0].getsockname()[1]
-    return port
+    return server.sockets[0].getsockname()[1]
 
 
 async def test_all_four_vendors_report_and_are_counted() -> None:
