@@ -176,7 +176,7 @@ def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Out
         _INTS,
         LOOKAHEAD,
         PATHS_AHEAD,
-        *[_FLOATS] * 4,
+        numba.types.UniTuple(_FLOATS, 4),  # type: ignore[no-untyped-call]
         _INTS,
         _BOOLS,
         *[OUTLINES] * 2,
@@ -193,10 +193,7 @@ def update_records(
     basis: Ints,
     view: Lookahead,
     paths: PathsAhead,
-    length_m: Floats,
-    width_m: Floats,
-    bottom_m: Floats,
-    top_m: Floats,
+    sizes_m: tuple[Floats, Floats, Floats, Floats],
     stops: Ints,
     bound: Bools,
     resources: Outlines,
@@ -205,10 +202,11 @@ def update_records(
 ) -> Ints:
     """Update the records of n robots, and the paths of those that move; (n,) bits of what has to be updated with them.
 
-    `floor_numbers` are the table's numbers of the batch's floors. `stops` are how many stops each robot has, `bound`
-    whether any of them may be in a resource. A zone may be on a robot's way if the path comes as near to it as the
-    envelope reaches and `spare_m`.
+    `floor_numbers` are the table's numbers of the batch's floors. `sizes_m` are length, width, bottom and top. `stops`
+    are how many stops each robot has, `bound` whether any of them may be in a resource. A zone may be on a robot's way
+    if the path comes as near to it as the envelope reaches and `spare_m`.
     """
+    length_m, width_m, bottom_m, top_m = sizes_m
     stale = np.zeros(len(slots), np.int64)
     last = view.x_m.shape[1] - 1
     for row in range(len(slots)):

@@ -1,19 +1,22 @@
 """Where robots went between their last two reports, and where they will go by their newest forecasts.
 
-Arrays are by slot, as `PendingForecasts` keeps them. A report is t_s, x_m, y_m, yaw_rad and floor. A track is x_m, y_m,
-yaw_rad and floor for every second from its report on.
+A report is t_s, x_m, y_m, yaw_rad and floor. A track is x_m, y_m, yaw_rad and floor for every second from its report
+on.
 
 The file is long because its functions are compiled: they read reports number by number, as a slice of a few numbers
-costs more in numba than the arithmetic on it, and they take the columns of `PendingForecasts` one by one.
+costs more in numba than the arithmetic on it.
 """
 
 from math import cos, pi, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.foresight.forecast_errors.quantile_sketch import LIMITS_M
+from deconflict.sweep.geometry.encounter import STANDING_MPS
+from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -55,9 +58,80 @@ ERROR = np.dtype(
 Errors = NDArray[Any]
 """Of `ERROR`."""
 
+
+class ReportHistory(NamedTuple):
+    """The last two reports of each robot and the forecasts that are kept of it, by slot."""
+
+    newest: Floats
+    """(slots, 5) the newest report."""
+    previous: Floats
+    """(slots, 5) the report before it."""
+    track: Floats
+    """(slots, k, 4) the track of the newest report."""
+    around: Floats
+    """(slots, 5) a box around the track: x_m and y_m of its centre, its half sides, and the longest distance that the
+    robot goes in a second."""
+    made_s: Floats
+    """(slots, kept) when each kept forecast was made."""
+    stopped: Bools
+    """(slots, kept) whether the robot has stood at a time when this forecast had it move."""
+    next_place: Ints
+    """(slots,) the place of the next forecast among the kept ones."""
+    kind: Ints
+    """(slots, kept) the ledger row of each kept forecast."""
+    forecast: Floats
+    """(slots, kept, horizons, 4) x_m, y_m, yaw_rad and floor that were forecast."""
+    bands_m: Floats
+    """(slots, kept, horizons, 3) radii of the bands when the forecast was made."""
+
+
+class RelativePoses(NamedTuple):
+    """n pairs of robots, at k moments of the past and m moments ahead. Arrays are (n, k + m) if not said otherwise."""
+
+    past_s: Floats
+    """(n, k) the moments of the past; nan if the two have no time in common."""
+    dx_m: Floats
+    """From the first robot of the pair to the second."""
+    dy_m: Floats
+    yaw_a_rad: Floats
+    yaw_b_rad: Floats
+    is_same_floor: Bools
+    """Whether both are known to be on one floor."""
+    speed_mps: Floats
+    """(2, n) speed of each robot now, by its forecast."""
+
+    def separations_m(self, half_a_m: Floats, half_b_m: Floats) -> Floats:
+        """(n, k + m) distance of the two envelopes, negative if they overlap. `half_a_m` and `half_b_m` (2, n) are
+        their half sides."""
+        return signed_gap(self.dx_m, self.dy_m, self.yaw_a_rad, self.yaw_b_rad, half_a_m, half_b_m)
+
+
+JOINED_S = 2.1
+"""Reports further apart do not tell where the robot was between them."""
+SPACED_S = 0.9
+"""Minimum time between two kept forecasts of a robot."""
+LONG_AGO_S = -1e12
+"""Before any report."""
+
 _ROBOTS, _ERRORS = (numba.from_dtype(dtype)[::1] for dtype in (ROBOT, ERROR))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
-_ASKED_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
+_HISTORY = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
+    (
+        *[_MATRIX] * 2,
+        _CUBE,
+        *[_MATRIX] * 2,
+        numba.boolean[:, ::1],
+        _INTS,
+        numba.int64[:, ::1],
+        *[numba.float64[:, :, :, ::1]] * 2,
+    ),
+    ReportHistory,
+)
+POSES = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
+    (*[_MATRIX] * 5, numba.boolean[:, ::1], _MATRIX), RelativePoses
+)
+"""The type of `RelativePoses` in kernels."""
+_READ_ONLY = numba.types.Array(numba.float64, 1, "A", readonly=True)
 CREEPS_MPS, TURNS_RADPS = 0.1, 0.2
 """By its reports, a robot that moves and turns more slowly stands."""
 CREEPS_SHARE, STILL_MPS = 0.3, 0.02
@@ -82,12 +156,13 @@ def _turn(yaw: float, other: float) -> float:
 
 
 @inner
-def _line(previous: Floats, newest: Floats, slot: int, long_ago_s: float, joined_s: float) -> Line:
+def _line(history: ReportHistory, slot: int) -> Line:
     """The motion between a robot's last two reports; floor -1 if they are too far apart in time or on two floors."""
+    previous, newest = history.previous, history.newest
     a_s, a_x, a_y, a_yaw = previous[slot, 0], previous[slot, 1], previous[slot, 2], previous[slot, 3]
     b_s, b_x, b_y, b_yaw = newest[slot, 0], newest[slot, 1], newest[slot, 2], newest[slot, 3]
     floor = newest[slot, 4]
-    if not (a_s > long_ago_s and previous[slot, 4] == floor and b_s - a_s <= joined_s):
+    if not (a_s > LONG_AGO_S and previous[slot, 4] == floor and b_s - a_s <= JOINED_S):
         a_s, a_x, a_y, a_yaw, floor = b_s, b_x, b_y, b_yaw, -1.0
     return a_s, max(b_s - a_s, 1e-9), a_x, b_x - a_x, a_y, b_y - a_y, a_yaw, _turn(a_yaw, b_yaw), floor
 
@@ -102,18 +177,19 @@ def _on(line: Line, t_s: float) -> Pose:
 
 
 @inner
-def _speed_mps(previous: Floats, newest: Floats, slot: int, joined_s: float) -> float:
+def _speed_mps(history: ReportHistory, slot: int) -> float:
     """Speed of a robot between its last two reports; nan if unknown."""
+    previous, newest = history.previous, history.newest
     lasted_s = newest[slot, 0] - previous[slot, 0]
-    if not (0.0 < lasted_s <= joined_s and previous[slot, 4] == newest[slot, 4]):
+    if not (0.0 < lasted_s <= JOINED_S and previous[slot, 4] == newest[slot, 4]):
         return float(np.nan)
     return float(np.hypot(newest[slot, 1] - previous[slot, 1], newest[slot, 2] - previous[slot, 2]) / lasted_s)
 
 
-@kernel(numba.float64(*[_MATRIX] * 2, numba.int64, numba.float64))
-def speed_mps(previous: Floats, newest: Floats, slot: int, joined_s: float) -> float:
+@kernel(numba.float64(_HISTORY, numba.int64))
+def speed_mps(history: ReportHistory, slot: int) -> float:
     """See `_speed_mps`."""
-    return _speed_mps(previous, newest, slot, joined_s)
+    return _speed_mps(history, slot)
 
 
 @inner
@@ -136,50 +212,35 @@ def _ahead(track: Floats, slot: int, since_s: float) -> Pose:
     return x, y, yaw + share * _turn(yaw, track[slot, whole + 1, 2]), track[slot, whole, 3]
 
 
-@kernel(
-    numba.types.Tuple((*[_MATRIX] * 5, numba.boolean[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
-        *[_MATRIX] * 2, _CUBE, *[_INTS] * 2, *[_ASKED_LOOKS] * 2, *[numba.float64] * 3, _MATRIX
-    )
-)
+@kernel(POSES(_HISTORY, *[_INTS] * 2, *[_READ_ONLY] * 2, numba.float64, _MATRIX))
 def relative_poses(
-    previous: Floats,
-    newest: Floats,
-    track: Floats,
-    a: Ints,
-    b: Ints,
-    past_looks: Floats,
-    ahead_s: Floats,
-    now_s: float,
-    long_ago_s: float,
-    joined_s: float,
-    late_s: Floats,
-) -> tuple[Floats, Floats, Floats, Floats, Floats, Bools, Floats]:
+    history: ReportHistory, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float, late_s: Floats
+) -> RelativePoses:
     """Robots `b` (n,) as seen from `a` (n,), if they start `late_s` (2, n) later than they forecast.
 
     The moments are `past_looks` (k,), as parts of the last span of time for which both have reported, and
     `now_s + ahead_s` (m,).
 
-    Returns the fields of `RelativePoses`: the moments of the past (n, k), nan if there are none; dx, dy, the headings
-    of both, and whether they are on one floor, (n, k + m) each; and (2, n) the speed of each robot until the second
-    moment ahead.
+    The moments of the past are nan if a pair has none; its speeds are those until the second moment ahead.
     """
+    previous, newest, track = history.previous, history.newest, history.track
     n, past, looks = len(a), len(past_looks), len(past_looks) + len(ahead_s)
     past_s, speeds, is_same_floor = np.empty((n, past)), np.empty((2, n)), np.empty((n, looks), np.bool_)
     dx, dy, yaw_a, yaw_b = np.empty((n, looks)), np.empty((n, looks)), np.empty((n, looks)), np.empty((n, looks))
     x, y, yaw, floor = np.empty((2, looks)), np.empty((2, looks)), np.empty((2, looks)), np.empty((2, looks))
     for row in range(n):
-        begin_s, end_s = long_ago_s, np.inf
+        begin_s, end_s = LONG_AGO_S, np.inf
         for slot in (a[row], b[row]):
-            if previous[slot, 0] >= newest[slot, 0] - joined_s:
+            if previous[slot, 0] >= newest[slot, 0] - JOINED_S:
                 begin_s = max(begin_s, previous[slot, 0])
             end_s = min(end_s, newest[slot, 0])
-        begin_s = begin_s if begin_s > long_ago_s else end_s
+        begin_s = begin_s if begin_s > LONG_AGO_S else end_s
         end_s = end_s if begin_s <= end_s else np.nan
         for at in range(past):
             past_s[row, at] = begin_s + (end_s - begin_s) * past_looks[at]
         for side in (0, 1):
             slot = a[row] if side == 0 else b[row]
-            line = _line(previous, newest, slot, long_ago_s, joined_s)
+            line = _line(history, slot)
             for at in range(looks):
                 if at < past:
                     pose = _on(line, past_s[row, at])
@@ -192,12 +253,13 @@ def relative_poses(
             dx[row, at], dy[row, at] = x[1, at] - x[0, at], y[1, at] - y[0, at]
             yaw_a[row, at], yaw_b[row, at] = yaw[0, at], yaw[1, at]
             is_same_floor[row, at] = floor[0, at] == floor[1, at] and floor[0, at] >= 0.0
-    return past_s, dx, dy, yaw_a, yaw_b, is_same_floor, speeds
+    return RelativePoses(past_s, dx, dy, yaw_a, yaw_b, is_same_floor, speeds)
 
 
 @inner
-def _set_around(around: Floats, track: Floats, slot: int) -> None:
-    """Set the box around a robot's track, and its longest step; see `PendingForecasts`."""
+def _set_around(history: ReportHistory, slot: int) -> None:
+    """Set the box around a robot's track, and its longest step."""
+    around, track = history.around, history.track
     low_x = high_x = track[slot, 0, 0]
     low_y = high_y = track[slot, 0, 1]
     step = 0.0
@@ -210,9 +272,8 @@ def _set_around(around: Floats, track: Floats, slot: int) -> None:
 
 
 @inner
-def _store_report(
-    previous: Floats, newest: Floats, track: Floats, slot: int, event_s: float, tracks: Floats, row: int
-) -> None:
+def _store_report(history: ReportHistory, slot: int, event_s: float, tracks: Floats, row: int) -> None:
+    previous, newest, track = history.previous, history.newest, history.track
     for part in range(5):
         previous[slot, part] = newest[slot, part]
         newest[slot, part] = tracks[row, 0, part - 1] if part else event_s
@@ -222,13 +283,14 @@ def _store_report(
 
 
 @inner
-def _reserve_place(made_s: Floats, next_place: Ints, slot: int, event_s: float, spaced_s: float) -> int:
+def _reserve_place(history: ReportHistory, slot: int, event_s: float) -> int:
     """Reserve the place of a robot's oldest forecast for a new one. Returns -1 if the last one was made less than
-    `spaced_s` before."""
+    `SPACED_S` before."""
+    made_s, next_place = history.made_s, history.next_place
     last_s = -np.inf
     for made in range(made_s.shape[1]):
         last_s = max(last_s, made_s[slot, made])
-    if not event_s - last_s >= spaced_s:
+    if not event_s - last_s >= SPACED_S:
         return -1
     place = int(next_place[slot])
     made_s[slot, place], next_place[slot] = event_s, (place + 1) % made_s.shape[1]
@@ -237,11 +299,13 @@ def _reserve_place(made_s: Floats, next_place: Ints, slot: int, event_s: float, 
 
 @inner
 def _store_forecast(
-    forecast: Floats, bands_m: Floats, slot: int, place: int, tracks: Floats, row: int, kind_bands_m: Floats, kind: int
+    history: ReportHistory, slot: int, place: int, tracks: Floats, row: int, kind_bands_m: Floats, kind: int
 ) -> None:
-    for second in range(forecast.shape[2]):
+    bands_m = history.bands_m
+    history.kind[slot, place] = kind
+    for second in range(history.forecast.shape[2]):
         for part in range(4):
-            forecast[slot, place, second, part] = tracks[row, second + 1, part]
+            history.forecast[slot, place, second, part] = tracks[row, second + 1, part]
         for band in range(3):
             bands_m[slot, place, second, band] = kind_bands_m[kind, second, band]
 
@@ -257,9 +321,9 @@ def _is_known(tracks: Floats, row: int) -> bool:
 
 
 @inner
-def _rests(tracks: Floats, row: int, standing_mps: float) -> bool:
+def _rests(tracks: Floats, row: int) -> bool:
     """Whether a robot stands for the first second of its track."""
-    return bool(np.hypot(tracks[row, 1, 0] - tracks[row, 0, 0], tracks[row, 1, 1] - tracks[row, 0, 1]) < standing_mps)
+    return bool(np.hypot(tracks[row, 1, 0] - tracks[row, 0, 0], tracks[row, 1, 1] - tracks[row, 0, 1]) < STANDING_MPS)
 
 
 @inner
@@ -270,13 +334,12 @@ def _track_mps(track: Floats, slot: int, after_s: float) -> float:
 
 
 @inner
-def _stood_since_s(
-    previous: Floats, newest: Floats, slot: int, since_s: float, joined_s: float, forecast_mps: float
-) -> float:
+def _stood_since_s(history: ReportHistory, slot: int, since_s: float, forecast_mps: float) -> float:
     """Since when a robot has stood, by its last two reports and by the speed of its forecast; inf if it moves or
     turns."""
+    previous, newest = history.previous, history.newest
     lasted_s = newest[slot, 0] - previous[slot, 0]
-    if not (0.0 < lasted_s <= joined_s and previous[slot, 4] == newest[slot, 4]):
+    if not (0.0 < lasted_s <= JOINED_S and previous[slot, 4] == newest[slot, 4]):
         return since_s
     went_m = np.hypot(newest[slot, 1] - previous[slot, 1], newest[slot, 2] - previous[slot, 2])
     creeps_mps = max(min(CREEPS_MPS, CREEPS_SHARE * forecast_mps), STILL_MPS)
@@ -286,67 +349,47 @@ def _stood_since_s(
 
 
 @inner
-def _mark_stopped(stopped: Bools, made_s: Floats, forecast: Floats, newest: Floats, slot: int) -> None:
+def _mark_stopped(history: ReportHistory, slot: int) -> None:
     """Mark the forecasts by which a robot moves now, although it stands."""
-    for made in range(made_s.shape[1]):
-        after_s = newest[slot, 0] - made_s[slot, made]
+    forecast = history.forecast
+    for made in range(history.made_s.shape[1]):
+        after_s = history.newest[slot, 0] - history.made_s[slot, made]
         last = forecast.shape[2] - 1
         second = min(max(int(after_s) - 1, 0), last - 1)
         dx = forecast[slot, made, second + 1, 0] - forecast[slot, made, second, 0]
         dy = forecast[slot, made, second + 1, 1] - forecast[slot, made, second, 1]
         if np.hypot(dx, dy) > GOES_MPS:
-            stopped[slot, made] = True
+            history.stopped[slot, made] = True
 
 
 @inner
-def _bin(limits_m: Floats, size_m: float) -> int:
+def _bin(size_m: float) -> int:
     """The bin of an error, as of `quantile_sketch.bins`. The halving has no branch, as the next size is
     unpredictable."""
     found = 0
     for step in (64, 32, 16, 8, 4, 2, 1):
-        found += step if limits_m[found + step - 1] < size_m else 0
+        found += step if LIMITS_M[found + step - 1] < size_m else 0
     return found
 
 
 @inner
-def _set_error(error: Any, along_m: float, across_m: float, limits_m: Floats) -> None:
+def _set_error(error: Any, along_m: float, across_m: float) -> None:
     """Set the parts of an error, and their bins."""
     radial_m = np.hypot(along_m, across_m)
     error.along_m, error.across_m, error.radial_m = along_m, across_m, radial_m
-    error.radial_bin = _bin(limits_m, radial_m)
-    error.along_bin, error.across_bin = _bin(limits_m, abs(along_m)), _bin(limits_m, abs(across_m))
+    error.radial_bin = _bin(radial_m)
+    error.along_bin, error.across_bin = _bin(abs(along_m)), _bin(abs(across_m))
 
 
 @kernel(
     numba.types.Tuple((_ERRORS, numba.boolean[::1]))(  # type: ignore[no-untyped-call]
-        _ROBOTS,
-        *[_MATRIX] * 3,
-        _CUBE,
-        *[_MATRIX] * 2,
-        numba.boolean[:, ::1],
-        _INTS,
-        numba.int64[:, ::1],
-        *[numba.float64[:, :, :, ::1]] * 2,
-        *[_INTS] * 2,
-        *[_ASKED_LOOKS] * 4,
-        *[_CUBE] * 2,
-        _ASKED_LOOKS,
-        *[numba.float64] * 4,
+        _ROBOTS, _MATRIX, _HISTORY, *[_INTS] * 2, *[_READ_ONLY] * 4, *[_CUBE] * 2
     )
 )
 def add_reports(
     robots: Robots,
     half_m: Floats,
-    previous: Floats,
-    newest: Floats,
-    track: Floats,
-    around: Floats,
-    made_s: Floats,
-    stopped: Bools,
-    next_place: Ints,
-    kind: Ints,
-    forecast: Floats,
-    bands_m: Floats,
+    history: ReportHistory,
     slots: Ints,
     kinds: Ints,
     event_s: Floats,
@@ -355,48 +398,42 @@ def add_reports(
     width_m: Floats,
     tracks: Floats,
     kind_bands_m: Floats,
-    limits_m: Floats,
-    long_ago_s: float,
-    joined_s: float,
-    spaced_s: float,
-    standing_mps: float,
 ) -> tuple[Errors, Bools]:
     """Take in reports of robots `slots` (n,), all different: at `event_s` (n,), with the forecast `tracks` (n, k, 4).
 
     `kinds` (n,) are the ledger rows of the forecasts, and `kind_bands_m` (kinds, horizons, 3) the bands of the ledger.
-    A report is left out if its track is not finite throughout, or if it is not later than the `newest` one. Its
-    forecast is kept, to be compared with later reports, if the last kept one was made at least `spaced_s` before.
-    `made_s` (slots, kept) is when each was made, and `stopped` (slots, kept) whether the robot stood when it was to
-    move.
+    A report is left out if its track is not finite throughout, or if it is not later than the newest one. Its
+    forecast is kept, to be compared with later reports, if the last kept one was made at least `SPACED_S` before.
 
-    Returns the errors of the kept forecasts for the moments since the report before, in bins with the upper limits
-    `limits_m`; and (n,) whether each robot stands, by its forecast or by its last two reports.
+    Returns the errors of the kept forecasts for the moments since the report before; and (n,) whether each robot
+    stands, by its forecast or by its last two reports.
     """
+    previous, newest, made_s, forecast = history.previous, history.newest, history.made_s, history.forecast
     kept, horizons = made_s.shape[1], forecast.shape[2]
-    errors, found = np.empty(len(slots) * kept * (int(joined_s) + 1), ERROR), 0
+    errors, found = np.empty(len(slots) * kept * (int(JOINED_S) + 1), ERROR), 0
     stands = np.zeros(len(slots), np.bool_)
     for row, slot in enumerate(slots):
         robots[slot].kind, robots[slot].doubt_m = kinds[row], doubt_m[row]
         half_m[0, slot], half_m[1, slot] = length_m[row] / 2, width_m[row] / 2
         if not _is_known(tracks, row):
             continue
-        rests = robots[slot].rests = _rests(tracks, row, standing_mps)
-        stands[row] = rests or _speed_mps(previous, newest, slot, joined_s) < standing_mps
+        rests = robots[slot].rests = _rests(tracks, row)
+        stands[row] = rests or _speed_mps(history, slot) < STANDING_MPS
         if not event_s[row] > newest[slot, 0]:
             continue
-        _store_report(previous, newest, track, slot, event_s[row], tracks, row)
-        _set_around(around, track, slot)
-        stands[row] = rests or _speed_mps(previous, newest, slot, joined_s) < standing_mps
+        _store_report(history, slot, event_s[row], tracks, row)
+        _set_around(history, slot)
+        stands[row] = rests or _speed_mps(history, slot) < STANDING_MPS
         previous_s, newest_s = previous[slot, 0], newest[slot, 0]
-        forecast_mps = max(_track_mps(track, slot, 0.0), _track_mps(track, slot, 1.0))
+        forecast_mps = max(_track_mps(history.track, slot, 0.0), _track_mps(history.track, slot, 1.0))
         since_s = robots[slot].stood_since_s
-        robots[slot].stood_since_s = _stood_since_s(previous, newest, slot, since_s, joined_s, forecast_mps)
+        robots[slot].stood_since_s = _stood_since_s(history, slot, since_s, forecast_mps)
         robots[slot].leaves, robots[slot].stays = forecast_mps > GOES_MPS, forecast_mps < STILL_MPS
         waits = robots[slot].stood_since_s < np.inf
         if waits:
-            _mark_stopped(stopped, made_s, forecast, newest, slot)
-        is_joined = previous_s > long_ago_s and previous_s >= newest_s - joined_s
-        line = _line(previous, newest, slot, long_ago_s, joined_s)
+            _mark_stopped(history, slot)
+        is_joined = previous_s > LONG_AGO_S and previous_s >= newest_s - JOINED_S
+        line = _line(history, slot)
         yaw, c, s = 0.0, 1.0, 0.0
         for made in range(kept if is_joined else 0):
             first = max(int(previous_s - made_s[slot, made]) - 1, 0)
@@ -413,14 +450,14 @@ def add_reports(
                     yaw, c, s = turned, cos(turned), sin(turned)
                 dx, dy = was_x - x, was_y - y
                 error = errors[found]
-                error.kind, error.robot, error.horizon_s = kind[slot, made], slot, second + 1
-                error.following = not stopped[slot, made]
-                _set_error(error, c * dx + s * dy, c * dy - s * dx, limits_m)
+                error.kind, error.robot, error.horizon_s = history.kind[slot, made], slot, second + 1
+                error.following = not history.stopped[slot, made]
+                _set_error(error, c * dx + s * dy, c * dy - s * dx)
                 for band in range(3):
-                    error.bands_m[band] = bands_m[slot, made, second, band]
+                    error.bands_m[band] = history.bands_m[slot, made, second, band]
                 found += 1
-        place = _reserve_place(made_s, next_place, slot, event_s[row], spaced_s)
+        place = _reserve_place(history, slot, event_s[row])
         if place >= 0:
-            kind[slot, place], stopped[slot, place] = kinds[row], waits and robots[slot].leaves
-            _store_forecast(forecast, bands_m, slot, place, tracks, row, kind_bands_m, kinds[row])
+            history.stopped[slot, place] = waits and robots[slot].leaves
+            _store_forecast(history, slot, place, tracks, row, kind_bands_m, kinds[row])
     return errors[:found].copy(), stands

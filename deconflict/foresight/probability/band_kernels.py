@@ -1,16 +1,23 @@
 """How far from their forecast places robots may be, by the error bands of their kind, and how near pairs may come.
 
-The functions are compiled. Arrays of robots are by slot. Kernels take their arrays and numbers one by one: to pack them
-in a tuple costs more at each call than some of the kernels take.
+The functions are compiled. Arrays of robots are by slot.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
-from deconflict.foresight.forecast_errors.track_kernels import ERROR, ROBOT, Errors, Robots
+from deconflict.foresight.forecast_errors.track_kernels import (
+    ERROR,
+    POSES,
+    ROBOT,
+    Errors,
+    RelativePoses,
+    Robots,
+)
 from deconflict.foresight.probability.pair_table import PAIR, Pairs
+from deconflict.sweep.geometry.encounter import STANDING_MPS
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -27,8 +34,19 @@ SOON = 0.2
 CREEPING_MPS = 0.01
 """Two robots are taken to approach each other at least so fast."""
 
+
+class Bounds(NamedTuple):
+    """The settings of a measurement."""
+
+    clearance_m: float
+    margin_m: float
+    """An encounter is over once the two are apart by the clearance and this."""
+    horizon_s: float
+
+
 _PAIRS, _ROBOTS, _ERRORS = (numba.from_dtype(dtype)[::1] for dtype in (PAIR, ROBOT, ERROR))
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
+_BOUNDS = numba.types.NamedUniTuple(numba.float64, 3, Bounds)  # type: ignore[no-untyped-call]
 _LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 
 
@@ -136,17 +154,7 @@ def most_sds(
 
 @kernel(
     _MATRIX(
-        _PAIRS,
-        *[_INTS] * 4,
-        *[_FLOATS] * 3,
-        *[_MATRIX] * 2,
-        numba.boolean[:, ::1],
-        _MATRIX,
-        _CUBE,
-        _ROBOTS,
-        _MATRIX,
-        _LOOKS,
-        *[numba.float64] * 5,
+        _PAIRS, *[_INTS] * 4, *[_FLOATS] * 3, POSES, _MATRIX, _CUBE, _ROBOTS, _MATRIX, _LOOKS, numba.float64, _BOUNDS
     )
 )
 def measure_overlaps(
@@ -158,31 +166,28 @@ def measure_overlaps(
     swept_m: Floats,
     swept_s: Floats,
     contact_s: Floats,
-    past_s: Floats,
+    poses: RelativePoses,
     apart_m: Floats,
-    is_same_floor: Bools,
-    speed_mps: Floats,
     bands_m: Floats,
     robots: Robots,
     newest: Floats,
     ahead_s: Floats,
     now_s: float,
-    horizon_s: float,
-    within_m: float,
-    margin_m: float,
-    standing_mps: float,
+    bounds: Bounds,
 ) -> Floats:
     """Set how near the pairs of `rows` (n,) came and will come, and the features 0, 3 and 4 of each.
 
-    Of the robots `a` and `b` (n,) are known: their separations `apart_m` (n, k + m) at the times `past_s` (n, k) and at
-    `ahead_s` (m,) seconds from now; `is_same_floor` (n, k + m), whether both are known to be on one floor; and their
-    speeds `speed_mps` (2, n). The exact sweep found the pairs of `swept_rows` (c,): their smallest separation
-    `swept_m` (c,), its time `swept_s` (c,), and when they first come within `within_m`, `contact_s` (c,).
+    Of the robots `a` and `b` (n,) are known: their `poses`, and their separations `apart_m` (n, k + m) at the k moments
+    of the past and at `ahead_s` (m,) seconds from now. The exact sweep found the pairs of `swept_rows` (c,): their
+    smallest separation `swept_m` (c,), its time `swept_s` (c,), and when they first come within the clearance,
+    `contact_s` (c,).
 
-    Returns (2, n): by how many standard deviations of its distance a pair is within `within_m`, at the time at which
+    Returns (2, n): by how many standard deviations of its distance a pair is within the clearance, at the time at which
     that is most, over the whole horizon and over its first part `SOON`. The place of a robot grows uncertain with the
     time since its report in `newest` (slots, 5), unless it stood: it is then taken to be there still.
     """
+    past_s, is_same_floor, speed_mps = poses.past_s, poses.is_same_floor, poses.speed_mps
+    within_m, horizon_s = bounds.clearance_m, bounds.horizon_s
     n, past = len(rows), past_s.shape[1]
     most, swept_at = np.full((2, n), -np.inf), np.full(len(pairs), -1)
     for at in range(len(swept_rows)):
@@ -192,7 +197,7 @@ def measure_overlaps(
         for look in range(apart_m.shape[1]):
             if not is_same_floor[row, look]:
                 apart_m[row, look] = np.inf
-        _update_encounter(pair, past_s, apart_m, row, within_m, margin_m)
+        _update_encounter(pair, past_s, apart_m, row, within_m, bounds.margin_m)
         robot_a, robot_b = robots[a[row]], robots[b[row]]
         silent_a_s = 0.0 if robot_a.rests else max(now_s - newest[a[row], 0], 0.0)
         silent_b_s = 0.0 if robot_b.rests else max(now_s - newest[b[row], 0], 0.0)
@@ -215,7 +220,7 @@ def measure_overlaps(
                 most[1, row] = max(most[1, row], sds)
         pair.near_s, pair.near_m, pair.now_m = nearest_s, max(nearest_m, 0.0), max(apart_m[row, past], 0.0)
         needed_s = max(apart_m[row, past] - within_m, 0.0) / max(speed_mps[0, row] + speed_mps[1, row], CREEPING_MPS)
-        stands = speed_mps[0, row] < standing_mps or speed_mps[1, row] < standing_mps
+        stands = speed_mps[0, row] < STANDING_MPS or speed_mps[1, row] < STANDING_MPS
         pair.features[0], pair.features[3], pair.features[4] = (
             1.0,
             min(needed_s / horizon_s, 1.0),

@@ -14,18 +14,18 @@ import numpy as np
 from deconflict.foresight.forecast_errors.degradation import DegradationDetector
 from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.forecast_errors.error_measures import measure
-from deconflict.foresight.forecast_errors.pending_forecasts import JOINED_S, PendingForecasts, ReportedTracks
+from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts, ReportedTracks
 from deconflict.foresight.forecast_errors.self_contradiction import blank_records, compare_with_stated_ways, straight_on
-from deconflict.foresight.forecast_errors.track_kernels import Errors
+from deconflict.foresight.forecast_errors.track_kernels import JOINED_S, Errors
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
 from deconflict.foresight.probability.advice_followers import AdviceFollowers
-from deconflict.foresight.probability.band_kernels import update_surprise
+from deconflict.foresight.probability.band_kernels import Bounds, update_surprise
 from deconflict.foresight.probability.calibration import Calibration, contact_features, log_odds
 from deconflict.foresight.probability.outcome_learning import OutcomeLearning
 from deconflict.foresight.probability.pair_candidates import PairCandidates, SweptConflicts
-from deconflict.foresight.probability.pair_measuring import Bounds, PairMeasuring
+from deconflict.foresight.probability.pair_measuring import PairMeasuring
 from deconflict.foresight.probability.pair_rollouts import PairRollouts
 from deconflict.foresight.probability.pair_table import (
     PAIR,

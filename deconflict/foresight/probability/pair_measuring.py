@@ -6,35 +6,23 @@ lies within the clearance is a first guess of the probability. A distribution is
 bands of robots that were on their way.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
-from deconflict.foresight.probability.band_kernels import measure_overlaps
+from deconflict.foresight.probability.band_kernels import Bounds, measure_overlaps
 from deconflict.foresight.probability.calibration import log_odds
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from deconflict.foresight.probability.pair_table import Pairs, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.probability.waiting_robots import shares_over_starts
 from deconflict.foresight.rollout.start_times import StartTimes
-from deconflict.sweep.geometry.encounter import STANDING_MPS
 from ingest.batch import Bools, Floats, Ints
 
 LOOKS: Floats = np.concatenate([np.arange(0.0, 5.0, 0.5), np.arange(5.0, 11.0)])
 """Tenths of the horizon at which a pair is looked at."""
 PAST_LOOKS: Floats = np.arange(1, 6) / 5
 """Parts of the time since both robots reported before at which a pair is looked at."""
-
-
-class Bounds(NamedTuple):
-    """The settings of a measurement."""
-
-    clearance_m: float
-    margin_m: float
-    """An encounter is over once the two are apart by the clearance and this."""
-    horizon_s: float
 
 
 class PairMeasuring:
@@ -66,10 +54,8 @@ class PairMeasuring:
         poses = self._pending.relative_poses(a, b, PAST_LOOKS, ahead_s, now_s)
         apart_m = poses.separations_m(robots.half_m.take(a, axis=1), robots.half_m.take(b, axis=1))
         exact = (swept_rows, swept.separation_m, swept.separation_at_s, swept.contact_s)
-        sampled = (poses.past_s, apart_m, poses.is_same_floor, poses.speed_mps)
-        limits = (now_s, bounds.horizon_s, bounds.clearance_m, bounds.margin_m, STANDING_MPS)
         of_robots = (bands_m, robots.records, self._pending.newest)
-        sds = measure_overlaps(pairs, rows, a, b, *exact, *sampled, *of_robots, ahead_s, *limits)
+        sds = measure_overlaps(pairs, rows, a, b, *exact, poses, apart_m, *of_robots, ahead_s, now_s, bounds)
         share = shares_over_starts(
             ndtr(sds), a, b, robots.records, robots.half_m,
             pending=self._pending, start_times=start_times, is_blocked=is_blocked, bands_m=bands_m,

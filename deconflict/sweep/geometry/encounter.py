@@ -25,6 +25,8 @@ SAME_M = 1e-9
 
 Row = tuple[Forecasts, int]
 """Forecasts, and the row of one robot in them."""
+Columns = tuple[Ints, Floats, Floats, Floats, Floats, Ints, Floats, Floats, int]
+"""The columns of `Forecasts` that describe the motion and size of robots, and the row of one robot."""
 Box = tuple[float, float, float, float, float, float]
 """A rectangle: x and y of its centre, cosine and sine of its heading, half its length and half its width."""
 Moving = tuple[float, float, float, float, float, int]
@@ -52,8 +54,8 @@ Encounters = NDArray[Any]
 
 _REAL = numba.types.Array(numba.float64, 1, "A", readonly=True)
 _WHOLE = numba.types.Array(numba.int64, 1, "A", readonly=True)
-_ROBOT = (_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64)
-"""The columns of `Forecasts` that describe the motion and size of robots, and the row of one robot."""
+_ROBOT = numba.types.Tuple((_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64))  # type: ignore[no-untyped-call]
+"""The type of `Columns` in kernels."""
 _KNOWN = (*(numba.from_dtype(dtype)[::1] for dtype in (ROBOT, KNOT)), numba.float64[::1])
 """Robots by slot, their knots, and how much longer and wider than reported each envelope is."""
 
@@ -79,7 +81,7 @@ def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
     If there are several such places, or if the envelopes overlap, it is the mean of the places. If they overlap and
     neither has a corner in the other, it is the centroid of their common area.
     """
-    _, x_m, y_m, closing_mps, kind, floor, _ = _met(*_columns(a), *_columns(b), contact_s)
+    _, x_m, y_m, closing_mps, kind, floor, _ = _met(_columns(a), _columns(b), contact_s)
     if isnan(x_m):
         x_m, y_m = _shared(a, b, contact_s)
     return Encounter(CLASSES[kind], closing_mps, x_m, y_m, floor)
@@ -87,11 +89,11 @@ def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
 
 def separation_m(a: Row, b: Row, t_s: float) -> float | None:
     """Distance of the two envelopes at `t_s`, 0 if they overlap; None if they are on different floors."""
-    distance_m, *_, floor_a, floor_b = _met(*_columns(a), *_columns(b), t_s)
+    distance_m, *_, floor_a, floor_b = _met(_columns(a), _columns(b), t_s)
     return None if floor_a != floor_b or floor_a < 0 else distance_m
 
 
-def _columns(robot: Row) -> tuple[Ints, Floats, Floats, Floats, Floats, Ints, Floats, Floats, int]:
+def _columns(robot: Row) -> Columns:
     f, row = robot
     return f.start, f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor, f.length_m, f.width_m, row
 
@@ -105,10 +107,9 @@ def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:
 
 
 @inner
-def _moving(
-    start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, floor: Ints, row: int, at_s: float
-) -> Moving:
+def _moving(columns: Columns, at_s: float) -> Moving:
     """A robot at `at_s`, interpolated between knots as `Forecasts` says; before the first knot it is there."""
+    start, t_s, x_m, y_m, yaw_rad, floor, _, _, row = columns
     knot, end = start[row], start[row + 1]
     while knot + 1 < end and t_s[knot + 1] <= at_s:
         knot += 1
@@ -120,6 +121,12 @@ def _moving(
     dx, dy = x_m[following] - x, y_m[following] - y
     turn = _turn_between(yaw, yaw_rad[following])
     return x + share * dx, y + share * dy, yaw + share * turn, dx / span_s, dy / span_s, floor[knot]
+
+
+@inner
+def _box(at: Moving, columns: Columns) -> Box:
+    _, _, _, _, _, _, length_m, width_m, row = columns
+    return at[0], at[1], cos(at[2]), sin(at[2]), length_m[row] / 2, width_m[row] / 2
 
 
 @inner
@@ -191,36 +198,14 @@ def _closing_mps(a: Moving, b: Moving) -> float:
 
 @kernel(
     numba.types.Tuple((*[numba.float64] * 4, *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
-        *_ROBOT, *_ROBOT, numba.float64
+        _ROBOT, _ROBOT, numba.float64
     )
 )
-def _met(
-    start_a: Ints,
-    t_a: Floats,
-    x_a: Floats,
-    y_a: Floats,
-    yaw_a: Floats,
-    floor_a: Ints,
-    length_a: Floats,
-    width_a: Floats,
-    row_a: int,
-    start_b: Ints,
-    t_b: Floats,
-    x_b: Floats,
-    y_b: Floats,
-    yaw_b: Floats,
-    floor_b: Ints,
-    length_b: Floats,
-    width_b: Floats,
-    row_b: int,
-    at_s: float,
-) -> tuple[float, float, float, float, int, int, int]:
+def _met(columns_a: Columns, columns_b: Columns, at_s: float) -> tuple[float, float, float, float, int, int, int]:
     """Of two envelopes at `at_s`: their distance, x and y of the place between them, the closing speed of their
     centres, the class, and the floor of each."""
-    a = _moving(start_a, t_a, x_a, y_a, yaw_a, floor_a, row_a, at_s)
-    b = _moving(start_b, t_b, x_b, y_b, yaw_b, floor_b, row_b, at_s)
-    box_a = a[0], a[1], cos(a[2]), sin(a[2]), length_a[row_a] / 2, width_a[row_a] / 2
-    box_b = b[0], b[1], cos(b[2]), sin(b[2]), length_b[row_b] / 2, width_b[row_b] / 2
+    a, b = _moving(columns_a, at_s), _moving(columns_b, at_s)
+    box_a, box_b = _box(a, columns_a), _box(b, columns_b)
     return *_nearest(box_a, box_b), _closing_mps(a, b), _class_of(a, b), a[5], b[5]
 
 

@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from deconflict.foresight.forecast_errors.track_kernels import ERROR, ROBOT, Robots
+from deconflict.foresight.forecast_errors.track_kernels import ERROR, ROBOT, RelativePoses, Robots
 from deconflict.foresight.probability.band_kernels import (
     EIGHTY,
     EXACT_M,
@@ -13,13 +13,15 @@ from deconflict.foresight.probability.band_kernels import (
     SOON,
     SURPRISE_KEEPS,
     SURPRISE_MOST,
+    Bounds,
     measure_overlaps,
     update_surprise,
 )
 from deconflict.foresight.probability.pair_table import PAIR
+from deconflict.sweep.geometry.encounter import STANDING_MPS
 from ingest.batch import Floats
 
-NOW_S, HORIZON_S, WITHIN_M, MARGIN_M, STANDING_MPS = 1000.0, 10.0, 0.3, 0.1, 0.2
+NOW_S, HORIZON_S, WITHIN_M, MARGIN_M = 1000.0, 10.0, 0.3, 0.1
 AHEAD_S = np.arange(11.0)
 ROBOTS, PAIRS, PAST = 8, 40, 5
 
@@ -61,12 +63,11 @@ def test_measured_overlaps_equal_those_computed_pair_by_pair() -> None:
     past_s = NOW_S - 1 + np.tile(np.arange(1, PAST + 1) / PAST, (PAIRS, 1))
     apart_m = rng.uniform(-0.2, 1.5, (PAIRS, PAST + len(AHEAD_S)))
     is_same_floor, speed_mps = rng.uniform(size=apart_m.shape) < 0.9, rng.uniform(0, 1, (2, PAIRS))
-    known_m, where = (
-        np.where(is_same_floor, apart_m, inf),
-        (past_s, apart_m, is_same_floor, speed_mps, bands_m, robots, newest),
-    )
-    limits = (NOW_S, HORIZON_S, WITHIN_M, MARGIN_M, STANDING_MPS)
-    sds = measure_overlaps(pairs, rows, a, b, swept_rows, swept_m, swept_s, contact_s, *where, AHEAD_S, *limits)
+    known_m = np.where(is_same_floor, apart_m, inf)
+    unused = np.zeros_like(apart_m)
+    poses = RelativePoses(past_s, unused, unused, unused, unused, is_same_floor, speed_mps)
+    where, bounds = (poses, apart_m, bands_m, robots, newest), Bounds(WITHIN_M, MARGIN_M, HORIZON_S)
+    sds = measure_overlaps(pairs, rows, a, b, swept_rows, swept_m, swept_s, contact_s, *where, AHEAD_S, NOW_S, bounds)
     for n, row in enumerate(rows.tolist()):
         at_s, apart = (NOW_S + AHEAD_S).tolist(), known_m[n, PAST:].tolist()
         if row in swept_rows.tolist():
