@@ -45,6 +45,7 @@ LEVELS = {
 MOST_ENTRIES = {"deconflict": 15, "ingest": 12, "metrics": 12}
 """Without `__init__.py` and `py.typed`; of any other folder a dozen."""
 MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 350, 40
+MOST_PARAMETERS = 16
 JSON_KEYS = "deconflict/simulation/drills/drill_outcomes.py"
 """Its fields are keys of the JSON output, which keep their names."""
 RIDDLES = {"told", "said", "one", "word"}
@@ -198,6 +199,9 @@ def test_functions_and_files_can_be_read_in_a_sitting() -> None:
             lines = (function.end_lineno or 0) - function.lineno + 1
             if lines > MOST_LINES_OF_A_FUNCTION and not is_compiled(function):
                 long.append(f"{path}: {function.name} has {lines} lines")
+            parameters = len(function.args.posonlyargs + function.args.args + function.args.kwonlyargs)
+            if parameters > MOST_PARAMETERS:
+                long.append(f"{path}: {function.name} has {parameters} parameters; hand it a record")
     assert not long, "\n".join(long)
 
 
