@@ -18,7 +18,8 @@ These files decide, in this order:
 4. `conflict_wording` fills the fields and writes the text.
 """
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from operator import attrgetter
@@ -28,7 +29,8 @@ from deconflict.advisories import conflict_wording, revision_rules
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.conflict_wording import MeetingPlace
-from deconflict.advisories.severity import rises, severity_of
+from deconflict.advisories.revision_budget import MOST_REVISIONS, RevisionBudget
+from deconflict.advisories.severity import SEVERITIES, rises, severity_of
 from deconflict.advisories.watched_pair_kernels import CLEAR_STILL, MAY_CLEAR, RAISE, UPDATE_PROBABILITY
 from deconflict.advisories.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
@@ -49,6 +51,11 @@ class Candidate(NamedTuple):
     prediction: Prediction
     severity: Severity
 
+    @property
+    def urgency(self) -> tuple[int, float, Pair]:
+        """The most urgent one has the lowest."""
+        return -SEVERITIES.index(self.severity), self.prediction.contact_s, self.watched.pair
+
 
 @dataclass(slots=True, eq=False)
 class ConflictLifecycle:
@@ -63,6 +70,8 @@ class ConflictLifecycle:
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
     _changed: set[Pair] = field(default_factory=set)
+    deferred: Counter[str] = field(default_factory=Counter)
+    """By vendor, the conflicts that the last pass left for a later one, see `revision_budget`."""
     started_s: float | None = None
     """When the first pass was; None before."""
 
@@ -188,7 +197,6 @@ class ConflictLifecycle:
     def _raise(
         self, watched: WatchedPair, prediction: Prediction, now_s: float, scene: ConflictScene
     ) -> Candidate | None:
-        self.ordinals[watched.pair] = self.ordinals.get(watched.pair, 0) + 1
         if not all(map(scene.is_present, watched.pair)):
             return None
         return Candidate(watched, prediction, severity_of(prediction, now_s, None, self.settings))
@@ -218,18 +226,23 @@ class ConflictLifecycle:
         return conflict_wording.with_probability(before, probability, now_s)
 
     def _revise_candidates(
-        self, candidates: Iterable[Candidate], now_s: float, scene: ConflictScene
+        self, candidates: Sequence[Candidate], now_s: float, scene: ConflictScene
     ) -> list[ConflictAdvisory]:
-        """The revisions of those candidates that are new or differ enough from their advisories."""
-        news = []
-        for candidate in candidates:
+        """The revisions of those candidates that are new or differ enough from their advisories, within the budget."""
+        news, budget = [], RevisionBudget(scene.vendor)
+        is_bounded = len(candidates) > MOST_REVISIONS
+        for candidate in sorted(candidates, key=attrgetter("urgency")) if is_bounded else candidates:
             watched, prediction, severity = candidate
+            if is_bounded and not budget.admits(watched.pair):
+                continue
             met, before = scene.encounter(watched.pair, prediction.contact_s), watched.advisory
             if before is None or revision_rules.is_news(before, prediction, severity, met, scene.datum(met)):
                 news.append((candidate, met))
+                budget.spend(watched.pair)
             else:
                 self.pairs.set_weighed(watched, revision_rules.weighed(prediction, now_s, self.settings, inf))
                 self.pairs.forget_if_idle(watched)
+        self.deferred = budget.deferred
         places = scene.place_names([met for _, met in news])
         return [
             self._revision(candidate, met, place, now_s, scene)
@@ -256,6 +269,7 @@ class ConflictLifecycle:
         if watched.advisory:
             revision = conflict_wording.updated(watched.advisory, fields)
         else:
+            self.ordinals[pair] = self.ordinals.get(pair, 0) + 1
             revision = conflict_wording.raised(pair, self.ordinals[pair], parties, fields, now_s)
         self._set_newest(watched, revision, met.floor)
         return revision

@@ -37,6 +37,10 @@ class ConflictScene(Protocol):
         """Why a robot is not on the floor, in words that follow its name; None if it is, as far as is known."""
         ...
 
+    def vendor(self, uuid: str) -> str:
+        """The vendor of a robot that is on the floor."""
+        ...
+
     def party(self, uuid: str, now_s: float) -> Party:
         """What an advisory says of a robot that is on the floor."""
         ...

@@ -166,7 +166,7 @@ class Engine:
         self._advice.charge(revisions)
         if heard:
             self.foresight.note_advice(now_s, waits_until_s(revisions))
-        self._metrics.count_pass(conflicts, self.near_misses, revisions)
+        self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.deferred)
         return revisions
 
     def _update_presence(self, now_s: float) -> set[str]:

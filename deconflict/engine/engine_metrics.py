@@ -1,6 +1,6 @@
 """What the engine measures of itself: conflicts, advisories, near misses, the sweep's work and map drift."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from deconflict.advisories.advisory_counts import NEAR_MISSES, count_by_severity, count_revisions, set_open_count
 from deconflict.advisory import AnyAdvisory
@@ -29,11 +29,18 @@ class EngineMetrics:
         measures.call_before_reading(self._set_levels)
 
     def count_pass(
-        self, conflicts: PairConflicts, near_misses: Sequence[Pair], revisions: Iterable[AnyAdvisory]
+        self,
+        conflicts: PairConflicts,
+        near_misses: Sequence[Pair],
+        revisions: Iterable[AnyAdvisory],
+        deferred: Mapping[str, int],
     ) -> None:
+        """`deferred` is how many revisions of conflicts wait for a later pass, by vendor."""
         self._conflicts = len(conflicts.pairs)
         self._measures.count(NEAR_MISSES, by=len(near_misses))
         count_revisions(self._measures, revisions)
+        for vendor, conflicts_left in sorted(deferred.items()):
+            self._measures.count("deconflict_revisions_deferred_total", vendor, by=conflicts_left)
         self._measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self._measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
 

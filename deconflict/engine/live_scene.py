@@ -39,6 +39,9 @@ class LiveScene:
         removed = self._presence.removal_of(uuid)
         return f"is not there: {removed.by} has driven through its place" if removed else LEFT
 
+    def vendor(self, uuid: str) -> str:
+        return self._live.robots[uuid].vendor
+
     def party(self, uuid: str, now_s: float) -> Party:
         robot = self._live.robots[uuid]
         silent_s = self._presence.silent_s(uuid, now_s)

@@ -128,6 +128,12 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Published conflicts that ended, counted once for each vendor in them, by outcome: met, "
         "not_met (avoided, or a nuisance), or left.",
     ),
+    "deconflict_revisions_deferred_total": CatalogueEntry(
+        "counter",
+        ("vendor",),
+        "Revisions of conflicts with the vendor's robots that waited for a later pass, as one pass makes a bounded "
+        "number of them for any two vendors.",
+    ),
     "deconflict_forecast_error_metres": CatalogueEntry(
         "gauge",
         ("vendor", "horizon_s", "share"),

@@ -57,6 +57,11 @@ ENGINE = Dashboard(
                     "ops",
                     (rare("deconflict_invalid_forecasts_total", "all reasons"),),
                 ),
+                Panel(
+                    "Revisions that waited for a later pass",
+                    "ops",
+                    (rare("deconflict_revisions_deferred_total", "all vendors"),),
+                ),
             ),
         ),
         PanelRow(

@@ -19,6 +19,9 @@ class MadeScene(ConflictScene):
     def absence(self, uuid: str) -> str | None:
         return None
 
+    def vendor(self, uuid: str) -> str:
+        return "Alder"
+
     def party(self, uuid: str, now_s: float) -> Party:
         return Party(f"Alder {uuid}", "Alder", "path", standing=False)
 

@@ -1,0 +1,38 @@
+"""How many revisions of conflicts one pass makes for two vendors, so that no fleet delays the warnings of others.
+
+Only a fleet whose reports are wrong reaches the budget. What is beyond it waits for the next reports of its robots.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+
+from ingest.batch import Pair
+
+MOST_REVISIONS = 50
+"""In one pass, of the conflicts between robots of the same two vendors. Recorded traffic, and a thousand robots of the
+benchmark, need fewer than half as many."""
+
+
+class RevisionBudget:
+    """What is left of the budgets of one pass."""
+
+    def __init__(self, vendor: Callable[[str], str]) -> None:
+        """`vendor` gives the vendor of a robot."""
+        self._vendor = vendor
+        self._made: Counter[tuple[str, ...]] = Counter()
+        self.deferred: Counter[str] = Counter()
+        """By vendor, how many conflicts wait."""
+
+    def admits(self, pair: Pair) -> bool:
+        """Whether a revision is left for the vendors of a pair; counted as deferred if not."""
+        vendors = self._vendors(pair)
+        if self._made[vendors] < MOST_REVISIONS:
+            return True
+        self.deferred.update(set(vendors))
+        return False
+
+    def spend(self, pair: Pair) -> None:
+        self._made[self._vendors(pair)] += 1
+
+    def _vendors(self, pair: Pair) -> tuple[str, ...]:
+        return tuple(sorted(map(self._vendor, pair)))

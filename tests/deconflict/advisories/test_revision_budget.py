@@ -1,0 +1,46 @@
+"""A pass revises a bounded number of conflicts for two vendors, the most urgent first; the others follow."""
+
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisories.revision_budget import MOST_REVISIONS, RevisionBudget
+from deconflict.settings.site import Conflict
+from ingest.batch import Pair
+from tests.helpers.made_predictions import in_columns
+from tests.helpers.made_scene import MadeScene
+
+NOW_S = 1000.0
+OTHERS: tuple[Pair, ...] = (("a0", "c0"), ("c1", "c2"))
+CROWD: tuple[Pair, ...] = tuple((f"a{n:03}", f"b{n:03}") for n in range(2 * MOST_REVISIONS))
+
+
+class Vendors(MadeScene):
+    """The vendor of a robot is the first letter of its UUID."""
+
+    def vendor(self, uuid: str) -> str:
+        return uuid[0]
+
+
+def predicted(pairs: tuple[Pair, ...]) -> list[Prediction]:
+    """Later pairs meet earlier."""
+    return [Prediction(pair, NOW_S + 9 - n / 100, 0.0, 5.0, fresh=True) for n, pair in enumerate(pairs)]
+
+
+def test_the_conflicts_of_two_vendors_beyond_the_budget_wait_and_those_of_others_do_not() -> None:
+    lifecycle, scene = ConflictLifecycle(Conflict(evident_probability=0.5), 60.0), Vendors()
+    predictions = in_columns(sorted(predicted(CROWD + OTHERS)))
+    raised = {one.robots for one in lifecycle.revise(NOW_S, predictions, set(), scene)}
+    assert raised == {*CROWD[-MOST_REVISIONS:], *OTHERS}
+    assert lifecycle.deferred == {"a": MOST_REVISIONS, "b": MOST_REVISIONS}
+    later = lifecycle.revise(NOW_S + 0.1, predictions, set(), scene)
+    assert {(one.robots, one.encounter) for one in later} == {(pair, 1) for pair in CROWD[:-MOST_REVISIONS]}
+    assert not lifecycle.deferred
+
+
+def test_a_budget_holds_for_two_vendors_in_any_order() -> None:
+    budget = RevisionBudget(lambda uuid: uuid[0])
+    for n in range(MOST_REVISIONS):
+        assert budget.admits(("a1", "b1"))
+        budget.spend(("a1", "b1") if n % 2 else ("b2", "a2"))
+    assert not budget.admits(("b3", "a3"))
+    assert budget.admits(("a1", "a2"))
+    assert budget.deferred == {"a": 1, "b": 1}
