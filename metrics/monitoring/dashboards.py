@@ -11,9 +11,9 @@ from pathlib import Path
 from metrics.monitoring.alert_rules import rules_file
 from metrics.monitoring.catalogue import CATALOGUE, CatalogueEntry
 from metrics.monitoring.health_page import ENGINE
-from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query, as_json, names_in
-from metrics.monitoring.promql import level, quantile, rate
-from metrics.monitoring.site_page import SITE, WINDOW
+from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query, as_json, names_in, panel
+from metrics.monitoring.promql import quantile
+from metrics.monitoring.site_page import SITE, WINDOW, labels_of, measured, rated, zero_if_absent
 from metrics.monitoring.vendor_page import VENDORS
 
 
@@ -30,13 +30,12 @@ def dashboards() -> list[Dashboard]:
 def _single_metric_panel(name: str, entry: CatalogueEntry) -> Panel:
     """A panel of one metric, by all of its labels."""
     title = name.removeprefix("deconflict_").removesuffix("_total").replace("_", " ").capitalize()
-    legend = " ".join(f"{{{{{label}}}}}" for label in entry.labels)
     if entry.kind == "histogram":
-        return Panel(title, "s", (Query(quantile(0.99, name, WINDOW, entry.labels), legend or "p99"),))
+        return panel(title, "s", Query(quantile(0.99, name, WINDOW, entry.labels), labels_of(entry.labels) or "p99"))
     if entry.kind == "counter":
-        return Panel(title, "ops", (Query(f"{rate(name, WINDOW, entry.labels)} or vector(0)", legend),))
+        return panel(title, "ops", zero_if_absent(rated(name, entry.labels)))
     unit = "s" if name.endswith("_seconds") else "short"
-    return Panel(title, unit, (Query(f"{level(name, entry.labels, over='max')} or vector(0)", legend),))
+    return panel(title, unit, zero_if_absent(measured(name, entry.labels, over="max")))
 
 
 PROVIDER = """# Written by `deconflict dashboards`. Put it into Grafana's provisioning/dashboards/ and set the path.

@@ -37,12 +37,21 @@ class Panel:
     warn_below: float | None = None
 
 
+def panel(title: str, unit: str, *queries: Query, **look: Any) -> Panel:
+    """A panel of these queries. `look` holds the other fields of `Panel`."""
+    return Panel(title, unit, queries, **look)
+
+
 @dataclass(frozen=True, slots=True)
 class PanelRow:
     """Panels under a heading."""
 
     title: str
     panels: tuple[Panel, ...]
+
+
+def row(title: str, *panels: Panel) -> PanelRow:
+    return PanelRow(title, panels)
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,11 @@ def or_zero_by_vendor(query: str) -> str:
     return f"{query} or 0 * {level('deconflict_robots', ['vendor'])}"
 
 
+def or_zero(query: str) -> str:
+    """The query, with 0 if it has no result."""
+    return f"{query} or vector(0)"
+
+
 def _series(name: str, kind: str, by: Iterable[str], where: Where | None, suffix: str = "") -> str:
     entry = _entry(name, kind)
     where = where or {}
