@@ -18,6 +18,7 @@ from typing import Any
 from uuid import uuid4
 
 from deconflict.advisory import ConflictAdvisory
+from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.global_engine import GlobalEngine
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
@@ -160,6 +161,9 @@ class EngineMember:
     async def _judge(self) -> None:
         counted_s, held = time.monotonic(), self._shard.area.tiles
         while True:
+            if not self._outbox.has_room():
+                await asyncio.sleep(RETRY_S)
+                continue
             began_s = time.monotonic()
             parcels, self._parcels = self._parcels, []
             records, self._records = self._records, []

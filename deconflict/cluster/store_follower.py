@@ -16,6 +16,7 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
+from deconflict.runtime.parcels import REFUSED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
@@ -70,7 +71,9 @@ class StoreFollower:
             while not self._records.empty() and len(records) < MOST_AT_ONCE:
                 records.append(self._records.get_nowait())
             documents = [_document(record) for record in records]
-            await self._call_operator("store_lines", json.dumps(documents).encode())
+            lines = json.dumps(documents).encode()
+            while await self._call_operator("store_lines", lines) == REFUSED:
+                await asyncio.sleep(RETRY_S)
 
     async def _check_stream_repeatedly(self) -> None:
         """Raises `AnotherStreamError` as soon as the stream is another one, even while it has no new record."""
@@ -101,8 +104,7 @@ class StoreFollower:
         if measures:
             presence = next((member["presence"] for member in members if member.get("presence")), None)
             documents = [document for documents in measures for document in documents]
-            parcel: dict[str, Any] = {"measures": documents, "presence": presence}
-            await self._call_operator("publish", json.dumps(parcel | {"advisories": [], "near_misses": []}).encode())
+            await self._call_operator("publish", packed_parcel({"measures": documents, "presence": presence}))
 
     async def _presence(self, _: bytes) -> bytes:
         """Whether a server is connected, and whether an ingest is alive."""

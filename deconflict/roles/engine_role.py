@@ -2,35 +2,28 @@
 
 import json
 import logging
-import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pydantic_core import to_json
-
-from deconflict.advisory import ADVISORY, AnyAdvisory, Recommendation
+from deconflict.advisory import ADVISORY, Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
-from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
+from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
+from deconflict.roles.delivery import RETRY_S, Delivery
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
-from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
+from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
-from ingest.batch import Batch, Floats
+from ingest.batch import Batch
 from ingest.measures.measures import Measures
 
-RETRY_S = 0.2
-MEASURES_EVERY_S = 1.0
-MOST_WAITING_BYTES = 64 << 20
-"""Most bytes that wait for an operator face that does not answer: some five minutes of a crowded floor."""
 EVERYTHING = b"everything"
 """The request of an engine that knows nothing of the floor. Its pass may take long and counts for no deadline."""
 LEFT_OUT = {
@@ -42,14 +35,6 @@ LEFT_OUT = {
 NO_ADVICE = Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note="no advice could be worked out")
 
 log = logging.getLogger(__name__)
-
-
-class UndeliveredError(Exception):
-    """The operator face has accepted nothing for long."""
-
-    def __init__(self) -> None:
-        size = f"{MOST_WAITING_BYTES >> 20} MiB"
-        super().__init__(f"{size} wait for an operator face that does not answer; the engine restarts once it does")
 
 
 class EngineRole:
@@ -85,6 +70,9 @@ class EngineRole:
         request = EVERYTHING
         while not stop.is_set():
             beat(LONG_SILENCE_LIMIT_S if request == EVERYTHING else SILENCE_LIMIT_S)
+            if not self._delivery.has_room():
+                stop.wait(RETRY_S)
+                continue
             pending = engine.pending()
             try:
                 payload = b"%b %d %d" % (request, self._load.effort, pending)
@@ -169,92 +157,3 @@ class EngineRole:
             log.warning("the engine can't keep up, a pass took %.2f s: %s", took_s, LEFT_OUT[self._load.effort])
         elif self._load.effort < before:
             log.info("the engine keeps up again: %s", LEFT_OUT[self._load.effort])
-
-
-class Delivery:
-    """Delivers revisions in order, and retries until the operator face has stored them."""
-
-    def __init__(self, runtime: Path) -> None:
-        self.runtime = runtime
-        self.measures = Measures()
-        self._operator = Caller(runtime, "operator")
-        self._waiting: queue.SimpleQueue[tuple[bytes, dict[str, Floats]] | None] = queue.SimpleQueue()
-        """Parcels, each with the arrival times of the messages that it reflects."""
-        self._added_bytes = self._delivered_bytes = 0
-        self._learned: deque[dict[str, Part]] = deque(maxlen=1)
-        self._thread = threading.Thread(target=self._deliver, name="delivery")
-        self._stopping = threading.Event()
-        self._measured_s = 0.0
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Try once to deliver what waits, and end."""
-        self._stopping.set()
-        self._waiting.put(None)
-        self._thread.join()
-        self._operator.close()
-
-    def add_pass(
-        self,
-        revisions: list[AnyAdvisory],
-        arrivals_s: dict[str, Floats],
-        measures: Measures,
-        near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
-        presence: Callable[[], dict[str, Any] | None] = lambda: None,
-    ) -> None:
-        """Queue one pass: its revisions and near misses, and once a second its measures and the robots' presence.
-
-        `arrivals_s` has by vendor the arrival times of the messages that the pass reflects. Raises `UndeliveredError`
-        if too much waits, and drops it: nobody has received it.
-        """
-        due = time.monotonic() - self._measured_s >= MEASURES_EVERY_S
-        if due:
-            self._measured_s = time.monotonic()
-        parcel = {
-            "advisories": revisions,
-            "measures": [measures.as_document(), self.measures.as_document()] if due else None,
-            "near_misses": near_misses,
-            "presence": presence() if due else None,
-        }
-        step = to_json(parcel) if revisions or due or near_misses else b"", arrivals_s
-        self._added_bytes += _size_bytes(*step)
-        self._waiting.put(step)
-        if self._added_bytes - self._delivered_bytes > MOST_WAITING_BYTES:
-            self._waiting = queue.SimpleQueue()
-            raise UndeliveredError
-
-    def keep(self, learned: dict[str, Part]) -> None:
-        """Deliver the learned state after the next parcel. Replaces one that still waits."""
-        self._learned.append(learned)
-
-    def _deliver(self) -> None:
-        while (step := self._waiting.get()) is not None:
-            parcel, arrivals_s = step
-            if parcel:
-                self._publish(parcel)
-            self._delivered_bytes += _size_bytes(parcel, arrivals_s)
-            observe_latency(self.measures, arrivals_s, time.time())
-            self._deliver_learned()
-        self._deliver_learned()
-
-    def _deliver_learned(self) -> None:
-        with suppress(LinkDownError):  # the next one comes in a minute
-            while self._learned:
-                self._operator.call("learn", packed(self._learned.pop()))
-
-    def _publish(self, parcel: bytes) -> None:
-        while True:
-            try:
-                self._operator.call("publish", parcel)
-            except LinkDownError:
-                if self._stopping.wait(RETRY_S):
-                    return
-            else:
-                return
-
-
-def _size_bytes(parcel: bytes, arrivals_s: dict[str, Floats]) -> int:
-    """Approximate memory of one queued pass."""
-    return len(parcel) + sum(arrived_s.nbytes for arrived_s in arrivals_s.values())

@@ -2,21 +2,26 @@
 
 import asyncio
 import json
+import logging
 import time
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
-from deconflict.advisory import ADVISORY, Acknowledgement
+from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
-from deconflict.operator.store.store import Store
+from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
+from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 
 ANSWER_TIMEOUT_S = 5.0
+
+log = logging.getLogger(__name__)
 
 
 class OperatorCalls:
@@ -89,18 +94,17 @@ class OperatorCalls:
         return b"set aside"
 
     async def _publish(self, payload: bytes) -> bytes:
-        """Take in one step of the engine: advisories, near misses, and once a second measures and presence."""
-        parcel = json.loads(payload)
+        """Take in a parcel of the engine: advisories, near misses, and once a second measures and presence."""
+        head, lines = unpacked_parcel(payload)
         self._engine.received_s = time.monotonic()
-        self._engine.measures = parcel["measures"] or self._engine.measures
-        self._engine.presence = parcel.get("presence") or self._engine.presence
-        if parcel["advisories"]:
-            advisories = [ADVISORY.validate_python(advisory) for advisory in parcel["advisories"]]
-            await self._publisher.publish(advisories)
-        if parcel["near_misses"]:
-            pairs = [NearPair.from_json(*near_miss) for near_miss in parcel["near_misses"]]
+        self._engine.measures = head.get("measures") or self._engine.measures
+        self._engine.presence = head.get("presence") or self._engine.presence
+        if lines and not await self._is_published([ADVISORY.validate_json(line) for line in lines]):
+            return REFUSED
+        if head.get("near_misses"):
+            pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
             await asyncio.to_thread(self._keeper.note, pairs)
-        return b"stored"
+        return STORED
 
     async def _last_stored(self, _: bytes) -> bytes:
         """The last stored line of the stream that is followed: a `StreamPosition`."""
@@ -115,10 +119,20 @@ class OperatorCalls:
                 for line in lines:
                     answer = Acknowledgement.model_validate(line["answer"])
                     await self._publisher.store_answer(line["id"], answer, line["seq"])
-            else:
-                advisories = [ADVISORY.validate_python(line["advisory"] | {"seq": line["seq"]}) for line in lines]
-                await self._publisher.publish(advisories)
-        return b"stored"
+            elif not await self._is_published(
+                [ADVISORY.validate_python(line["advisory"] | {"seq": line["seq"]}) for line in lines]
+            ):
+                return REFUSED
+        return STORED
+
+    async def _is_published(self, advisories: Sequence[AnyAdvisory]) -> bool:
+        """Publish advisories. False if the store takes none now."""
+        try:
+            await self._publisher.publish(advisories)
+        except StoreError as error:
+            log.warning("%d revisions are not taken yet and will be sent again: %s", len(advisories), error)
+            return False
+        return True
 
     async def _begin_anew(self, _: bytes) -> bytes:
         """Have the role set aside its store, which is not of the stream that is followed, and end."""

@@ -68,7 +68,7 @@ class GlobalEngine:
         while True:
             with suppress(*BUS_ERRORS):
                 await self._update_role(inbox, active=is_active())
-            if self._judge:
+            if self._judge and self.outbox.has_room():
                 await self._run_pass(self._judge)
             await asyncio.sleep(PASS_EVERY_S)
 

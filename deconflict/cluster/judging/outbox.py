@@ -1,6 +1,7 @@
 """Revisions on their way to the durable stream. The engine does not wait until they are written."""
 
 import asyncio
+import time
 from collections.abc import Callable, Iterable
 
 from deconflict.advisory import AnyAdvisory
@@ -9,7 +10,9 @@ from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.tiles.tiles import FloorPosition
 
 MOST_WAITING = 20_000
-"""Most revisions, and passes that decided them, that wait for a server that accepts none: some 40 MB."""
+"""If more revisions and passes that decided them wait, some 40 MB, the engine makes no further pass."""
+STUCK_S = 5.0
+"""If too much waits and none of it was written for so long, the engine ends."""
 HomedRevision = tuple[FloorPosition | None, AnyAdvisory]
 
 
@@ -17,7 +20,10 @@ class UnwrittenError(Exception):
     """The server has accepted nothing for long."""
 
     def __init__(self) -> None:
-        super().__init__(f"{MOST_WAITING} revisions wait for a NATS server that accepts none; the engine restarts")
+        super().__init__(
+            f"{MOST_WAITING} revisions wait for a NATS server that has accepted none for {STUCK_S:g} s; "
+            "the engine restarts"
+        )
 
 
 class Outbox:
@@ -29,13 +35,22 @@ class Outbox:
         self._overruled: list[StreamRecord] = []
         self._waiting_count = 0
         """Revisions and passes that wait, as `MOST_WAITING` counts them."""
+        self._writing_since_s: float | None = None
+        """Since when the first revision is being written, monotonic time; None if none waits."""
+
+    def has_room(self) -> bool:
+        """Whether another pass may be added. Raises `UnwrittenError` if nothing is written any more."""
+        if self._waiting_count <= MOST_WAITING:
+            return True
+        since_s = self._writing_since_s
+        if since_s is not None and time.monotonic() - since_s > STUCK_S:
+            raise UnwrittenError
+        return False
 
     def add_pass(self, revisions: Iterable[HomedRevision], then: Callable[[], None] = lambda: None) -> None:
-        """Queue the revisions of one pass; calls `then` once all are written. Raises `UnwrittenError`."""
+        """Queue the revisions of one pass; calls `then` once all are written."""
         queued = list(revisions)
         self._waiting_count += 1 + len(queued)
-        if self._waiting_count > MOST_WAITING:
-            raise UnwrittenError
         self._waiting.put_nowait((queued, then))
 
     def take_overruled(self) -> list[StreamRecord]:
@@ -48,7 +63,10 @@ class Outbox:
         while True:
             revisions, then = await self._waiting.get()
             for home, advisory in revisions:
+                self._writing_since_s = time.monotonic()
                 if overruling := await self._writer.write(home, advisory):
                     self._overruled.append(overruling)
-            self._waiting_count -= 1 + len(revisions)
+                self._writing_since_s = None
+                self._waiting_count -= 1
+            self._waiting_count -= 1
             then()

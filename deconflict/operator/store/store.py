@@ -83,10 +83,11 @@ class Store:
         """Number revisions and keep them for `flush`. Every other method sees them from now on.
 
         A revision that has a number keeps it: it comes from a stream that this store follows. A known revision is
-        returned as it was. Raises `StoreError`, also if too many revisions wait for the disk.
+        returned as it was. Raises `StoreError`, also if too many revisions wait for the disk already: so any number is
+        accepted once the disk works.
         """
         with self._number_lock:
-            if len(self._pending) + len(advisories) > MOST_PENDING:
+            if len(self._pending) >= MOST_PENDING:
                 raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
             with self._connections.reading() as db:

@@ -2,19 +2,19 @@
 
 import asyncio
 import gc
-import json
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
+from pydantic_core import to_json
 
 from deconflict.operator.blackbox.keeper import SNAPSHOTS
 from deconflict.operator.store.publisher import TAIL_LENGTH
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.learned_state import packed
+from deconflict.runtime.parcels import packed_parcel
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.site import Operator, Site
 from metrics.monitoring.exposition import render
@@ -58,11 +58,6 @@ async def tell(engine: AsyncCaller, numbers: range) -> None:
     """Advisories that come and go, a parcel at a time, and then what was learned, more often than it is remembered."""
     for first in range(numbers.start, numbers.stop, EACH):
         told = [make(number) for number in range(first, first + EACH) for make in (made, cleared)]
-        parcel: dict[str, Any] = {
-            "advisories": [one.model_dump(mode="json", exclude={"seq"}) for one in told],
-            "measures": None,
-            "near_misses": [],
-        }
-        await engine.call("publish", json.dumps(parcel).encode())
+        await engine.call("publish", packed_parcel({}, map(to_json, told)))
     for number in range(SNAPSHOTS + 1):
         await engine.call("learn", packed({"tick": {"now_s": float(number)}}))

@@ -10,6 +10,7 @@ from deconflict.cluster.judging.outbox import Outbox, UnwrittenError
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.nats_tasks import end_tasks
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
+from tests.deconflict.operator.http.served_face import until
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
 
@@ -21,15 +22,34 @@ async def test_waiting_revisions_are_bounded_and_written_ones_do_not_count(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(outbox, "MOST_WAITING", 10)
-    async with buses(Broker(tmp_path), 1) as (bus,):
+    monkeypatch.setattr(outbox, "STUCK_S", 0.5)
+    broker = Broker(tmp_path)
+    async with buses(broker, 1) as (bus,):
         one = Outbox(StreamWriter(bus.revisions))
-        telling = asyncio.create_task(one.run())
+        writing = asyncio.create_task(one.run())
         for revision in range(1, 25):
-            told = asyncio.Event()
-            one.add_pass([(HOME, made(1, revision))], told.set)
+            written = asyncio.Event()
+            one.add_pass([(HOME, made(1, revision))], written.set)
             async with asyncio.timeout(PATIENCE_S):
-                await told.wait()
-        await end_tasks(telling)
+                await written.wait()
+            assert one.has_room()
+        broker.kill()
         one.add_pass((HOME, made(2, revision, robots=PAIR)) for revision in range(1, 10))
-        with pytest.raises(UnwrittenError, match="wait for a NATS server that accepts none"):
-            one.add_pass([])
+        assert one.has_room()
+        one.add_pass([])
+        with pytest.raises(UnwrittenError, match="wait for a NATS server that has accepted none"):
+            await until(one.has_room)
+        await end_tasks(writing)
+
+
+async def test_a_pass_of_any_number_of_revisions_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outbox, "MOST_WAITING", 10)
+    async with buses(Broker(tmp_path), 1) as (bus,):
+        one, written = Outbox(StreamWriter(bus.revisions)), asyncio.Event()
+        one.add_pass([(HOME, made(1, revision)) for revision in range(1, 100)], written.set)
+        assert not one.has_room()
+        writing = asyncio.create_task(one.run())
+        async with asyncio.timeout(PATIENCE_S):
+            await written.wait()
+        await until(one.has_room)
+        await end_tasks(writing)

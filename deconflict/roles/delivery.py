@@ -1,0 +1,159 @@
+"""Delivery of the engine's decisions to the operator face, by a thread of its own."""
+
+import logging
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic_core import to_json
+
+from deconflict.advisory import AnyAdvisory
+from deconflict.engine.message_latency import observe_latency
+from deconflict.runtime.learned_state import Part, packed
+from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, cut_into_parcels, packed_parcel
+from deconflict.runtime.rpc import Caller, LinkDownError
+from ingest.batch import Floats
+from ingest.measures.measures import Measures
+
+MEASURES_EVERY_S = 1.0
+RETRY_S, MOST_RETRY_S = 0.2, 2.0
+"""First and longest pause before a parcel is sent again."""
+STUCK_S = 5.0
+"""If too much waits and none of it was taken for so long, the engine ends."""
+MOST_WAITING_BYTES = 64 << 20
+"""If more waits for the operator face, some five minutes of a crowded floor, the engine makes no further pass."""
+
+log = logging.getLogger(__name__)
+
+
+class UndeliveredError(Exception):
+    """The operator face has taken nothing for long."""
+
+    def __init__(self) -> None:
+        size = f"{MOST_WAITING_BYTES >> 20} MiB"
+        super().__init__(
+            f"{size} wait for an operator face that has taken nothing for {STUCK_S:g} s; "
+            "they are dropped, and the engine starts again once it answers"
+        )
+
+
+class WaitingParcel(NamedTuple):
+    payload: bytes
+    """Empty if a pass decided nothing."""
+    arrivals_s: dict[str, Floats]
+    """By vendor, the arrival times of the messages that are reflected once this parcel is stored."""
+
+    @property
+    def size_bytes(self) -> int:
+        """Approximate memory."""
+        return len(self.payload) + sum(arrived_s.nbytes for arrived_s in self.arrivals_s.values())
+
+
+class Delivery:
+    """Delivers revisions in order, in parcels. Sends each parcel again until the operator face has taken it."""
+
+    def __init__(self, runtime: Path) -> None:
+        self.runtime = runtime
+        self.measures = Measures()
+        self._operator = Caller(runtime, "operator")
+        self._waiting: queue.SimpleQueue[WaitingParcel | None] = queue.SimpleQueue()
+        self._added_bytes = self._delivered_bytes = 0
+        self._learned: deque[dict[str, Part]] = deque(maxlen=1)
+        self._thread = threading.Thread(target=self._deliver, name="delivery")
+        self._stopping = threading.Event()
+        self._sending_since_s: float | None = None
+        """Since when the first parcel is being sent, monotonic time; None if none waits."""
+        self._measured_s = 0.0
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Deliver what waits, up to the first parcel that is not taken at once, and end."""
+        self._stopping.set()
+        self._waiting.put(None)
+        self._thread.join()
+        self._operator.close()
+
+    def has_room(self) -> bool:
+        """Whether another pass may be added. Raises `UndeliveredError` if nothing is taken any more."""
+        if self._added_bytes - self._delivered_bytes <= MOST_WAITING_BYTES:
+            return True
+        since_s = self._sending_since_s
+        if since_s is not None and time.monotonic() - since_s > STUCK_S:
+            raise UndeliveredError
+        return False
+
+    def add_pass(
+        self,
+        revisions: Sequence[AnyAdvisory],
+        arrivals_s: dict[str, Floats],
+        measures: Measures,
+        near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
+        presence: Callable[[], dict[str, Any] | None] = lambda: None,
+    ) -> None:
+        """Queue one pass: its revisions and near misses, and once a second its measures and the robots' presence.
+
+        `arrivals_s` has by vendor the arrival times of the messages that the pass reflects.
+        """
+        now_s = time.monotonic()
+        due = now_s - self._measured_s >= MEASURES_EVERY_S
+        report: dict[str, Any] = {}
+        if due:
+            self._measured_s = now_s
+            report = {"measures": [measures.as_document(), self.measures.as_document()], "presence": presence()}
+        near = [near_misses[first : first + MOST_LINES] for first in range(0, len(near_misses), MOST_LINES)]
+        parts = list(zip_longest(cut_into_parcels(map(to_json, revisions)), near, fillvalue=()))
+        parts = parts or ([((), ())] if due else [])
+        for number, (lines, pairs) in enumerate(parts, 1):
+            head = {"near_misses": pairs, **(report if number == len(parts) else {})}
+            self._add(WaitingParcel(packed_parcel(head, lines), arrivals_s if number == len(parts) else {}))
+        if not parts:
+            self._add(WaitingParcel(b"", arrivals_s))
+
+    def keep(self, learned: dict[str, Part]) -> None:
+        """Deliver the learned state after the next parcel. Replaces one that still waits."""
+        self._learned.append(learned)
+
+    def _add(self, parcel: WaitingParcel) -> None:
+        self._added_bytes += parcel.size_bytes
+        self._waiting.put(parcel)
+
+    def _deliver(self) -> None:
+        while (parcel := self._waiting.get()) is not None:
+            if parcel.payload and not self._is_taken(parcel.payload):
+                waiting_mb = (self._added_bytes - self._delivered_bytes) / 1e6
+                log.warning("%.1f MB of decisions are not delivered: the operator face takes nothing", waiting_mb)
+                break
+            self._delivered_bytes += parcel.size_bytes
+            observe_latency(self.measures, parcel.arrivals_s, time.time())
+            self._deliver_learned()
+        self._deliver_learned()
+
+    def _deliver_learned(self) -> None:
+        with suppress(LinkDownError):  # the next one comes in a minute
+            while self._learned:
+                self._operator.call("learn", packed(self._learned.pop()))
+
+    def _is_taken(self, payload: bytes) -> bool:
+        """Send a parcel until it is taken. False if it was not and this is to stop."""
+        self._sending_since_s, retry_s = time.monotonic(), RETRY_S
+        while (answer := self._answer(payload)) != STORED:
+            retry_s = min(2 * retry_s, MOST_RETRY_S) if answer == REFUSED else RETRY_S
+            if self._stopping.wait(retry_s):
+                return False
+        self._sending_since_s = None
+        return True
+
+    def _answer(self, payload: bytes) -> bytes | None:
+        """None if the operator face does not answer."""
+        try:
+            return self._operator.call("publish", payload)
+        except LinkDownError:
+            return None

@@ -1,0 +1,142 @@
+"""Delivery of the engine's decisions: any amount, in order, to an operator face that refuses or is away."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deconflict.advisory import ADVISORY
+from deconflict.operator.store.store import Store
+from deconflict.roles import delivery
+from deconflict.roles.delivery import Delivery, UndeliveredError
+from deconflict.roles.operator_role import OperatorRole
+from deconflict.roles.service import runtime_directory
+from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, unpacked_parcel
+from deconflict.runtime.rpc import listening, socket_path
+from deconflict.settings.site import Operator, Site
+from ingest.measures.measures import Measures
+from metrics.monitoring.exposition import render
+from tests.deconflict.operator.http.served_face import until
+from tests.helpers.made_advisories import made
+
+NOW_S = 1_792_000_000.0
+NEAR = ("a", "b", NOW_S, ("Acme", "Acme"))
+
+
+@asynccontextmanager
+async def delivering(publish: Callable[[bytes], Awaitable[bytes]]) -> AsyncIterator[Delivery]:
+    """A delivery to an operator face that answers each parcel so."""
+    with runtime_directory() as runtime:
+        async with listening(socket_path(Path(runtime), "operator"), {"publish": publish}):
+            one = Delivery(Path(runtime))
+            one.start()
+            try:
+                yield one
+            finally:
+                await asyncio.to_thread(one.stop)
+
+
+async def test_a_pass_larger_than_what_may_wait_for_the_disk_is_stored_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.store.MOST_PENDING", 100)
+    count = 2 * MOST_LINES + 100
+    with runtime_directory() as runtime:
+        stop = asyncio.Event()
+        role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), tmp_path, render)
+        running = asyncio.create_task(role.run(stop))
+        await role.ready.wait()
+        one = Delivery(Path(runtime))
+        one.start()
+        one.add_pass([made(number) for number in range(count)], {}, Measures(), [NEAR] * count)
+        await until(lambda: role._store.last_seq() == count)
+        await asyncio.to_thread(one.stop)
+        stop.set()
+        await running
+    store = Store(tmp_path)
+    assert [revision.id for revision in store.after(0, -1)] == [f"advisory-{number}" for number in range(count)]
+    store.close()
+
+
+async def test_a_refused_parcel_is_sent_again_before_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delivery, "RETRY_S", 0.01)
+    seen: list[int] = []
+
+    async def publish(parcel: bytes) -> bytes:
+        first = ADVISORY.validate_json(unpacked_parcel(parcel)[1][0])
+        seen.append(int(first.id.removeprefix("advisory-")))
+        return STORED if seen.count(seen[-1]) == 3 else REFUSED
+
+    async with delivering(publish) as one:
+        one.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
+        one.add_pass([made(MOST_LINES + 1)], {}, Measures())
+        await until(lambda: len(seen) == 9)
+    assert seen == [0, 0, 0, *[MOST_LINES] * 3, *[MOST_LINES + 1] * 3]
+
+
+async def test_what_follows_an_undelivered_parcel_is_not_delivered_at_the_end() -> None:
+    seen: list[int] = []
+
+    async def publish(parcel: bytes) -> bytes:
+        seen.append(len(unpacked_parcel(parcel)[1]))
+        return REFUSED if len(seen) == 1 else STORED
+
+    async with delivering(publish) as one:
+        one._stopping.set()
+        one.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
+    assert seen == [MOST_LINES]
+
+
+async def test_undelivered_passes_are_bounded_and_the_engine_restarts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(delivery, "MOST_WAITING_BYTES", 1 << 20)
+    monkeypatch.setattr(delivery, "STUCK_S", 0.5)
+    one, arrived_s = Delivery(tmp_path), {"Acme": np.full(10_000, NOW_S)}
+    one.start()
+    for _ in range(13):
+        one.add_pass([], arrived_s, Measures())
+        assert one.has_room()
+    one.add_pass([], arrived_s, Measures())
+    with pytest.raises(UndeliveredError):
+        await until(one.has_room)
+    one.stop()
+
+
+async def test_a_slow_operator_face_delays_the_next_pass_and_ends_no_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delivery, "MOST_WAITING_BYTES", 1 << 20)
+    monkeypatch.setattr(delivery, "STUCK_S", 0.5)
+
+    async def publish(_: bytes) -> bytes:
+        await asyncio.sleep(0.1)
+        return STORED
+
+    async with delivering(publish) as one:
+        one.add_pass([], {}, Measures(), [NEAR] * (12 * MOST_LINES))
+        one.add_pass([], {"Acme": np.full(200_000, NOW_S)}, Measures(), [NEAR])
+        began_s = time.monotonic()
+        assert not one.has_room()
+        await until(one.has_room)
+        assert time.monotonic() - began_s > 2 * delivery.STUCK_S
+
+
+async def test_any_amount_is_delivered_to_an_operator_face_that_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delivery, "MOST_WAITING_BYTES", 1 << 20)
+    taken = 0
+
+    async def publish(_: bytes) -> bytes:
+        nonlocal taken
+        taken += 1
+        return STORED
+
+    async with delivering(publish) as one:
+        for number in range(1, 101):
+            one.add_pass([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [NEAR])
+            await until(lambda count=number: taken == count)
+            await until(one.has_room)
+    waits = one.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]
+    assert sum(waits.counts) == 100 * 10_000
