@@ -8,6 +8,15 @@ import numpy as np
 from ingest.batch import Ints
 
 
+def lengthen(table: object, names: Iterable[str], more: int, axis: int = 0) -> None:
+    """Append `more` slots of zeros to each of these arrays of a table; `axis` is that of the slots."""
+    for name in names:
+        column = getattr(table, name)
+        shape = list(column.shape)
+        shape[axis] = more
+        setattr(table, name, np.concatenate([column, np.zeros(shape, column.dtype)], axis))
+
+
 class RobotSlots:
     """A robot keeps its slot until it leaves. The next new robot gets the slot that was freed last."""
 

@@ -2,12 +2,12 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from math import inf
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
-from ingest.batch import Batch, Pair
+from ingest.batch import Batch
 from metrics.replay.engine_output import EngineOutput
 from metrics.scoring.warnings import warning_scores
 from metrics.scoring.warnings.alert_scores import STANDING_S, Alert, RobotPresence, score
@@ -22,23 +22,6 @@ from metrics.truth.interactions import Interactions
 from metrics.truth.pair_outcomes import AllPairOutcomes
 
 
-@dataclass(slots=True)
-class AdvisoryRecord:
-    """The parts of one advisory's revisions that scoring needs."""
-
-    pair: Pair
-    vendors: tuple[str, str]
-    raised_s: float
-    predicted_s: float
-    """Predicted start of the conflict, of the newest revision before that start."""
-    place: tuple[str, float, float]
-    """Floor, x and y of the predicted start when it was raised."""
-    encounter_class: str
-    """The class when it was raised."""
-    cleared_s: float = inf
-    """inf until it is cleared."""
-
-
 class ClearanceScores:
     """Collects the output of one clearance's engine until its outcome is known, then scores it."""
 
@@ -48,8 +31,8 @@ class ClearanceScores:
         self.clearance_m = clearance_m
         self.raised: Counter[str] = Counter()
         """Number of raised advisories by kind."""
-        self.advisories: dict[str, AdvisoryRecord] = {}
-        """By advisory id."""
+        self.advisories: dict[str, Alert] = {}
+        """By advisory id. What the robots did is not known yet: no alert is heeded, and no robot has left."""
         self.believer = PathBeliever(clearance_m)
         self._truth, self._absences = truth, absences
         self._outcomes = AllPairOutcomes(truth, interactions, clearance_m)
@@ -115,34 +98,25 @@ class ClearanceScores:
         }
 
     def _alerts(self) -> Iterator[Alert]:
-        for record in self.advisories.values():
-            left_s = min(self._truth.motion.last_seen_s(robot) for robot in record.pair)
-            is_heeded = self._waits.began_s(record.pair, record.raised_s, record.cleared_s) < inf
-            yield Alert(
-                record.pair,
-                record.vendors,
-                record.raised_s,
-                record.cleared_s,
-                record.predicted_s,
-                left_s,
-                record.place,
-                is_heeded,
-                record.encounter_class,
-            )
+        for alert in self.advisories.values():
+            left_s = min(self._truth.motion.last_seen_s(robot) for robot in alert.pair)
+            is_heeded = self._waits.began_s(alert.pair, alert.raised_s, alert.cleared_s) < inf
+            yield replace(alert, left_s=left_s, heeded=is_heeded)
 
     def _add_revision(self, revision: ConflictAdvisory) -> None:
-        predicted_s = revision.predicted_at.timestamp()
-        record = self.advisories.get(revision.id)
-        if record is None:
-            record = self.advisories[revision.id] = AdvisoryRecord(
-                revision.robots,
-                revision.vendors,
-                revision.raised_at.timestamp(),
-                predicted_s,
-                (revision.location.datum, revision.location.x, revision.location.y),
-                revision.encounter_class.value,
-            )
+        predicted_s, place = revision.predicted_at.timestamp(), revision.location
+        alert = self.advisories.get(revision.id) or Alert(
+            revision.robots,
+            revision.vendors,
+            revision.raised_at.timestamp(),
+            cleared_s=inf,
+            predicted_s=predicted_s,
+            left_s=inf,
+            place=(place.datum, place.x, place.y),
+            encounter_class=revision.encounter_class.value,
+        )
         if revision.time_to_conflict_s > 0:
-            record.predicted_s = predicted_s
+            alert = replace(alert, predicted_s=predicted_s)
         if revision.state is AdvisoryState.CLEARED:
-            record.cleared_s = revision.updated_at.timestamp()
+            alert = replace(alert, cleared_s=revision.updated_at.timestamp())
+        self.advisories[revision.id] = alert

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import repeat
 from math import inf
 from typing import Any
 
@@ -12,6 +11,7 @@ from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, SPARSE_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Batch, Floats, Ints, Pair
 from ingest.kernels import ready
 from metrics.truth.placebo import Placebo
@@ -51,9 +51,7 @@ class Interactions:
         """In the order of onset."""
         self.placebo = Placebo()
         self._finder = InteractionFinder()
-        self._slots: dict[str, int] = {}
-        self._names: list[str] = []
-        self._spare: list[int] = []
+        self._slots = RobotSlots()
         self._half_m = np.zeros((2, 0))
         self._levels_m = np.zeros((2, 0))
         """Bottom and top."""
@@ -107,7 +105,7 @@ class Interactions:
         self._gap_s[slots[newer]], self._heard_s[slots[newer]] = gap_s[newer], event_s[newer]
 
     def _update_event(self, interaction: Interaction) -> None:
-        slot, other = interaction.robot, self._names[interaction.other]
+        slot, other = interaction.robot, self._slots.uuids[interaction.other]
         event = self._open.get(slot)
         if event is None or event.onset_s != interaction.onset_s or event.other != other:
             event = self._begin(interaction)
@@ -122,8 +120,8 @@ class Interactions:
         if before is not None:
             before.end_s = interaction.onset_s
         event = YieldEvent(
-            self._names[slot],
-            self._names[interaction.other],
+            self._slots.uuids[slot],
+            self._slots.uuids[interaction.other],
             interaction.outcome,
             interaction.onset_s,
             interaction.doubt_s,
@@ -143,40 +141,26 @@ class Interactions:
         giving_way = self._finder.giving_way()
         for slot, event in list(self._open.items()):
             other = giving_way.get(slot, -1)
-            if other < 0 or self._names[other] != event.other:
+            if other < 0 or self._slots.uuids[other] != event.other:
                 event.end_s = max(float(self._heard_s[slot]), event.onset_s)
                 del self._open[slot]
 
     def _slots_of(self, robots: Sequence[str]) -> Ints:
-        slots = np.fromiter(map(self._slots.get, robots, repeat(-1)), np.int64, len(robots))
-        for row in np.flatnonzero(slots < 0).tolist():
-            slots[row] = self._slot(robots[row])
+        slots, new = self._slots.assign(robots)
+        if (more := len(self._slots) - len(self._heard_s)) > 0:
+            lengthen(
+                self,
+                ("_half_m", "_levels_m", "_vendor", "_heard_s", "_gap_s"),
+                max(more, len(self._heard_s), 16),
+                axis=-1,
+            )
+            self._finder.grow(len(self._heard_s))
+        self._heard_s[slots[new]] = -inf
         return slots
 
-    def _slot(self, robot: str) -> int:
-        """Assign a slot to a new robot."""
-        if self._spare:
-            slot = self._spare.pop()
-            self._names[slot] = robot
-        else:
-            slot = len(self._names)
-            self._names.append(robot)
-            if slot >= len(self._heard_s):
-                self._grow(max(2 * slot, 16))
-        self._slots[robot], self._heard_s[slot] = slot, -inf
-        return slot
-
-    def _grow(self, slots: int) -> None:
-        more = slots - len(self._heard_s)
-        for name in ("_half_m", "_levels_m", "_vendor", "_heard_s", "_gap_s"):
-            column = getattr(self, name)
-            setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
-        self._finder.grow(slots)
-
     def _forget(self, robots: Iterable[str]) -> None:
-        slots = [self._slots.pop(robot) for robot in robots if robot in self._slots]
+        slots = self._slots.release(robots).tolist()
         if slots:
             self._finder.forget(slots)
             self.placebo.forget(slots)
             self._end_finished()
-            self._spare.extend(slots)

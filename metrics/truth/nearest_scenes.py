@@ -97,7 +97,8 @@ class NearestScenes:
 
     def _track(self, scene: NearestScene, motion: RecordedMotion, middle: int) -> None:
         first, last = middle - round(BEFORE_S / self._step_s), middle + round(AFTER_S / self._step_s)
-        parts = [_part(sampled, [motion.row(robot) for robot in scene.pair], first, last) for sampled in self._held]
+        robots = motion.slots.find(scene.pair).tolist()
+        parts = [_part(sampled, robots, first, last) for sampled in self._held]
         sample = np.concatenate([samples for samples, _ in parts])
         poses = np.concatenate([pose for _, pose in parts], axis=1)
         there = np.flatnonzero(~np.isnan(poses[:, :, 0]).any(axis=0))

@@ -7,6 +7,7 @@ from math import ceil, floor, inf, nan
 import numba
 import numpy as np
 
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel, ready
@@ -17,6 +18,8 @@ _SIZE = ("length", "width", "bottom", "top")
 _LEG = ("robot", "begin_s", "end_s", "x0", "y0", "yaw0", "x1", "y1", "yaw1", "floor", "since_s", *_SIZE)
 _LAST = ("t_s", "x", "y", "yaw", "floor", "since_s", "present_s", *_SIZE)
 _PRESENT = _LAST.index("present_s")
+_NEVER = np.array([0.0 if name == "present_s" else -inf for name in _LAST])
+"""The last report of a robot before its first one."""
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
@@ -32,7 +35,7 @@ class SampledMotion:
     first: int
     """The first sample, in steps since the epoch."""
     robot: Ints
-    """(r,) index into `RecordedMotion.names`, ascending."""
+    """(r,) slots of `RecordedMotion`, ascending."""
     x_m: Floats
     """(r, s)"""
     y_m: Floats
@@ -51,19 +54,17 @@ class RecordedMotion:
     """Every robot's newest report, and the legs between reports that have not been sampled yet."""
 
     def __init__(self) -> None:
-        self.names: list[str] = []
-        """By index."""
-        self._index: dict[str, int] = {}
+        self.slots = RobotSlots()
+        """No robot leaves its slot."""
         self._last = np.empty((0, len(_LAST)))
         self._unsampled: list[Floats] = []
         """(n, 15) legs, columns as in `_LEG`."""
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Add a leg from each robot's last pose to its first knot, if that is newer."""
-        for robot in robots:
-            if robot not in self._index:
-                self._add(robot)
-        rows = np.array([self._index[robot] for robot in robots], np.int64)
+        rows, _ = self.slots.assign(robots)
+        if (more := len(self.slots) - len(self._last)) > 0:
+            self._last = np.concatenate([self._last, np.tile(_NEVER, (max(more, len(self._last), 64), 1))])
         knots = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
         sizes = (forecasts.length_m, forecasts.width_m, forecasts.bottom_m, forecasts.top_m)
         legs = _legs(rows, forecasts.start, *knots, *sizes, self._last)
@@ -75,36 +76,25 @@ class RecordedMotion:
         return float(self._last[:, 0].max(initial=-inf))
 
     def last_seen_s(self, robot: str) -> float:
-        return float(self._last[self._index[robot], 0]) if robot in self._index else -inf
+        slot = self.slots.by_uuid.get(robot)
+        return -inf if slot is None else float(self._last[slot, 0])
 
     def present_s(self) -> dict[str, float]:
         """How long each robot was present."""
-        return dict(zip(self.names, self._last[: len(self.names), _PRESENT].tolist(), strict=True))
+        return dict(zip(self.slots.uuids, self._last[: len(self.slots), _PRESENT].tolist(), strict=True))
 
     def sampled(self, first: int, samples: int, step_s: float) -> SampledMotion:
         """The motion at `samples` samples from `first` on. Drops the legs before their end."""
         legs = np.concatenate([np.empty((0, len(_LEG))), *self._unsampled])
         self._unsampled = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
-        robot, there = _joined(legs, len(self.names), first, samples, step_s)
+        robot, there = _joined(legs, len(self.slots), first, samples, step_s)
         x_m, y_m, yaw_rad, floor, since_s = there[:5]
         return SampledMotion(first, robot, x_m, y_m, yaw_rad, there[5:7] / 2, there[7:], floor, since_s)
 
-    def row(self, robot: str) -> int:
-        """The index of a robot that has reported."""
-        return self._index[robot]
-
     def pair(self, a: int, b: int) -> tuple[str, str]:
         """The names of two robots, in ascending order."""
-        first, second = sorted((self.names[a], self.names[b]))
+        first, second = sorted((self.slots.uuids[a], self.slots.uuids[b]))
         return first, second
-
-    def _add(self, robot: str) -> None:
-        row = self._index[robot] = len(self.names)
-        self.names.append(robot)
-        if row == len(self._last):
-            more = np.full((max(row, 64), len(_LAST)), -np.inf)
-            more[:, _PRESENT] = 0.0
-            self._last = np.concatenate([self._last, more])
 
 
 @kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 4, numba.float64[:, ::1]))

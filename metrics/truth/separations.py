@@ -27,14 +27,7 @@ class Separations(NamedTuple):
     """Distance of the centres divided by the sum of the radii."""
 
     def take(self, rows: Ints) -> "Separations":
-        return Separations(
-            self.a[rows],
-            self.b[rows],
-            self.sample[rows],
-            self.separation_m[rows],
-            self.since_s[rows],
-            self.closeness[rows],
-        )
+        return Separations._make(column[rows] for column in self)
 
 
 def separations(sampled: SampledMotion, within_m: float) -> Separations:

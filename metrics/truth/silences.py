@@ -12,6 +12,7 @@ from math import inf
 import numpy as np
 
 from deconflict.foresight.presence.report_intervals import GAPS, GRACE_S, grace_after_s
+from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Bools, Floats, Forecasts, Ints
 from metrics.truth.recorded_motion import SampledMotion
 
@@ -34,8 +35,8 @@ class Silences:
     """Finds silences while reports arrive. Keeps each robot's newest report and its silences, one robot a row."""
 
     def __init__(self) -> None:
-        self._rows: dict[str, int] = {}
-        self._names: list[str] = []
+        self._slots = RobotSlots()
+        """No robot leaves its slot."""
         self._heard_s = np.zeros(0)
         """When the newest report was true; -inf before the first."""
         self._there_s = np.zeros(0)
@@ -53,7 +54,11 @@ class Silences:
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Add the present poses of robots that have reported. These are the first knots of the forecasts."""
-        rows = np.fromiter(map(self._row, robots), np.int64, len(robots))
+        rows, _ = self._slots.assign(robots)
+        if (more := len(self._slots) - len(self._heard_s)) > 0:
+            more = max(more, len(self._heard_s), 64)
+            lengthen(self, ("_heard_s", "_there_s", "_known", "_gaps_s", "_place"), more)
+            self._heard_s[-more:] = -inf
         knots = forecasts.start[:-1]
         is_newer = forecasts.t_s[knots] > self._heard_s[rows]
         rows, knots = rows[is_newer], knots[is_newer]
@@ -67,11 +72,11 @@ class Silences:
 
     def fallen_silent(self, now_s: float) -> list[str]:
         """The robots that have become silent since the last call."""
-        late = np.flatnonzero(now_s - self._heard_s[: len(self._names)] > GRACE_S).tolist()
+        late = np.flatnonzero(now_s - self._heard_s[: len(self._slots)] > GRACE_S).tolist()
         fallen = [row for row in late if row not in self._ongoing and now_s - self._heard_s[row] > self._limit_s(row)]
         for row in fallen:
             self._fall_silent(row)
-        return [self._names[row] for row in fallen]
+        return [self._slots.uuids[row] for row in fallen]
 
     def find_driven_through(self, sampled: SampledMotion) -> None:
         """Find robots that drive through the place of a silent one."""
@@ -85,25 +90,25 @@ class Silences:
 
     def finish(self) -> None:
         """End of the log: every robot is silent from its last report."""
-        for row in range(len(self._names)):
+        for row in range(len(self._slots)):
             if row not in self._ongoing:
                 self._fall_silent(row)
 
     def left_s(self, robot: str, from_s: float) -> float:
         """When a robot may have left: the begin of its silence at `from_s`, or else of its next silence; inf if there
         is none. A silence in which another robot drove through its place does not count."""
-        for silence in self._of.get(self._rows.get(robot, -1), ()):
+        for silence in self._of.get(self._slots.by_uuid.get(robot, -1), ()):
             if silence.end_s > from_s and not silence.is_passed:
                 return silence.begin_s
         return inf
 
     def was_silent(self, robot: str) -> bool:
         """Whether a robot has ever been silent."""
-        return self._rows.get(robot, -1) in self._of
+        return self._slots.by_uuid.get(robot, -1) in self._of
 
     def present_s(self) -> dict[str, float]:
         """How long each robot was present."""
-        return dict(zip(self._names, self._there_s[: len(self._names)].tolist(), strict=True))
+        return dict(zip(self._slots.uuids, self._there_s[: len(self._slots)].tolist(), strict=True))
 
     def by_minute(self) -> dict[int, float]:
         """Total presence of all robots, by minute since the epoch."""
@@ -140,21 +145,6 @@ class Silences:
     def _limit_s(self, row: int) -> float:
         """How long a robot may send no report before it is silent."""
         return grace_after_s(self._gaps_s[row, : self._known[row]].tolist())
-
-    def _row(self, robot: str) -> int:
-        row = self._rows.get(robot)
-        if row is None:
-            row = self._rows[robot] = len(self._names)
-            self._names.append(robot)
-            if row == len(self._heard_s):
-                self._grow(max(row, 64))
-        return row
-
-    def _grow(self, more: int) -> None:
-        for name in ("_heard_s", "_there_s", "_known", "_gaps_s", "_place"):
-            column = getattr(self, name)
-            setattr(self, name, np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]))
-        self._heard_s[-more:] = -inf
 
 
 def _near(places: Floats, sampled: SampledMotion) -> Bools:

@@ -15,6 +15,7 @@ import numpy as np
 from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins, set_quantiles
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
+from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -166,9 +167,7 @@ class Ledger:
             np.add.at(prior[0, RADIAL, horizon], spread, PRIOR_CASES / len(spread))
         self.counts = np.concatenate([self.counts, prior])
         self.level = np.concatenate([self.level, np.broadcast_to(SHARES, (1, HORIZONS, 3))])
-        for name in ("bias_m", "covered", "cases", "as_of_s", "bands_m", "_stale"):
-            column = getattr(self, name)
-            setattr(self, name, np.concatenate([column, np.zeros((1, *column.shape[1:]), column.dtype)]))
+        lengthen(self, ("bias_m", "covered", "cases", "as_of_s", "bands_m", "_stale"), 1)
         self.as_of_s[row] = now_s
         self._read_bands(np.array([row]))
         return row

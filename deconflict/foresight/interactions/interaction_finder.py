@@ -24,6 +24,7 @@ from deconflict.foresight.interactions.progress_kernels import (
     Findings,
     add_reports,
 )
+from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Bools, Floats, Ints
 
 BEYOND_M = 1.0
@@ -135,9 +136,7 @@ class InteractionFinder:
         """Make room for so many slots."""
         more = slots - len(self._states)
         if more > 0:
-            for name in ("_states", "_t_s", "_tracks", "_floor", "_speed", "_follows"):
-                column = getattr(self, name)
-                setattr(self, name, np.concatenate([column, np.zeros((more, *column.shape[1:]), column.dtype)]))
+            lengthen(self, ("_states", "_t_s", "_tracks", "_floor", "_speed", "_follows"), more)
 
     def forget(self, slots: Iterable[int]) -> None:
         """Other robots have these slots from now on."""

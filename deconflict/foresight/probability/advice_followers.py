@@ -11,6 +11,7 @@ import numba
 import numpy as np
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 
@@ -83,9 +84,7 @@ class AdviceFollowers:
         """Make room for so many slots."""
         more = slots - len(self._was_moving)
         if more > 0:
-            for name in ("_advised_until_s", "_was_moving", "_since_s", "_last_s"):
-                column = getattr(self, name)
-                setattr(self, name, np.concatenate([column, np.zeros(more, column.dtype)]))
+            lengthen(self, ("_advised_until_s", "_was_moving", "_since_s", "_last_s"), more)
             self.forget(np.arange(slots - more, slots))
 
     def forget(self, slots: Ints) -> None:

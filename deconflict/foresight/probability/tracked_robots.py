@@ -7,7 +7,7 @@ import numpy as np
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
-from deconflict.sweep.robot_slots import RobotSlots
+from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 
 COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "vendor", "absence", "key"
@@ -114,7 +114,5 @@ class TrackedRobots:
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self)
-        for name in COLUMNS:
-            column = getattr(self, name)
-            setattr(self, name, np.concatenate([column, np.zeros((*column.shape[:-1], more), column.dtype)], axis=-1))
+        lengthen(self, COLUMNS, more, axis=-1)
         self.records["stood_since_s"][-more:] = np.inf

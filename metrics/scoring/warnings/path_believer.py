@@ -5,7 +5,7 @@ silent robots.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import floor
 
 import numpy as np
@@ -19,18 +19,6 @@ HORIZON_S = 10.0
 LOOK_S = 1.0
 
 
-@dataclass(slots=True)
-class StandingAlert:
-    """An alert that has not been cleared."""
-
-    alert: Alert
-    looked_s: float
-    """The last second at which it was open."""
-
-    def closed(self) -> Alert:
-        return replace(self.alert, cleared_s=self.looked_s + LOOK_S)
-
-
 class PathBeliever:
     """The alerts of one clearance. Each is a run of seconds at which a conflict of its pair is predicted within
     10 s."""
@@ -40,7 +28,8 @@ class PathBeliever:
         self._sweeper = Sweeper(clearance_m=clearance_m, horizon_s=HORIZON_S)
         self._vendor_of: dict[str, str] = {}
         """By robot that has reported."""
-        self._standing: dict[Pair, StandingAlert] = {}
+        self._standing: dict[Pair, Alert] = {}
+        """Cleared a second after the last look, unless the next look finds the conflict again."""
         self._closed: list[Alert] = []
         self._second: int | None = None
 
@@ -70,13 +59,13 @@ class PathBeliever:
         pairs = [found.pairs[row] for row in ahead.tolist()]
         new = [at for at, pair in enumerate(pairs) if pair not in standing]
         alerts = self._raised(found, ahead[new], now_s)
-        stays = {pair: StandingAlert(standing[pair].alert, now_s) for pair in pairs if pair in standing}
-        self._closed += [alert.closed() for pair, alert in self._standing.items() if pair not in stays]
-        self._standing = stays | {alert.pair: StandingAlert(alert, now_s) for alert in alerts}
+        stays = {pair: replace(standing[pair], cleared_s=now_s + LOOK_S) for pair in pairs if pair in standing}
+        self._closed += [alert for pair, alert in self._standing.items() if pair not in stays]
+        self._standing = stays | {alert.pair: alert for alert in alerts}
 
     def alerts(self) -> list[Alert]:
         """All alerts, closed and open."""
-        return [*self._closed, *(alert.closed() for alert in self._standing.values())]
+        return [*self._closed, *self._standing.values()]
 
     def _raised(self, found: PairConflicts, rows: Ints, now_s: float) -> list[Alert]:
         """New alerts for the conflicts in `rows` (n,)."""

@@ -57,7 +57,9 @@ def test_poses_are_interpolated_between_reports_unless_these_are_too_far_apart()
         if (first + SAMPLES) * STEP_S < second - 3:
             stretch = motion.sampled(first, SAMPLES, STEP_S)
             expected = {robot: found for robot, of in taken.items() if (found := by_hand(of, first))}
-            assert [motion.names[row] for row in stretch.robot] == [name for name in motion.names if name in expected]
+            assert [motion.slots.uuids[row] for row in stretch.robot] == [
+                name for name in motion.slots.uuids if name in expected
+            ]
             columns = (
                 stretch.x_m,
                 stretch.y_m,
@@ -68,7 +70,7 @@ def test_poses_are_interpolated_between_reports_unless_these_are_too_far_apart()
                 *stretch.height_m,
             )
             for row, robot in enumerate(stretch.robot.tolist()):
-                of = expected[motion.names[robot]]
+                of = expected[motion.slots.uuids[robot]]
                 rows = [of.get(sample, [nan] * 9) for sample in range(first, first + SAMPLES)]
                 np.testing.assert_allclose(np.array([column[row] for column in columns]).T, rows)
             first += SAMPLES
