@@ -205,6 +205,21 @@ def test_functions_and_files_can_be_read_in_a_sitting() -> None:
     assert not long, "\n".join(long)
 
 
+def test_a_long_kernel_has_the_reason_for_its_length_at_the_top_of_its_file() -> None:
+    silent = [
+        path
+        for path, source in sources()
+        if source.count("\n") > MOST_LINES_OF_A_FILE
+        or any(
+            (node.end_lineno or 0) - node.lineno >= MOST_LINES_OF_A_FUNCTION
+            for node in nodes(source)
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        )
+        if " long because " not in " ".join((ast.get_docstring(ast.parse(source)) or "").split())
+    ]
+    assert not silent
+
+
 def test_variables_are_named_for_what_they_hold() -> None:
     riddles = [
         f"{path}:{node.lineno}: {node.id}"

@@ -7,6 +7,9 @@ and numbers with more digits than can be converted exactly here. The parser read
 A number of up to 18 digits becomes the nearest double. Digits below 2**53 and a power of ten up to 10**22 are both
 exact, so one division rounds once (Clinger 1990, How to read floating point numbers accurately). With more digits the
 quotient is computed to 55 bits and rounded to even.
+
+The file is long because it holds all parts of one compiled scanner: keys, texts, numbers, times, points and the status.
+Each part reads on where the part before it ended, so they share the position in the text, the rows and the marks.
 """
 
 from math import atan2, inf, ldexp, nan

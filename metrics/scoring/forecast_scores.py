@@ -2,6 +2,8 @@
 
 The truth is the recorded motion of `metrics/truth/recorded_motion.py`. Errors along and across refer to the forecast
 heading.
+
+`_errors` is long because it is one loop with two places that only move on: in the motion, and in the forecast.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,7 @@
 """How far from their forecast places robots may be, by the error bands of their kind, and how near pairs may come.
 
-The functions are compiled. Arrays of robots are by slot.
+The functions are compiled. Arrays of robots are by slot. `measure_overlaps` is long because it is one loop over the
+pairs and the moments, in which the nearest moment and the largest overlaps are found together.
 """
 
 from typing import Any, NamedTuple

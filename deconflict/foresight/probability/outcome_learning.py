@@ -70,12 +70,8 @@ def _ended(
     known whether an order of their fleet explains what they did. A pair that is no longer in the table did not meet.
     """
     kept, n, row = np.empty(len(asked), np.int64), 0, 0
-    ended_s, met, touched_s, touched = (
-        np.empty(len(asked)),
-        np.empty(len(asked), np.bool_),
-        np.empty(len(asked)),
-        np.empty(len(asked), np.bool_),
-    )
+    ended_s, touched_s = np.empty(len(asked)), np.empty(len(asked))
+    met, touched = np.empty(len(asked), np.bool_), np.empty(len(asked), np.bool_)
     for at, code in enumerate(asked):
         while row < len(pairs) and pairs[row].code < code:
             row += 1

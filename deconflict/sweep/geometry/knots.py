@@ -2,6 +2,8 @@
 
 A slab is one whole second of absolute time. The motion of a robot in a slab depends only on its knots and on the slab,
 not on the pass. Times within a slab count from its start: small numbers, which keep their precision at any date.
+
+`delayed` is long because it is one loop that writes the knots of all robots one behind the other.
 """
 
 from math import pi, sqrt
