@@ -146,7 +146,7 @@ def _add_site(commands: Commands) -> None:
     )
     importer.set_defaults(run=_site_import)
 
-    propose = plans.add_parser("suggest", help="print resources where the robots of a recorded log often stand")
+    propose = plans.add_parser("suggest", help="print resources at places where robots often stand, from recorded logs")
     propose.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
     propose.add_argument(
         "--site", type=Path, metavar="SITE.toml", help="the site file of the log, with the resources known already"

@@ -51,7 +51,7 @@ class Location(Published):
 
 
 class Hold(Published):
-    """A robot is to wait where it is before it follows its forecast path."""
+    """A robot waits at its place before it follows its forecast path."""
 
     robot: Robot
     hold_s: float = Field(gt=0)

@@ -44,7 +44,7 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
 
 
 def ready(column: NDArray[Any], kind: DTypeLike = np.float64) -> NDArray[Any]:
-    """An array as kernels take it, copied only where it must be."""
+    """An array in the form that kernels take. It is copied only if it has another form."""
     as_it_is = column.dtype == kind and column.flags.c_contiguous and column.flags.aligned
     return column if as_it_is else np.require(column, kind, ["C", "A"])
 

@@ -1,7 +1,7 @@
-"""Settings of the receiving half: datums, vendors and their maps, sockets, clocks, recording.
+"""Settings of this package: datums, vendors and their maps, sockets, clocks, recording.
 
-Each is a frozen section of the site file (`deconflict/settings/site.py` composes and loads the file). An unknown key is
-an error. Every field has a unit in its name, and a sentence that says what it means.
+Each is a frozen section of the site file, which `deconflict/settings/site.py` composes and loads. An unknown key is an
+error. The name of each field has its unit, and its docstring says what it means.
 """
 
 from typing import Annotated, Literal
@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 UNKNOWN = "unknown"
-"""The vendor of a robot if neither its identity nor its connection nor the site file names one."""
+"""The vendor of a robot that no identity, connection or site file names."""
 NIL_DATUM = "00000000-0000-0000-0000-000000000000"
 
 Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -22,190 +22,190 @@ Envelope = tuple[
     Annotated[float, Field(gt=0, allow_inf_nan=False)],
     Metres,
 ]
-"""Length along the heading, width across it and height, metres; height 0 means unknown."""
+"""Length along the heading, width across it, and height, in metres. A height of 0 means unknown."""
 SecretSource = Annotated[str, Field(pattern=r"^((env|file):.+)?$")]
-"""Where a secret is: `env:NAME` or `file:PATH`."""
+"""Source of a secret: `env:NAME` or `file:PATH`."""
 
 
 class Section(BaseModel):
-    """A part of the site file: frozen, and an unknown key is an error. Field docstrings go into its JSON Schema."""
+    """A frozen part of the site file. An unknown key is an error. The JSON Schema has the docstrings of the fields."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class ReferencePoint(Section):
-    """A datum reference point (standard 3.1): a mark on the floor that every vendor can survey."""
+    """A datum reference point (standard 3.1): a mark on the floor. Every vendor can survey it."""
 
     id: str
-    """The UUID, or whatever else the vendors' readings call the point by."""
+    """Name of the point in the vendors' readings, usually a UUID."""
     name: str = ""
-    """What a person calls the point."""
+    """Name of the point for people."""
     x: Coordinate
-    """In the datum's `coordinates`; latitude where they are degrees."""
+    """x in the `coordinates` of the datum, or the latitude."""
     y: Coordinate
-    """In the datum's `coordinates`; longitude where they are degrees."""
+    """y in the `coordinates` of the datum, or the longitude."""
 
 
 class FloorPlan(Section):
-    """An image of the floor that lies under the map."""
+    """An image of the floor, drawn under the map."""
 
     image: str
-    """File of the image, PNG, JPEG, WebP or SVG; relative to where the service is started."""
+    """File of the image: PNG, JPEG, WebP or SVG. The path is relative to the working directory."""
     readings: dict[str, tuple[Coordinate, Coordinate]]
-    """Reference point id to its column and row in the image, pixels from the upper left corner."""
+    """Column and row of each reference point in the image, by its id: pixels from the upper left corner."""
     tolerance_m: Metres = 0.5
-    """Largest residual of the fit accepted at a reference point, metres on the floor."""
+    """Largest accepted error of the fit at a reference point, metres on the floor."""
 
 
 class Datum(Section):
-    """A planar datum (standard 3.2): one floor's common frame."""
+    """A planar datum (standard 3.2): the common frame of one floor."""
 
     id: DatumId
-    """The UUID that messages name it by; case is ignored."""
+    """The UUID of the datum in messages. Case is ignored."""
     name: str
-    """What a person calls the floor."""
+    """Name of the floor for people."""
     level: int = 0
-    """The floor of the building; 0 is the ground floor."""
+    """Storey of the building. 0 is the ground floor."""
     coordinates: Literal["metres", "latlon", "latlon-relative"] = "metres"
-    """What x and y are: metres; latitude and longitude in degrees; or both relative to `reference_location`."""
+    """Unit of x and y: metres, latitude and longitude in degrees, or degrees relative to `reference_location`."""
     reference_location: tuple[Coordinate, Coordinate] | None = None
-    """Latitude and longitude of the floor's origin, degrees; needed where `coordinates` are degrees."""
+    """Latitude and longitude of the floor's origin, in degrees. Required if `coordinates` are degrees."""
     reference_points: tuple[ReferencePoint, ...] = ()
-    """Marks that vendors with a map of their own have surveyed: at least two, better four, spread over the floor."""
+    """Marks that the vendors have surveyed in their own maps. Two are needed; four across the floor are better."""
     plan: FloorPlan | None = None
     """An image of the floor, placed by the reference points."""
 
 
 class VendorMap(Section):
-    """A vendor's own map: its own readings of a datum's reference points."""
+    """The map of one vendor: its readings of a datum's reference points."""
 
     datum: DatumId
-    """The datum id this vendor sends when it speaks in this map; "" if it sends none."""
+    """Datum id in the vendor's messages that use this map. "" if they have none."""
     site_datum: DatumId
-    """The site's datum these readings belong to."""
+    """The site's datum of these reference points."""
     readings: dict[str, tuple[Coordinate, Coordinate]]
-    """Reference point id to the x, y the vendor's map gives it, in that map's own unit of length."""
+    """x and y of each reference point in the vendor's map, by its id, in the unit of that map."""
     mirrored: bool = False
-    """True if the vendor's frame is left-handed as seen from above (y to the right of x)."""
+    """True if the vendor's frame is left-handed: seen from above, y is to the right of x."""
     tolerance_m: Metres = 0.25
-    """Largest residual of the global fit accepted at a reference point, metres on the floor."""
+    """Largest accepted error of the fit at a reference point, metres on the floor."""
 
 
 class Model(Section):
-    """What the standard cannot say about a robot model."""
+    """Facts of a robot model that messages do not contain."""
 
     envelope_m: Envelope | None = None
-    """Replaces the envelope the robot reports."""
+    """Replaces the envelope that the robot reports."""
     offset_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
-    """Envelope centre relative to the reported location, along the heading and to its left."""
+    """From the reported location to the centre of the envelope: along the heading, and to its left."""
     loaded_envelope_m: Envelope | None = None
-    """Envelope while any load is carried."""
+    """Envelope while the robot carries a load."""
     loaded_offset_m: tuple[Coordinate, Coordinate] | None = None
-    """Centre of `loaded_envelope_m`; `offset_m` if absent."""
+    """Centre of `loaded_envelope_m`. If absent, `offset_m`."""
     priority: Priority | None = None
-    """What a second of its waiting counts in advice; the vendor's if absent."""
+    """Weight of a second of waiting in advice. If absent, that of the vendor."""
 
 
 class Vendor(Section):
-    """One vendor: how to know its robots and how to read them."""
+    """One vendor: which robots are its own, and how to read their messages."""
 
     name: str
-    """A short name; it labels metrics and advisories."""
+    """Short name in metrics and advisories."""
     manufacturers: tuple[str, ...] = ()
-    """Values of `manufacturerName` that mean this vendor; its own name always does. Case is ignored."""
+    """Further values of `manufacturerName` that mean this vendor. Case is ignored."""
     participant: Literal["robot", "person"] = "robot"
-    """What moves: robots, or people who carry a device."""
+    """Whether robots move, or people who carry a device."""
     priority: Priority | None = None
-    """What a second of its robots' waiting counts in advice; if absent 1, and 10 for people, to whom robots yield."""
+    """Weight of a second of waiting in advice. If absent, 1 for robots and 10 for people."""
     default_envelope_m: Envelope | None = None
-    """Envelope of a robot that has not identified itself; the site's default if absent."""
+    """Envelope of a robot that has not identified itself. If absent, the default of the site."""
     models: dict[str, Model] = {}
-    """What the standard cannot say of each model, by `robotModel` as identity reports spell it."""
+    """Facts of each model. The keys are the values of `robotModel` in identity reports."""
     maps: tuple[VendorMap, ...] = ()
-    """Maps of its own that it speaks in; without any, it sends in the datums' coordinates."""
+    """The vendor's own maps. Without any, its messages use the coordinates of the datums."""
     robots: tuple[str, ...] = ()
-    """UUIDs that belong to this vendor whether or not they identify themselves."""
+    """UUIDs of this vendor's robots, also of robots that do not identify themselves."""
     names_as_uuid: bool = False
-    """Accept robot names where a UUID belongs, each under a UUID derived from vendor and name."""
+    """Accept names in place of UUIDs. Each name gets a UUID that is derived from vendor and name."""
     dial: tuple[str, ...] = ()
-    """`ws://` addresses of fleet managers to connect to."""
+    """Addresses (`ws://`) of fleet managers to connect to."""
     token: SecretSource = ""
-    """Where this vendor's bearer token is. Once one vendor has credentials, every connection needs some."""
+    """Source of this vendor's bearer token. If any vendor has credentials, every connection needs some."""
     certificate_names: tuple[str, ...] = ()
-    """Common or DNS names of this vendor's client certificates, signed by the authority in `receiver.tls.clients`."""
+    """Common or DNS names in this vendor's client certificates. The authority in `receiver.tls.clients` signs them."""
 
 
 class Tls(Section):
-    """The site's own certificates, PEM files; changed ones are read without a restart."""
+    """The certificates of the site, as PEM files. Changed files are read without a restart."""
 
     certificate: str
-    """The server's certificate, with any intermediate ones."""
+    """Certificate of the server, with intermediate ones."""
     key: str = ""
-    """Its private key; in the file of the certificate if absent."""
+    """Private key of the certificate. If absent, it is in the same file."""
     clients: str = ""
-    """The authorities that sign clients' certificates; without it none are asked for."""
+    """Authorities that sign client certificates. If absent, no client certificate is requested."""
 
 
 class ReceiverSettings(Section):
     """The robots' port."""
 
     host: str = "127.0.0.1"
-    """Address to listen on; "0.0.0.0" for all of this machine's."""
+    """Address to listen on; "0.0.0.0" for all addresses of this machine."""
     port: Annotated[int, Field(ge=0, le=65535)] = 3000
-    """0 takes any free port."""
+    """Port to listen on; 0 for any free port."""
     max_message_bytes: Annotated[int, Field(gt=0)] = 65536
-    """A longer message is refused and its connection closed."""
+    """A longer message is refused, and its connection is closed."""
     open_timeout_s: Seconds = 5.0
-    """How long a connection may take to open, and its handshake of TLS before that."""
+    """Longest time to open a connection. The TLS handshake before it may take as long."""
     idle_timeout_s: Seconds = 120.0
-    """A connection that has sent nothing for this long is closed; unanswered pings never close one."""
+    """A connection that sends nothing for this long is closed."""
     max_connections: Annotated[int, Field(gt=0)] = 12000
-    """Most connections at once; fewer where the limit of open files is lower."""
+    """Most connections at once. A low limit of open files makes it fewer."""
     max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
-    """The same for one address; a sender that never closes its connections is stopped here."""
+    """Most connections from one address, for senders that never close theirs."""
     max_messages_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5000.0
-    """Messages a second that a vendor may send. If a connection's vendor is not known, its address has this share."""
+    """Most messages a second of one vendor. Connections of unknown vendors are limited by address."""
     tls: Tls | None = None
-    """Serve `wss://` with these certificates; plain `ws://` if absent."""
+    """Certificates for `wss://`. If absent, the port serves plain `ws://`."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)
-    """First and longest wait between attempts to reach a fleet manager."""
+    """First and longest wait between attempts to connect to a fleet manager."""
 
 
 class RecorderSettings(Section):
     """The append-only log of every message and tick."""
 
     enabled: bool = True
-    """Without it nothing can be replayed, and a restart begins with an empty floor."""
+    """Whether the log is written. Without it there is no replay, and a restart begins with an empty floor."""
     segment_bytes: Annotated[int, Field(gt=0)] = 64 * 1024 * 1024
-    """The size at which a new segment is begun."""
+    """Size of a segment, after which the next one begins."""
     total_bytes: Annotated[int, Field(gt=0)] = 4 * 1024 * 1024 * 1024
-    """The oldest segments go when the log grows beyond this."""
+    """Largest size of the log. The oldest segments are removed first."""
     keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
-    """And segments to which nothing was added for this long."""
+    """Segments without a new line for this long are removed."""
 
 
 class Reading(Section):
-    """How messages are read where the standard leaves it open."""
+    """How messages are read. The standard leaves these points open."""
 
     horizon_s: Seconds = 10.0
     """How far ahead a path is used (standard 5.3.3)."""
     destination_horizon_s: Seconds = 900.0
     """How far ahead destinations are used (standard 5.2.3)."""
     default_envelope_m: Envelope = (1.0, 1.0, 0.0)
-    """Envelope of a robot that has not identified itself and whose vendor has no default."""
+    """Envelope of a robot that has not identified itself, if its vendor has no default."""
     quiet_after_s: Seconds = 30.0
-    """A robot not heard of for this long is quiet (standard 5.4)."""
+    """A robot without a message for this long is quiet (standard 5.4)."""
     silent_after_s: Seconds = 60.0
-    """And for this long, silent."""
+    """A robot without a message for this long is silent."""
     forget_after_s: Seconds = 86400.0
-    """A robot silent for this long leaves the floor, logged and counted; until then it is an obstacle."""
+    """A robot without a message for this long is removed. Until then it is an obstacle."""
     max_robots_per_vendor: Annotated[int, Field(gt=0)] = 20000
-    """A sender that makes up UUIDs is stopped here; those it has already stay until they are forgotten."""
+    """Most robots of one vendor, for senders that invent UUIDs. Further robots are refused."""
     clock_tolerance_s: Seconds = 0.25
-    """A sender whose clock seems off by less is taken to be right and its messages to be delayed."""
+    """Errors of a sender's clock below this are ignored: its messages count as delayed."""
     lost_doubt_m: Metres = 1.0
-    """How far off the position of a robot that reports itself lost may be."""
+    """Largest error of the position of a robot that reports that it is lost."""
     blocking_errors: tuple[str, ...] = ("stuck", "safety stop", "estop", "e-stop", "emergency stop")
-    """Error codes containing one of these (case ignored) make the robot an obstacle where it stands."""
+    """A robot with an error code that contains one of these is an obstacle. Case is ignored."""
     lost_errors: tuple[str, ...] = ("lost",)
-    """Error codes containing one of these make the robot's position doubtful."""
+    """A robot with an error code that contains one of these is lost. Case is ignored."""

@@ -71,7 +71,7 @@ class ContentionSettings(Section):
     least_wait_s: Seconds = 10.0
     """A queue with a shorter longest wait raises no advisory. If too short, every crossing raises one."""
     stand_s: Seconds = 5.0
-    """A robot that stands this long where others will pass is a blockage. If too short, pausing robots are reported."""
+    """A robot that stands this long in the way of others is a blockage. If too short, pausing robots are reported."""
     clear_after_s: Seconds = 3.0
     """An advisory is cleared once it has not held for this long. If too short, advisories flicker."""
 

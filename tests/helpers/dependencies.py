@@ -12,18 +12,29 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 HEAD = """# Dependencies
 
-What `pip install -c constraints.txt .` installs besides this package, at the versions that were tested, and under which
-licence each comes by its own word. `python -m tests.helpers.dependencies > docs/dependencies.md` writes this page anew.
+The table lists what `pip install -c constraints.txt .` installs besides this package. The versions are those that were
+tested. Each licence is the one in the metadata of the package. `python -m tests.helpers.dependencies >
+docs/dependencies.md` writes this page.
 
-`make audit` asks the vulnerability database of the Python Packaging Authority for each version in `constraints.txt`,
-the developers' tools included, with pip-audit in an environment of its own. It fails where one is known to be
-vulnerable, and where the database can't be asked: no answer is not a clean one. Run it for each release and whenever
-`constraints.txt` changes, where PyPI itself is reached: of a mirror that has packages alone pip-audit says "not found
-on PyPI". No result is kept here yet, because the database could not be asked. Instead published
-advisories of what reads strangers' bytes were looked for by hand, in November 2026, which proves far less: those found
-are mended in the pinned versions (starlette CVE-2024-47874 in 0.40.0, CVE-2025-62727 in 0.49.1 and CVE-2026-48710 in
-1.0.1; idna CVE-2026-45409 in 3.15; h11 0.16.0 is itself such a release). Of websockets, uvicorn, msgspec, pydantic and
-zstandard none was found. For protobuf's CVE-2026-0994 no version was found; nothing here gives it strangers' bytes.
+## Known vulnerabilities
+
+`make audit` looks up each version of `constraints.txt` in the vulnerability database of the Python Packaging Authority.
+It uses pip-audit in a separate environment, and includes the tools of developers. It fails if a version is known to be
+vulnerable. It fails also if the database does not answer. Run it for each release and after each change of
+`constraints.txt`. It needs PyPI itself: a mirror that serves only packages makes pip-audit report "not found on PyPI".
+
+The database could not be reached yet, so this page has no result of `make audit`. In November 2026 we searched by hand
+for published advisories of the packages that read bytes from outside. Such a search proves less. It found:
+
+- starlette: CVE-2024-47874, fixed in 0.40.0; CVE-2025-62727, fixed in 0.49.1; CVE-2026-48710, fixed in 1.0.1;
+- idna: CVE-2026-45409, fixed in 3.15;
+- h11: the tested version is itself a release with a fix;
+- protobuf: CVE-2026-0994. No version with a fix was found. The service gives protobuf no bytes from outside;
+- websockets, uvicorn, msgspec, pydantic and zstandard: none.
+
+The tested versions contain these fixes.
+
+## Packages
 
 | package | version | licence | needed by |
 | --- | --- | --- | --- |
@@ -67,7 +78,7 @@ def licence(name: str) -> str:
     classifiers = [one.split(" :: ")[-1] for one in told.get("classifier", []) if one.startswith("License ::")]
     short = re.sub(r"\s+", " ", str(told.get("license", "")).strip())
     return (
-        ", ".join(classifier for classifier in classifiers if classifier != "OSI Approved") or short[:60] or "not told"
+        ", ".join(classifier for classifier in classifiers if classifier != "OSI Approved") or short[:60] or "unknown"
     )
 
 

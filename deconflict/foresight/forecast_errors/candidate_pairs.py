@@ -1,7 +1,7 @@
 """Which pairs of robots may come near each other, by where they will go by their newest forecasts.
 
-Compiled. Arrays are by slot, see `PendingForecasts`. `find_pairs` is long because it makes the grid of cells, whose size
-depends on all robots, and then goes through it once.
+Compiled. Arrays are by slot, see `PendingForecasts`. `find_pairs` is long because it makes the grid of cells and
+then goes through it once: the size of a cell depends on all robots.
 """
 
 import numba

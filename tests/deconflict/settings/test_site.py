@@ -44,7 +44,7 @@ def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
         ),
         ("store.zzz", 1, "store.zzz: there is no such key; expected one of directory"),
         ("vendors.1.maps.0.site_datum", None, "vendors[1].maps[0].site_datum: is missing; expected The site's datum"),
-        ("vendors.0.name", None, "vendors[0].name: is missing; expected A short name"),
+        ("vendors.0.name", None, "vendors[0].name: is missing; expected Short name in metrics and advisories"),
         (
             "conflict.clearance_m",
             -0.1,
