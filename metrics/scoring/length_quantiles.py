@@ -1,4 +1,8 @@
-"""Quantiles of many lengths or times in bounded memory: bins that grow by 2 % (after DDSketch, Masson 2019)."""
+"""Quantiles of many lengths or times in bounded memory: bins that grow by 2 % (after DDSketch, Masson 2019).
+
+A quantile is the middle of its bin. The engine's own bands need a bound from fading counts instead:
+`deconflict/foresight/forecast_errors/upper_quantiles.py`.
+"""
 
 import numpy as np
 

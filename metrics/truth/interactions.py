@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, SPARSE_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.sweep.geometry.pose import poses_at
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Batch, Floats, Ints, Pair
 from ingest.kernels import ready

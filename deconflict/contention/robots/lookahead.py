@@ -1,16 +1,18 @@
 """Where robots will be in the next ten seconds, at even steps, for many forecasts at once."""
 
-from math import atan2, cos, hypot, isfinite, sin
+from math import cos, hypot, sin
 from typing import NamedTuple, Self
 
 import numba
 import numpy as np
 
+from deconflict.sweep.geometry.pose import poses_at
 from ingest.batch import Floats, Forecasts, Ints
-from ingest.kernels import kernel, ready
+from ingest.kernels import kernel
 
 STEP_S = 0.5
 STEPS = 20
+_AHEAD_S: Floats = STEP_S * np.arange(STEPS + 1, dtype=np.float64)
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
@@ -66,60 +68,16 @@ def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m
     return found
 
 
-@kernel(
-    numba.types.Tuple((*[numba.float64[:, ::1]] * 4, numba.int64[:, ::1]))(  # type: ignore[no-untyped-call]
-        _INTS, *[_FLOATS] * 4, _INTS, *[numba.float64] * 2, numba.int64
-    )
-)
-def _ahead(
-    start: Ints,
-    t_s: Floats,
-    x_m: Floats,
-    y_m: Floats,
-    yaw_rad: Floats,
-    floor: Ints,
-    now_s: float,
-    step_s: float,
-    steps: int,
-) -> tuple[Floats, Floats, Floats, Floats, Ints]:
-    n = len(start) - 1
-    times, x, y, yaw = np.empty((n, steps)), np.empty((n, steps)), np.empty((n, steps)), np.empty((n, steps))
-    on = np.empty((n, steps), np.int64)
-    for row in range(n):
-        before, end = start[row], start[row + 1]
-        sound, turn, turns_from = before < end, 0.0, -1
-        for step in range(steps):
-            times[row, step] = now_s + step_s * step
-            if not sound:
-                continue
-            while before + 1 < end and t_s[before + 1] - now_s <= step_s * step:
-                before += 1
-            after, share = min(before + 1, end - 1), 0.0
-            if after > before and floor[after] == floor[before]:
-                share = (times[row, step] - t_s[before]) / (t_s[after] - t_s[before])
-                share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
-            if turns_from != before:
-                turn, turns_from = yaw_rad[after] - yaw_rad[before], before
-                turn = atan2(sin(turn), cos(turn)) if turn != 0.0 else turn
-            x[row, step] = x_m[before] + share * (x_m[after] - x_m[before])
-            y[row, step] = y_m[before] + share * (y_m[after] - y_m[before])
-            yaw[row, step] = yaw_rad[before] + share * turn
-            on[row, step] = floor[before]
-            sound = isfinite(x[row, step] + y[row, step] + yaw[row, step])
-        if not sound:
-            x[row], y[row], yaw[row], on[row] = 0.0, 0.0, 0.0, -1
-    return times, x, y, yaw, on
-
-
 def look_ahead(forecasts: Forecasts, now_s: float) -> Lookahead:
-    """Each robot from `now_s` on, interpolated as `Forecasts` says; before its first knot, at that knot.
+    """Each robot from `now_s` on; before its first knot, at that knot.
 
     A robot whose numbers are not finite is on floor -1.
     """
-    f = forecasts
-    t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
-    start, floor = ready(f.start, np.int64), ready(f.floor, np.int64)
-    return Lookahead(*_ahead(start, t_s, x_m, y_m, yaw_rad, floor, now_s, STEP_S, STEPS + 1))
+    poses = poses_at(forecasts, np.full(len(forecasts), now_s), _AHEAD_S)
+    poses[~np.isfinite(poses).all(axis=(1, 2))] = 0.0, 0.0, 0.0, -1.0
+    t_s = np.tile(now_s + _AHEAD_S, (len(poses), 1))
+    x_m, y_m, yaw_rad, floor = np.ascontiguousarray(np.moveaxis(poses, -1, 0))
+    return Lookahead(t_s, x_m, y_m, yaw_rad, floor.astype(np.int64))
 
 
 LOOKAHEAD = numba.types.NamedTuple(  # type: ignore[no-untyped-call]

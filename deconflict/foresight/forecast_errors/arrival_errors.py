@@ -6,7 +6,7 @@ Errors are counted by size, so that memory is bounded. Old errors fade as in the
 import numpy as np
 
 from deconflict.foresight.forecast_errors.error_ledger import HALF_LIFE_S
-from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins, quantiles
+from deconflict.foresight.forecast_errors.upper_quantiles import BINS, bins, upper_quantiles
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
 from ingest.batch import Floats
 from ingest.measures.measures import Labels, Measures
@@ -81,7 +81,7 @@ def _levels(vendor: str, counts: Floats) -> tuple[dict[Labels, float], dict[Labe
     for column, (ahead_s, cases) in enumerate(zip(AHEAD_S, both.sum(axis=1), strict=True)):
         if cases >= FEWEST_CASES:
             key = (vendor, f"{ahead_s:g}")
-            sizes_s = quantiles(both[column], SHARES) * UNIT_S
+            sizes_s = upper_quantiles(both[column], SHARES) * UNIT_S
             errors |= {(*key, str(share)): s for share, s in zip(SHARES.tolist(), sizes_s.tolist(), strict=True)}
             late[key] = float(counts[LATE, column].sum() / cases)
     return errors, late

@@ -7,6 +7,7 @@ then goes through it once: the size of a cell depends on all robots.
 import numba
 import numpy as np
 
+from deconflict.foresight.forecast_errors.track_kernels import on_track
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -18,21 +19,12 @@ def _set_places(
     places: Floats, near: Floats, reach: Floats, newest: Floats, track: Floats, slot: int, now_s: float
 ) -> None:
     """Set the places of a robot at every whole second from now on, x_m, y_m and floor, in `places`; and its `reach`
-    plus half of its longest step, in `near`. Does nothing if they are set already. All places are equally far into a
-    second of its track."""
+    plus half of its longest step, in `near`. Does nothing if they are set already."""
     if near[slot] >= 0.0:
         return
-    last, since_s, longest = track.shape[1] - 1, now_s - newest[slot, 0], 0.0
-    whole = int(np.floor(since_s))
+    longest = 0.0
     for second in range(places.shape[1]):
-        at, share = whole + second, since_s - whole
-        if at < 0:
-            at, share = 0, 0.0
-        elif at >= last:
-            at, share = last - 1, 1.0
-        x, y, floor = track[slot, at, 0], track[slot, at, 1], track[slot, at, 3]
-        if track[slot, at + 1, 3] == floor:
-            x, y = x + share * (track[slot, at + 1, 0] - x), y + share * (track[slot, at + 1, 1] - y)
+        x, y, _, floor = on_track(track, slot, now_s - newest[slot, 0] + second)
         if second:
             dx, dy = x - places[slot, second - 1, 0], y - places[slot, second - 1, 1]
             longest = max(longest, dx * dx + dy * dy)

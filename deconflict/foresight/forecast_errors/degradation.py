@@ -12,8 +12,8 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.error_ledger import ForecastKind
 from deconflict.foresight.forecast_errors.forecast_grades import GRADED_S
-from deconflict.foresight.forecast_errors.quantile_sketch import BINS, quantiles
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
+from deconflict.foresight.forecast_errors.upper_quantiles import BINS, upper_quantiles
 from deconflict.runtime.learned_state import Part, UnreadableError
 from ingest.batch import Basis, Floats, Ints
 from ingest.kernels import kernel
@@ -120,7 +120,7 @@ class DegradationDetector:
 
     def _add_value(self, row: int) -> None:
         """Compare the errors that were collected of a vendor with its usual ones, and start to collect anew."""
-        size_m = float(quantiles(self._counts[row], SHARE)[0])
+        size_m = float(upper_quantiles(self._counts[row], SHARE)[0])
         level = self._levels.setdefault(list(self._vendors)[row], ChangeDetector(LIMITS))
         level.add(log(size_m + FINE_M), float(self._since_s[row]))
         self._since_s[row], self._counts[row] = inf, 0.0

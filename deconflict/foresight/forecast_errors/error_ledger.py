@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, cast
 import numba
 import numpy as np
 
-from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins, set_quantiles
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
+from deconflict.foresight.forecast_errors.upper_quantiles import BINS, bins, set_upper_quantiles
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Basis, Bools, Floats, Ints
@@ -215,5 +215,5 @@ class Ledger:
         self._read_bands(np.arange(len(kinds)))
 
     def _read_bands(self, rows: Ints) -> None:
-        set_quantiles(self.counts[:, RADIAL], self.level, rows, self.bands_m)
+        set_upper_quantiles(self.counts[:, RADIAL], self.level, rows, self.bands_m)
         _widen(self.bands_m, rows)

@@ -2,7 +2,7 @@
 
 from deconflict.foresight.forecast_errors.error_ledger import RADIAL, SHARES, Ledger
 from deconflict.foresight.forecast_errors.forecast_grades import FEWEST_CASES, GRADED_S, grade
-from deconflict.foresight.forecast_errors.quantile_sketch import quantiles
+from deconflict.foresight.forecast_errors.upper_quantiles import upper_quantiles
 from ingest.measures.measures import Measures
 
 SHOWN_S = (1, 3, 5, 10)
@@ -17,7 +17,7 @@ def measure(ledger: Ledger, measures: Measures) -> None:
     for vendor in dict.fromkeys(kind.vendor for kind in ledger.kinds):
         rows = [row for kind, row in ledger.kinds.items() if kind.vendor == vendor]
         cases = ledger.cases[rows].sum(axis=0)
-        sizes_m = quantiles(ledger.counts[rows, RADIAL].sum(axis=0), SHARES)
+        sizes_m = upper_quantiles(ledger.counts[rows, RADIAL].sum(axis=0), SHARES)
         for horizon_s in SHOWN_S:
             for share, size_m in zip(SHARES.tolist(), sizes_m[horizon_s - 1].tolist(), strict=True):
                 errors[(vendor, str(horizon_s), str(share))] = size_m

@@ -6,8 +6,8 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors import candidate_pairs, track_kernels
 from deconflict.foresight.forecast_errors.error_ledger import HORIZONS
-from deconflict.foresight.forecast_errors.pose_sampling import poses_at
 from deconflict.foresight.forecast_errors.track_kernels import LONG_AGO_S, Errors, RelativePoses, ReportHistory, Robots
+from deconflict.sweep.geometry.pose import poses_at
 from ingest.batch import Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 

@@ -7,17 +7,18 @@ The file is long because its functions are compiled: they read reports number by
 costs more in numba than the arithmetic on it.
 """
 
-from math import cos, pi, sin
+from math import cos, sin
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.foresight.forecast_errors.quantile_sketch import LIMITS_M
+from deconflict.foresight.forecast_errors.upper_quantiles import LIMITS_M
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Bools, Floats, Ints
+from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
 
 ROBOT = np.dtype(
@@ -42,7 +43,7 @@ ERROR = np.dtype(
         ("kind", np.int64),  # row of its kind in the ledger
         ("robot", np.int64),  # slot
         ("horizon_s", np.int64),  # whole seconds ahead, from 1 on
-        ("radial_bin", np.int64),  # bin of the size of the error, see `quantile_sketch`
+        ("radial_bin", np.int64),  # bin of the size of the error, see `upper_quantiles`
         ("along_bin", np.int64),  # bin of its part along the heading
         ("across_bin", np.int64),  # bin of its part across the heading
         ("radial_m", np.float64),  # size of the error
@@ -146,13 +147,7 @@ Line = tuple[float, float, float, float, float, float, float, float, float]
 yaw_rad; floor."""
 
 
-@inner
-def _turn(yaw: float, other: float) -> float:
-    """The turn from one heading to another, the shorter way round."""
-    turn = other - yaw + pi
-    if not 0.0 <= turn < 2 * pi:
-        turn %= 2 * pi
-    return turn - pi
+_turn_between = inner(turn_between)
 
 
 @inner
@@ -164,7 +159,7 @@ def _line(history: ReportHistory, slot: int) -> Line:
     floor = newest[slot, 4]
     if not (a_s > LONG_AGO_S and previous[slot, 4] == floor and b_s - a_s <= JOINED_S):
         a_s, a_x, a_y, a_yaw, floor = b_s, b_x, b_y, b_yaw, -1.0
-    return a_s, max(b_s - a_s, 1e-9), a_x, b_x - a_x, a_y, b_y - a_y, a_yaw, _turn(a_yaw, b_yaw), floor
+    return a_s, max(b_s - a_s, 1e-9), a_x, b_x - a_x, a_y, b_y - a_y, a_yaw, _turn_between(a_yaw, b_yaw), floor
 
 
 @inner
@@ -193,23 +188,16 @@ def speed_mps(history: ReportHistory, slot: int) -> float:
 
 
 @inner
-def _part(track: Floats, slot: int, since_s: float) -> tuple[int, float]:
-    """The sample of its track that a robot has reached `since_s` after its report, and its share of the way to the
-    next sample."""
+def on_track(track: Floats, slot: int, since_s: float) -> Pose:
+    """Where a robot is `since_s` after the report of its track, linear between the samples."""
     last = track.shape[1] - 1
     since_s = min(max(since_s, 0.0), float(last))
     whole = min(int(since_s), last - 1)
-    return whole, since_s - whole if track[slot, whole, 3] == track[slot, whole + 1, 3] else 0.0
-
-
-@inner
-def _ahead(track: Floats, slot: int, since_s: float) -> Pose:
-    """Where a robot is `since_s` after the report of its track, linear between the samples."""
-    whole, share = _part(track, slot, since_s)
+    share = since_s - whole if track[slot, whole, 3] == track[slot, whole + 1, 3] else 0.0
     x, y, yaw = track[slot, whole, 0], track[slot, whole, 1], track[slot, whole, 2]
     x += share * (track[slot, whole + 1, 0] - x)
     y += share * (track[slot, whole + 1, 1] - y)
-    return x, y, yaw + share * _turn(yaw, track[slot, whole + 1, 2]), track[slot, whole, 3]
+    return x, y, yaw + share * _turn_between(yaw, track[slot, whole + 1, 2]), track[slot, whole, 3]
 
 
 @kernel(POSES(_HISTORY, *[_INTS] * 2, *[_READ_ONLY] * 2, numba.float64, _MATRIX))
@@ -245,7 +233,7 @@ def relative_poses(
                 if at < past:
                     pose = _on(line, past_s[row, at])
                 else:
-                    pose = _ahead(track, slot, now_s + ahead_s[at - past] - newest[slot, 0] - late_s[side, row])
+                    pose = on_track(track, slot, now_s + ahead_s[at - past] - newest[slot, 0] - late_s[side, row])
                 x[side, at], y[side, at], yaw[side, at], floor[side, at] = pose
             goes_x, goes_y = x[side, past + 1] - x[side, past], y[side, past + 1] - y[side, past]
             speeds[side, row] = np.hypot(goes_x, goes_y) / ahead_s[1]
@@ -343,7 +331,8 @@ def _stood_since_s(history: ReportHistory, slot: int, since_s: float, forecast_m
         return since_s
     went_m = np.hypot(newest[slot, 1] - previous[slot, 1], newest[slot, 2] - previous[slot, 2])
     creeps_mps = max(min(CREEPS_MPS, CREEPS_SHARE * forecast_mps), STILL_MPS)
-    if went_m >= creeps_mps * lasted_s or abs(_turn(previous[slot, 3], newest[slot, 3])) >= TURNS_RADPS * lasted_s:
+    turned_rad = abs(_turn_between(previous[slot, 3], newest[slot, 3]))
+    if went_m >= creeps_mps * lasted_s or turned_rad >= TURNS_RADPS * lasted_s:
         return float(np.inf)
     return float(min(since_s, previous[slot, 0]))
 
@@ -364,7 +353,7 @@ def _mark_stopped(history: ReportHistory, slot: int) -> None:
 
 @inner
 def _bin(size_m: float) -> int:
-    """The bin of an error, as of `quantile_sketch.bins`. The halving has no branch, as the next size is
+    """The bin of an error, as of `upper_quantiles.bins`. The halving has no branch, as the next size is
     unpredictable."""
     found = 0
     for step in (64, 32, 16, 8, 4, 2, 1):

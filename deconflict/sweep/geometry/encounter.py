@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
-from deconflict.sweep.geometry.pose import envelope, pose_at
+from deconflict.sweep.geometry.pose import COLUMNS, Columns, Moving, columns_of, envelope, moving, pose_at
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
@@ -25,12 +25,8 @@ SAME_M = 1e-9
 
 Row = tuple[Forecasts, int]
 """Forecasts, and the row of one robot in them."""
-Columns = tuple[Ints, Floats, Floats, Floats, Floats, Ints, Floats, Floats, int]
-"""The columns of `Forecasts` that describe the motion and size of robots, and the row of one robot."""
 Box = tuple[float, float, float, float, float, float]
 """A rectangle: x and y of its centre, cosine and sine of its heading, half its length and half its width."""
-Moving = tuple[float, float, float, float, float, int]
-"""A robot at one moment: x, y and yaw; velocity along x and y; floor."""
 
 _STANDING, _FOLLOWING, _CROSSING, _HEAD_ON = range(4)
 CLASSES = (
@@ -52,15 +48,11 @@ ENCOUNTER = np.dtype(
 Encounters = NDArray[Any]
 """(n,) of `ENCOUNTER`."""
 
-_REAL = numba.types.Array(numba.float64, 1, "A", readonly=True)
-_WHOLE = numba.types.Array(numba.int64, 1, "A", readonly=True)
-_ROBOT = numba.types.Tuple((_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64))  # type: ignore[no-untyped-call]
-"""The type of `Columns` in kernels."""
 _KNOWN = (*(numba.from_dtype(dtype)[::1] for dtype in (ROBOT, KNOT)), numba.float64[::1])
 """Robots by slot, their knots, and how much longer and wider than reported each envelope is."""
 
 
-_turn_between = inner(turn_between)
+_turn_between, _moving = inner(turn_between), inner(moving)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +73,7 @@ def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
     If there are several such places, or if the envelopes overlap, it is the mean of the places. If they overlap and
     neither has a corner in the other, it is the centroid of their common area.
     """
-    _, x_m, y_m, closing_mps, kind, floor, _ = _met(_columns(a), _columns(b), contact_s)
+    _, x_m, y_m, closing_mps, kind, floor, _ = _met(columns_of(*a), columns_of(*b), contact_s)
     if isnan(x_m):
         x_m, y_m = _shared(a, b, contact_s)
     return Encounter(CLASSES[kind], closing_mps, x_m, y_m, floor)
@@ -89,13 +81,8 @@ def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
 
 def separation_m(a: Row, b: Row, t_s: float) -> float | None:
     """Distance of the two envelopes at `t_s`, 0 if they overlap; None if they are on different floors."""
-    distance_m, *_, floor_a, floor_b = _met(_columns(a), _columns(b), t_s)
+    distance_m, *_, floor_a, floor_b = _met(columns_of(*a), columns_of(*b), t_s)
     return None if floor_a != floor_b or floor_a < 0 else distance_m
-
-
-def _columns(robot: Row) -> Columns:
-    f, row = robot
-    return f.start, f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor, f.length_m, f.width_m, row
 
 
 def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:
@@ -104,23 +91,6 @@ def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:
     envelope_a, envelope_b = (envelope(robot, pose_at(robot, t_s)) for robot in robots)
     middle = envelope_a.intersection(envelope_b).centroid
     return middle.x, middle.y
-
-
-@inner
-def _moving(columns: Columns, at_s: float) -> Moving:
-    """A robot at `at_s`, interpolated between knots as `Forecasts` says; before the first knot it is there."""
-    start, t_s, x_m, y_m, yaw_rad, floor, _, _, row = columns
-    knot, end = start[row], start[row + 1]
-    while knot + 1 < end and t_s[knot + 1] <= at_s:
-        knot += 1
-    x, y, yaw, following = x_m[knot], y_m[knot], yaw_rad[knot], knot + 1
-    if following >= end or at_s < t_s[knot] or floor[following] != floor[knot]:
-        return x, y, yaw, 0.0, 0.0, floor[knot]
-    span_s = t_s[following] - t_s[knot]
-    share = (at_s - t_s[knot]) / span_s
-    dx, dy = x_m[following] - x, y_m[following] - y
-    turn = _turn_between(yaw, yaw_rad[following])
-    return x + share * dx, y + share * dy, yaw + share * turn, dx / span_s, dy / span_s, floor[knot]
 
 
 @inner
@@ -198,7 +168,7 @@ def _closing_mps(a: Moving, b: Moving) -> float:
 
 @kernel(
     numba.types.Tuple((*[numba.float64] * 4, *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
-        _ROBOT, _ROBOT, numba.float64
+        *[COLUMNS] * 2, numba.float64
     )
 )
 def _met(columns_a: Columns, columns_b: Columns, at_s: float) -> tuple[float, float, float, float, int, int, int]:
@@ -211,7 +181,7 @@ def _met(columns_a: Columns, columns_b: Columns, at_s: float) -> tuple[float, fl
 
 @inner
 def _moving_there(robot: Any, knots: Knots, at_s: float) -> Moving:
-    """A robot of a slot table at `at_s`, as `_moving`."""
+    """A robot of a slot table at `at_s`, as `moving`."""
     knot, last = robot.first, robot.first + robot.count - 1
     while knot < last and knots[knot + 1].t <= at_s:
         knot += 1

@@ -6,14 +6,16 @@ not on the pass. Times within a slab count from its start: small numbers, which 
 `delayed` is long because it is one loop that writes the knots of all robots one behind the other.
 """
 
-from math import pi, sqrt
+from math import sqrt
 from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.sweep.geometry.pose import between
 from ingest.batch import Floats, Forecasts, Ints
+from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel, ready
 
 KNOT = np.dtype(
@@ -53,6 +55,7 @@ ROBOT = np.dtype(
 Robots = NDArray[Any]
 """Of `ROBOT`."""
 
+_turn_between = inner(turn_between)
 _KNOT, _ROBOT = (numba.from_dtype(dtype) for dtype in (KNOT, ROBOT))
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
@@ -145,13 +148,6 @@ def _reasons(forecasts: Forecasts) -> dict[int, str]:
 
 
 @inner
-def _wrapped(yaw: float) -> float:
-    """The same heading within [-pi, pi), as sines of large angles lose precision."""
-    turned = yaw + pi
-    return (turned if 0.0 <= turned < 2 * pi else turned % (2 * pi)) - pi
-
-
-@inner
 def _write_knots(
     knots: Knots, first: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, on_floor: Ints
 ) -> None:
@@ -159,12 +155,13 @@ def _write_knots(
     for row in range(len(first)):
         for k in range(start[row], start[row + 1]):
             knot = knots[first[row] + k - start[row]]
-            knot.t, knot.x, knot.y, knot.yaw, knot.floor = t_s[k], x_m[k], y_m[k], _wrapped(yaw_rad[k]), on_floor[k]
+            knot.t, knot.x, knot.y, knot.floor = t_s[k], x_m[k], y_m[k], on_floor[k]
+            knot.yaw = _turn_between(0.0, yaw_rad[k])
             knot.vx, knot.vy, knot.turn, knot.reported_yaw = 0.0, 0.0, 0.0, yaw_rad[k]
             if k + 1 < start[row + 1] and on_floor[k + 1] == on_floor[k]:
                 span = t_s[k + 1] - t_s[k]
                 knot.vx, knot.vy = (x_m[k + 1] - x_m[k]) / span, (y_m[k + 1] - y_m[k]) / span
-                knot.turn = _wrapped(yaw_rad[k + 1] - yaw_rad[k]) / span
+                knot.turn = _turn_between(yaw_rad[k], yaw_rad[k + 1]) / span
 
 
 @inner
@@ -277,18 +274,15 @@ def delayed(
         ahead = first
         while ahead < end and knots[ahead].t <= leaves_s:
             ahead += 1
-        before, after, share, turn = knots[max(ahead - 1, first)], knots[min(ahead, end - 1)], 0.0, 0.0
-        if first < ahead < end and after.floor == before.floor:
-            share, turn = (
-                (leaves_s - before.t) / (after.t - before.t),
-                _wrapped(after.reported_yaw - before.reported_yaw),
-            )
-        else:
+        before, after = knots[max(ahead - 1, first)], knots[min(ahead, end - 1)]
+        if after.floor != before.floor:
             after = before
+        knot = before.t, before.x, before.y, before.reported_yaw
+        following = after.t, after.x, after.y, after.reported_yaw
+        leaves_x, leaves_y, leaves_yaw, _, _ = between(knot, following, leaves_s)
         for _ in range(1 if hold == 0.0 else 2):
             t[n], on_floor[n] = leaves_s + hold * (n - begin), before.floor
-            x[n], y[n] = before.x + share * (after.x - before.x), before.y + share * (after.y - before.y)
-            yaw[n] = before.reported_yaw + share * turn
+            x[n], y[n], yaw[n] = leaves_x, leaves_y, leaves_yaw
             n += 1
         for k in range(ahead, end):
             if knots[k].t > leaves_s + SAME_S:

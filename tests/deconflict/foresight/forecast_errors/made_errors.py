@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from deconflict.foresight.forecast_errors.quantile_sketch import bins
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
+from deconflict.foresight.forecast_errors.upper_quantiles import bins
 from ingest.batch import Floats
 
 

@@ -14,8 +14,8 @@ from deconflict.foresight.forecast_errors.error_ledger import (
     SHARES,
     Ledger,
 )
-from deconflict.foresight.forecast_errors.quantile_sketch import bins, quantiles
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT, Errors
+from deconflict.foresight.forecast_errors.upper_quantiles import bins, upper_quantiles
 from deconflict.foresight.probability.band_kernels import reach_m
 from deconflict.runtime.learned_state import UnreadableError
 from ingest.batch import Basis, Floats
@@ -76,7 +76,7 @@ def test_counting_many_errors_equals_counting_them_one_by_one() -> None:
     assert ledger.level == pytest.approx(np.clip(level, LOWEST_LEVEL, HIGHEST_LEVEL))
     assert ledger.cases.sum() == n
     assert ledger.as_of_s.tolist() == [now_s, now_s, NOW_S]
-    radii_m = quantiles(ledger.counts[:, 0], ledger.level)
+    radii_m = upper_quantiles(ledger.counts[:, 0], ledger.level)
     assert ledger.bands_m == pytest.approx(np.maximum.accumulate(np.maximum.accumulate(radii_m, axis=2), axis=1))
 
 

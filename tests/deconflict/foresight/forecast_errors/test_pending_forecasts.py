@@ -14,9 +14,9 @@ from deconflict.foresight.forecast_errors.pending_forecasts import (
     PendingForecasts,
     ReportedTracks,
 )
-from deconflict.foresight.forecast_errors.pose_sampling import poses_at
-from deconflict.foresight.forecast_errors.quantile_sketch import BINS, bins
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT, Errors
+from deconflict.foresight.forecast_errors.upper_quantiles import BINS, bins
+from deconflict.sweep.geometry.pose import poses_at
 from ingest.batch import Forecasts
 from tests.helpers.made_encounters import NOW_S, robot
 

@@ -1,4 +1,9 @@
-"""Distributions of distances in bounded memory: counts in bins, each a tenth wider than the one before."""
+"""Distributions of distances in bounded memory: counts in bins, each a tenth wider than the one before.
+
+A quantile is the upper edge of its bin, so that a band holds at least the share that it promises. The counts are
+weights that fade, and the quantiles of many robots are set in one kernel at every pass. The figures of a replay need a
+value that is neither too large nor too small and know no time limit: `metrics/scoring/length_quantiles.py`.
+"""
 
 import numba
 import numpy as np
@@ -23,7 +28,7 @@ def bins(distances_m: Floats) -> Ints:
 
 
 @kernel(numba.void(*[_TABLES] * 2, numba.int64[::1], _EDGES, numba.float64[:, :, ::1]))
-def _set_quantiles(counts: Floats, shares: Floats, rows: Ints, edges_m: Floats, found: Floats) -> None:
+def _set_upper_quantiles(counts: Floats, shares: Floats, rows: Ints, edges_m: Floats, found: Floats) -> None:
     sums = np.empty(counts.shape[2])
     for row in rows:
         for line in range(counts.shape[1]):
@@ -38,12 +43,12 @@ def _set_quantiles(counts: Floats, shares: Floats, rows: Ints, edges_m: Floats, 
                 found[row, line, share] = edges_m[at] if total > 0.0 else 0.0
 
 
-def set_quantiles(counts: Floats, shares: Floats, rows: Ints, found: Floats) -> None:
+def set_upper_quantiles(counts: Floats, shares: Floats, rows: Ints, found: Floats) -> None:
     """Set the `rows` of `found` (n, m, s) to the quantiles of `counts` (n, m, BINS) at `shares` (n, m, s)."""
-    _set_quantiles(counts, shares, rows, EDGES_M, found)
+    _set_upper_quantiles(counts, shares, rows, EDGES_M, found)
 
 
-def quantiles(counts: Floats, shares: Floats) -> Floats:
+def upper_quantiles(counts: Floats, shares: Floats) -> Floats:
     """The distance (..., s) below which a share (s,) or (..., s) of the counts (..., BINS) is; 0 if there are no
     counts.
 
@@ -51,5 +56,5 @@ def quantiles(counts: Floats, shares: Floats) -> Floats:
     """
     shares = np.broadcast_to(shares, (*counts.shape[:-1], shares.shape[-1]))
     found = np.empty((1, counts.size // BINS, shares.shape[-1]))
-    set_quantiles(counts.reshape(1, -1, BINS), shares.reshape(found.shape), _FIRST, found)
+    set_upper_quantiles(counts.reshape(1, -1, BINS), shares.reshape(found.shape), _FIRST, found)
     return found.reshape(shares.shape)

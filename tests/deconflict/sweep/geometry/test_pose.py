@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.forecast_errors.pose_sampling import poses_at
-from deconflict.sweep.geometry.pose import pose_at
+from deconflict.sweep.geometry.pose import pose_at, poses_at
 from ingest.batch import Forecasts
 from tests.helpers.made_encounters import encounters
 
