@@ -7,10 +7,10 @@ from math import ceil, floor, inf, nan
 import numba
 import numpy as np
 
+from deconflict.sweep.geometry.pose import between
 from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Floats, Forecasts, Ints
-from ingest.frames.angles import turn_between
-from ingest.kernels import inner, kernel, ready
+from ingest.kernels import kernel, ready
 
 JOINED_S = 2.1
 
@@ -22,9 +22,6 @@ _NEVER = np.array([0.0 if name == "present_s" else -inf for name in _LAST])
 """The last report of a robot before its first one."""
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
-
-
-_turn_between = inner(turn_between)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,10 +155,9 @@ def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) 
     there = np.full((9, len(robot), samples), np.nan)
     for leg in range(len(legs)):
         who, begin_s, end_s, x0, y0, yaw0, x1, y1, yaw1, on, since_s = legs[leg, :11]
-        row, turn = row_of[int(who)], _turn_between(yaw0, yaw1)
+        row, before, after = row_of[int(who)], (begin_s, x0, y0, yaw0), (end_s, x1, y1, yaw1)
         for sample in range(begins[leg], ends[leg] + 1):
-            share = (sample * step_s - begin_s) / (end_s - begin_s) if end_s > begin_s else 0.0
             at = there[:, row, sample - first]
-            at[0], at[1], at[2] = x0 + share * (x1 - x0), y0 + share * (y1 - y0), yaw0 + share * turn
+            at[0], at[1], at[2], _, _ = between(before, after, sample * step_s)
             at[3], at[4], at[5:9] = nan if on < 0 else on, since_s, legs[leg, 11:15]
     return robot, there
