@@ -68,7 +68,7 @@ class EngineMember:
         """The bus's count of reconnects at the last request for all robots of the channels."""
         self._subscribed: dict[str, Callable[[], Awaitable[None]]] = {}
         """By channel, the function that ends the subscription."""
-        self._writer = StreamWriter(self._bus.revisions)
+        self._writer = StreamWriter(self._bus.revisions, self.measures)
         self._global_engine = GlobalEngine(site, self._bus, self._writer, self._adviser.submit)
         self._outbox = Outbox(self._writer)
         self._table = OwnerTable()

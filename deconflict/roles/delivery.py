@@ -5,7 +5,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
@@ -18,6 +18,7 @@ from deconflict.engine.message_latency import observe_latency
 from deconflict.runtime.learned_state import Part, packed
 from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, cut_into_parcels, packed_parcel
 from deconflict.runtime.rpc import Caller, LinkDownError
+from deconflict.runtime.set_asides import SetAsides
 from ingest.batch import Floats
 from ingest.measures.measures import Measures
 
@@ -61,6 +62,7 @@ class Delivery:
     def __init__(self, runtime: Path) -> None:
         self.runtime = runtime
         self.measures = Measures()
+        self._set_asides = SetAsides(self.measures)
         self._operator = Caller(runtime, "operator")
         self._waiting: queue.SimpleQueue[WaitingParcel | None] = queue.SimpleQueue()
         self._added_bytes = self._delivered_bytes = 0
@@ -109,7 +111,7 @@ class Delivery:
             self._measured_s = now_s
             report = {"measures": [measures.as_document(), self.measures.as_document()], "presence": presence()}
         near = [near_misses[first : first + MOST_LINES] for first in range(0, len(near_misses), MOST_LINES)]
-        parts = list(zip_longest(cut_into_parcels(map(to_json, revisions)), near, fillvalue=()))
+        parts = list(zip_longest(cut_into_parcels(self._lines(revisions)), near, fillvalue=()))
         parts = parts or ([((), ())] if due else [])
         for number, (lines, pairs) in enumerate(parts, 1):
             head = {"near_misses": pairs, **(report if number == len(parts) else {})}
@@ -120,6 +122,14 @@ class Delivery:
     def keep(self, learned: dict[str, Part]) -> None:
         """Deliver the learned state after the next parcel. Replaces one that still waits."""
         self._learned.append(learned)
+
+    def _lines(self, revisions: Iterable[AnyAdvisory]) -> Iterator[bytes]:
+        """Each revision as a line of JSON."""
+        for revision in revisions:
+            try:
+                yield to_json(revision)
+            except ValueError as error:
+                self._set_asides.add("invalid", f"{revision.id}, revision {revision.revision}", error)
 
     def _add(self, parcel: WaitingParcel) -> None:
         self._added_bytes += parcel.size_bytes

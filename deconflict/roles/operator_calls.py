@@ -4,9 +4,10 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import NearPair
@@ -15,11 +16,14 @@ from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.store.tables import UnreadableAdvisoryError
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 
 ANSWER_TIMEOUT_S = 5.0
+SHOWN_BYTES = 200
+"""The log shows so much of an invalid revision."""
 
 log = logging.getLogger(__name__)
 
@@ -99,7 +103,7 @@ class OperatorCalls:
         self._engine.received_s = time.monotonic()
         self._engine.measures = head.get("measures") or self._engine.measures
         self._engine.presence = head.get("presence") or self._engine.presence
-        if lines and not await self._is_published([ADVISORY.validate_json(line) for line in lines]):
+        if lines and not await self._is_published(map(self._advisory, lines)):
             return REFUSED
         if head.get("near_misses"):
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
@@ -117,16 +121,31 @@ class OperatorCalls:
         for is_answer, lines in groupby(json.loads(payload), lambda line: "answer" in line):
             if is_answer:
                 for line in lines:
-                    answer = Acknowledgement.model_validate(line["answer"])
-                    await self._publisher.store_answer(line["id"], answer, line["seq"])
+                    await self._store_answer(line)
             elif not await self._is_published(
-                [ADVISORY.validate_python(line["advisory"] | {"seq": line["seq"]}) for line in lines]
+                self._advisory(json.dumps(line["advisory"] | {"seq": line["seq"]}).encode()) for line in lines
             ):
                 return REFUSED
         return STORED
 
-    async def _is_published(self, advisories: Sequence[AnyAdvisory]) -> bool:
-        """Publish advisories. False if the store takes none now."""
+    async def _store_answer(self, line: dict[str, Any]) -> None:
+        try:
+            answer = Acknowledgement.model_validate(line["answer"])
+            await self._publisher.store_answer(line["id"], answer, line["seq"])
+        except (ValueError, UnreadableAdvisoryError) as error:
+            self._publisher.set_asides.add("invalid", f"an answer to {line['id']}", error)
+
+    def _advisory(self, line: bytes) -> AnyAdvisory | None:
+        """The revision of a line of JSON. None if it is not valid; then it is set aside."""
+        try:
+            return ADVISORY.validate_json(line)
+        except ValueError as error:
+            self._publisher.set_asides.add("invalid", line[:SHOWN_BYTES].decode(errors="replace"), error)
+            return None
+
+    async def _is_published(self, revisions: Iterable[AnyAdvisory | None]) -> bool:
+        """Publish revisions. False if the store takes none now."""
+        advisories = [revision for revision in revisions if revision]
         try:
             await self._publisher.publish(advisories)
         except StoreError as error:

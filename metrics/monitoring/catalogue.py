@@ -214,6 +214,12 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_advisories_stored_total": CatalogueEntry(
         "counter", (), "Revisions of advisories stored and published."
     ),
+    "deconflict_advisories_set_aside_total": CatalogueEntry(
+        "counter",
+        ("reason",),
+        "Revisions of advisories that nobody receives, by reason: invalid (not a valid advisory), or unwritable "
+        "(cannot be written though others can). The log names each.",
+    ),
     "deconflict_store_failures_total": CatalogueEntry("counter", (), "Attempts to store advisories that failed."),
     "deconflict_learning_failures_total": CatalogueEntry(
         "counter",

@@ -81,6 +81,11 @@ ENGINE = Dashboard(
                 rated("deconflict_store_failures_total", legend="failures"),
             ),
             panel(
+                "Revisions set aside, which nobody receives",
+                "ops",
+                rated("deconflict_advisories_set_aside_total", ["reason"]),
+            ),
+            panel(
                 "Failures to read or write what was learned",
                 "ops",
                 rated("deconflict_learning_failures_total", ["what"]),

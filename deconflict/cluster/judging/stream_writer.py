@@ -8,10 +8,12 @@ from collections import OrderedDict
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.shard import REMEMBERED
-from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream
+from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream, UnwritableRevisionError
 from deconflict.cluster.nats.stream_records import StreamRecord, key_of
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tiles import FloorPosition
+from deconflict.runtime.set_asides import SetAsides
+from ingest.measures.measures import Measures
 
 log = logging.getLogger(__name__)
 
@@ -21,8 +23,8 @@ DAY_S = 86400.0
 class StreamWriter:
     """Knows the newest record of each key, and writes the next."""
 
-    def __init__(self, revisions: RevisionStream) -> None:
-        self._stream = revisions
+    def __init__(self, revisions: RevisionStream, measures: Measures) -> None:
+        self._stream, self._set_asides = revisions, SetAsides(measures)
         self._newest: OrderedDict[str, StreamRecord] = OrderedDict()
         """The newest record of the stream, by key."""
 
@@ -63,7 +65,7 @@ class StreamWriter:
     ) -> bool:
         """Whether the stream accepted it after number `last_seq`; if not, notes the record that the stream has.
 
-        Raises `BUS_ERRORS`.
+        A revision that no stream accepts is set aside, and counts as accepted. Raises `BUS_ERRORS`.
         """
         try:
             seq = await self._stream.write(home, advisory, last_seq, again=again)
@@ -72,6 +74,9 @@ class StreamWriter:
             if record := await self._stream.last(key):
                 self.note(record)
             return False
+        except UnwritableRevisionError as error:
+            self._set_asides.add("unwritable", f"{advisory.id}, revision {advisory.revision}", error)
+            return True
         self.note(StreamRecord(seq, key, home, advisory))
         return True
 

@@ -6,6 +6,7 @@ from contextlib import suppress
 from uuid import uuid4
 
 from nats.aio.msg import Msg
+from nats.errors import MaxPayloadError
 from nats.js import api
 from nats.js.errors import APIError, NotFoundError
 
@@ -24,6 +25,10 @@ WRONG_LAST_SEQUENCE, NO_MESSAGE = 10071, 10037
 
 class OverruledError(Exception):
     """Another engine has written under that key in the meantime."""
+
+
+class UnwritableRevisionError(Exception):
+    """No server would accept a revision, or nobody could read it."""
 
 
 class RevisionStream:
@@ -68,14 +73,19 @@ class RevisionStream:
     ) -> int:
         """Write a revision and return its number. `again` writes a stored revision once more, under a new number.
 
-        Raises `OverruledError` if the last revision under its key is not number `last_seq`.
+        Raises `OverruledError` if the last revision under its key is not number `last_seq`, and
+        `UnwritableRevisionError`.
         """
         headers = {"Nats-Expected-Last-Subject-Sequence": str(last_seq)}
         if not again:
             headers["Nats-Msg-Id"] = f"{self._writer}:{advisory.id}:{advisory.revision}"
         subject = f"{self._name}.told.{key_of(advisory)}"
         try:
-            stored = await self._connection.js.publish(subject, record_bytes(home, advisory), headers=headers)
+            data = record_bytes(home, advisory)
+            read_record(0, subject, data)
+            stored = await self._connection.js.publish(subject, data, headers=headers)
+        except (ValueError, MaxPayloadError) as error:
+            raise UnwritableRevisionError(error or type(error).__name__) from error
         except APIError as error:
             if error.err_code == WRONG_LAST_SEQUENCE:
                 raise OverruledError from error
@@ -108,7 +118,11 @@ class RevisionStream:
         async def on_message(message: Msg) -> None:
             seq = message.metadata.sequence.stream
             if self._position is None or seq > self._position.seq:
-                record = read_record(seq, message.subject, message.data)
+                try:
+                    record = read_record(seq, message.subject, message.data)
+                except ValueError as error:
+                    log.error("record %d of %s can't be read and is left out: %s", seq, self._name, error)
+                    return
                 self._position = record.position()
                 receive(record)
 

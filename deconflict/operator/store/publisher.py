@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.runtime.set_asides import SetAsides
 from ingest.measures.measures import Measures
 
 log = logging.getLogger(__name__)
@@ -37,7 +38,7 @@ class Publisher:
     """Appends to the store off the event loop. Keeps the newest lines in memory, which all subscribers share."""
 
     def __init__(self, store: Store, measures: Measures) -> None:
-        self._store, self.measures = store, measures
+        self._store, self.measures, self.set_asides = store, measures, SetAsides(measures)
         self.forward_answer: Callable[[str, Acknowledgement], Awaitable[None]] | None = None
         """Sends an answer to the stream that numbers it, and returns once it has come back. None if this store does."""
         self._tail: deque[PublishedLine] = deque(maxlen=TAIL_LENGTH)
@@ -54,8 +55,8 @@ class Publisher:
     async def publish(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
         """Store and publish revisions; returns them with their numbers.
 
-        A revision that is sent again is published once. Raises `StoreError` if the store can't be read or too many
-        revisions wait for it; then nothing is published.
+        A revision that is sent again is published once. One that can't be written though others can is set aside.
+        Raises `StoreError` if the store can't be read or too many revisions wait for it; then nothing is published.
         """
         async with self._appending:
             try:
@@ -64,8 +65,19 @@ class Publisher:
                 self.measures.count("deconflict_store_failures_total")
                 raise
             await self.settle()
+            aside = self._set_aside()
+            accepted = [revision for revision in accepted if revision.seq not in aside]
             self._announce([revision for revision in accepted if revision.seq > self.last_seq])
         return accepted
+
+    def _set_aside(self) -> set[int]:
+        """Set aside what the store could not write; returns the numbers."""
+        numbers = set()
+        while self._store.unwritable:
+            revision, error = self._store.unwritable.popleft()
+            self.set_asides.add("unwritable", f"{revision.id}, revision {revision.revision}", error)
+            numbers.add(revision.seq)
+        return numbers
 
     async def settle(self) -> None:
         """Store pending writes, and wait for the disk for at most `DISK_TIMEOUT_S`."""
@@ -96,6 +108,11 @@ class Publisher:
             except StoreError as error:
                 self.measures.count("deconflict_store_failures_total")
                 self._fail(str(error))
+                return
+            except Exception:
+                self.measures.count("deconflict_store_failures_total")
+                log.exception("pending revisions can't be stored")
+                self._fail("a fault of the program; see the log")
                 return
         if self.failing:
             log.warning("advisories are stored again")

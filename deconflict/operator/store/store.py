@@ -10,6 +10,7 @@ commits, but not the file.
 """
 
 import sqlite3
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
@@ -29,18 +30,21 @@ from deconflict.operator.store.pending_writes import (
     open_at_time,
 )
 from deconflict.operator.store.sqlite_connections import SqliteConnections
-from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from deconflict.operator.store.tables import (
+    UNWRITABLE,
     add_burdens,
     advisory_of,
     answers_of,
     insert,
     last_seq,
+    numbered,
     open_at,
     position,
     put_positions,
     stored_revision,
+    write_one,
 )
+from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 
 PRUNE_STEP = 500
 
@@ -61,6 +65,8 @@ class Store:
         """Numbered revisions that are not in the file yet, ascending by number."""
         self._positions: dict[str, int] = {}
         """Positions of outlets that are not in the file yet."""
+        self.unwritable: deque[tuple[AnyAdvisory, Exception]] = deque()
+        """Revisions that could not be written though others could, each once. The publisher takes them from here."""
 
     def close(self) -> None:
         self._connections.close()
@@ -83,42 +89,48 @@ class Store:
         """Number revisions and keep them for `flush`. Every other method sees them from now on.
 
         A revision that has a number keeps it: it comes from a stream that this store follows. A known revision is
-        returned as it was. Raises `StoreError`, also if too many revisions wait for the disk already: so any number is
-        accepted once the disk works.
+        returned as it was. One that can't be written is left out, and is in `unwritable`. Raises `StoreError`, also if
+        too many revisions wait for the disk already: so any number is accepted once the disk works.
         """
         with self._number_lock:
             if len(self._pending) >= MOST_PENDING:
                 raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
+            unwritable: list[tuple[AnyAdvisory, Exception]] = []
             with self._connections.reading() as db:
                 seq = max(last_seq(db), pending[-1].seq if pending else 0)
                 for advisory in advisories:
-                    known = stored_revision(db, advisory.id, advisory.revision)
-                    known = known or known_pending.get((advisory.id, advisory.revision))
-                    if known is None:
-                        seq = advisory.seq or seq + 1
-                        answer = answers_of(db, advisory.id)[1]
-                        known = advisory.model_copy(update={"seq": seq, "acknowledgement": answer})
+                    try:
+                        known = known_pending.get((advisory.id, advisory.revision)) or numbered(db, advisory, seq + 1)
+                    except UNWRITABLE as error:
+                        unwritable.append((advisory, error))
+                        continue
+                    if known.seq > seq:
+                        seq = known.seq
                         pending.append(known)
                         known_pending[known.id, known.revision] = known
                     accepted.append(known)
             self._pending = pending
+            self.unwritable += unwritable
         return accepted
 
     def flush(self) -> None:
-        """Store pending revisions and positions in one transaction. After a `StoreError` they are still pending."""
+        """Store pending revisions and positions in one transaction. After a `StoreError` they are still pending.
+
+        A revision that can't be written though the file can is left out, and is in `unwritable`.
+        """
         with self._number_lock:
             pending, positions = self._pending, dict(self._positions)
         if not pending and not positions:
             return
+        unwritable: list[tuple[AnyAdvisory, Exception]] = []
         with self._connections.writing() as db:
             last = last_seq(db)
-            for revision in pending:
-                if revision.seq > last:
-                    insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
-                    add_burdens(db, revision)
+            new = (revision for revision in pending if revision.seq > last)
+            unwritable += [(revision, error) for revision in new if (error := write_one(db, revision))]
             put_positions(db, positions)
         with self._number_lock:
+            self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._positions = {outlet: seq for outlet, seq in self._positions.items() if positions.get(outlet) != seq}
 

@@ -15,6 +15,23 @@ class StoreError(Exception):
     """The advisories can't be read or written; the message says what to do."""
 
 
+class UnreadableAdvisoryError(StoreError):
+    """One stored advisory can't be read."""
+
+
+UNWRITABLE = (
+    sqlite3.IntegrityError,
+    sqlite3.DataError,
+    sqlite3.InterfaceError,
+    sqlite3.NotSupportedError,
+    ArithmeticError,
+    TypeError,
+    ValueError,
+    UnreadableAdvisoryError,
+)
+"""Errors of writing one revision that others don't have. Any other error is one of the file or its disk."""
+
+
 def last_seq(db: sqlite3.Connection) -> int:
     row = db.execute("SELECT seq FROM sqlite_sequence WHERE name = 'revisions'").fetchone()
     return int(row[0]) if row else 0
@@ -58,6 +75,29 @@ def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowled
     return count, Acknowledgement.model_validate_json(newest) if newest else None
 
 
+def numbered(db: sqlite3.Connection, advisory: AnyAdvisory, seq: int) -> AnyAdvisory:
+    """A revision as it is stored; one that is not stored with its own number, or else `seq`, and its answer."""
+    known = stored_revision(db, advisory.id, advisory.revision)
+    if known:
+        return known
+    return advisory.model_copy(update={"seq": advisory.seq or seq, "acknowledgement": answers_of(db, advisory.id)[1]})
+
+
+def write_one(db: sqlite3.Connection, revision: AnyAdvisory) -> Exception | None:
+    """Write a numbered revision. If it can't be written, returns why, and only its number is used up."""
+    failed: Exception | None = None
+    db.execute("SAVEPOINT revision")
+    try:
+        insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
+        add_burdens(db, revision)
+    except UNWRITABLE as error:
+        failed = error
+        db.execute("ROLLBACK TO revision")
+        use_up_number(db, revision.seq)
+    db.execute("RELEASE revision")
+    return failed
+
+
 def insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: datetime) -> None:
     db.execute(
         "INSERT INTO revisions (seq, id, revision, answers, updated_s, document) VALUES (?, ?, ?, ?, ?, ?)",
@@ -81,6 +121,12 @@ def insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: date
     db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
     if isinstance(advisory, ConflictAdvisory):
         count_encounter(db, advisory)
+
+
+def use_up_number(db: sqlite3.Connection, seq: int) -> None:
+    """Have no later revision get a number."""
+    db.execute("INSERT INTO revisions VALUES (?, '', 0, 0, 0, '')", (seq,))
+    db.execute("DELETE FROM revisions WHERE seq = ?", (seq,))
 
 
 def add_burdens(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
@@ -116,7 +162,7 @@ def advisory_of(document: str) -> AnyAdvisory:
     try:
         return ADVISORY.validate_json(document)
     except ValueError as error:
-        raise StoreError(
+        raise UnreadableAdvisoryError(
             f"this release can't read a stored advisory ({error}): run the release that wrote it, "
             "or move the file aside to start a new one"
         ) from error

@@ -14,6 +14,7 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import StreamPosition
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store
+from ingest.measures.measures import Measures
 from tests.deconflict.cluster.made_cluster import HOME, Broker, Machines, buses, face, needs_server, until
 from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_advisories import cleared, made
@@ -48,7 +49,7 @@ async def test_an_operator_face_whose_server_lost_its_store_restarts_and_keeps_t
     broker, data = Broker(tmp_path / "nats"), tmp_path / "face"
     machines = Machines(tmp_path, broker)
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
-        writer = StreamWriter(bus.revisions)
+        writer = StreamWriter(bus.revisions, Measures())
         async with face(machines, data) as operator:
             base = f"http://127.0.0.1:{operator.port}"
             for one in (made(1), cleared(1), made(2)):
@@ -75,7 +76,7 @@ async def test_stored_numbers_of_a_single_machine_are_not_those_of_a_stream(tmp_
     single.append([made(1), cleared(1), made(2)])
     single.close()
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
-        writer = StreamWriter(bus.revisions)
+        writer = StreamWriter(bus.revisions, Measures())
         for number in range(3, 8):
             assert await writer.write(HOME, made(number)) is None
             assert await writer.write(HOME, cleared(number)) is None
@@ -119,7 +120,7 @@ async def acknowledge(service: Served, advisory_id: str) -> None:
 async def test_a_position_shows_whether_a_stream_continues_from_it(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 1) as (bus,):
-        writer = StreamWriter(bus.revisions)
+        writer = StreamWriter(bus.revisions, Measures())
         for one in (made(1), made(1, revision=2), cleared(1, revision=3)):
             assert await writer.write(HOME, one) is None
         seen = [

@@ -3,7 +3,8 @@
 import asyncio
 import gc
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from deconflict.operator.store.publisher import TAIL_LENGTH
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.learned_state import packed
-from deconflict.runtime.parcels import packed_parcel
+from deconflict.runtime.parcels import STORED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.site import Operator, Site
 from metrics.monitoring.exposition import render
@@ -38,20 +39,38 @@ def kept_bytes() -> int:
     return tracemalloc.get_traced_memory()[0]
 
 
-async def test_the_memory_of_the_operator_face_stops_growing(tmp_path: Path, traced: None) -> None:
+@asynccontextmanager
+async def serving(data: Path) -> AsyncIterator[tuple[OperatorRole, AsyncCaller]]:
+    """A role that runs, and the engine's end of its link."""
     with runtime_directory() as runtime:
         stop = asyncio.Event()
-        role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), tmp_path, render)
+        role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), data, render)
         running = asyncio.create_task(role.run(stop))
         await role.ready.wait()
-        engine = AsyncCaller(Path(runtime), "operator")
+        yield role, AsyncCaller(Path(runtime), "operator")
+        stop.set()
+        await running
+
+
+async def test_the_memory_of_the_operator_face_stops_growing(tmp_path: Path, traced: None) -> None:
+    async with serving(tmp_path) as (_, engine):
         await tell(engine, range(TAIL_LENGTH))
         before = kept_bytes()
         await tell(engine, range(TAIL_LENGTH, 2 * TAIL_LENGTH))
         grown = kept_bytes() - before
-        stop.set()
-        await running
     assert grown < LEFT_BYTES * TAIL_LENGTH
+
+
+async def test_an_invalid_revision_is_set_aside_and_the_others_of_its_parcel_are_stored(tmp_path: Path) -> None:
+    unknown_kind = made(2).model_copy(update={"kind": "collision"})
+    not_finite = made(3).model_copy(update={"min_separation_m": float("nan")})
+    async with serving(tmp_path) as (role, engine):
+        parcel = packed_parcel(
+            {}, [to_json(made(1)), to_json(unknown_kind), b"{", to_json(not_finite), to_json(made(4))]
+        )
+        assert await engine.call("publish", parcel) == STORED
+        assert [one.id for one in role._store.after(0)] == ["advisory-1", "advisory-4"]
+        assert role._publisher.measures.values["deconflict_advisories_set_aside_total"]["invalid",] == 3
 
 
 async def tell(engine: AsyncCaller, numbers: range) -> None:

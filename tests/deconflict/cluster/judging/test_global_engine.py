@@ -17,7 +17,7 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import end_tasks
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.tiles.tile_channels import EVERY
-from ingest.measures.measures import joined_values
+from ingest.measures.measures import Measures, joined_values
 from ingest.port.connection import Connection
 from tests.deconflict.cluster.judging.made_fleet import fleet
 from tests.deconflict.cluster.made_cluster import (
@@ -105,7 +105,7 @@ async def test_the_global_engine_keeps_judging_while_nothing_can_be_written_and_
         told: list[StreamRecord] = []
         await bus.revisions.follow(told.append, after=StreamPosition(0, "", 0))
         await bounded(bus, 1)
-        engine, robots = GlobalEngine(SITE, bus, StreamWriter(bus.revisions), answer_at_once), scripts()
+        engine, robots = GlobalEngine(SITE, bus, StreamWriter(bus.revisions, Measures()), answer_at_once), scripts()
         chores = (engine.run(lambda: True), engine.outbox.run(), feed(bus, robots))
         tasks = [asyncio.create_task(chore) for chore in chores]
         while not counted(engine, AdvisoryState.RAISED):

@@ -9,6 +9,7 @@ from deconflict.cluster.judging import outbox
 from deconflict.cluster.judging.outbox import Outbox, UnwrittenError
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.nats_tasks import end_tasks
+from ingest.measures.measures import Measures
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
 from tests.deconflict.operator.http.served_face import until
 from tests.helpers.made_advisories import made
@@ -25,7 +26,7 @@ async def test_waiting_revisions_are_bounded_and_written_ones_do_not_count(
     monkeypatch.setattr(outbox, "STUCK_S", 0.5)
     broker = Broker(tmp_path)
     async with buses(broker, 1) as (bus,):
-        one = Outbox(StreamWriter(bus.revisions))
+        one = Outbox(StreamWriter(bus.revisions, Measures()))
         writing = asyncio.create_task(one.run())
         for revision in range(1, 25):
             written = asyncio.Event()
@@ -45,7 +46,7 @@ async def test_waiting_revisions_are_bounded_and_written_ones_do_not_count(
 async def test_a_pass_of_any_number_of_revisions_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outbox, "MOST_WAITING", 10)
     async with buses(Broker(tmp_path), 1) as (bus,):
-        one, written = Outbox(StreamWriter(bus.revisions)), asyncio.Event()
+        one, written = Outbox(StreamWriter(bus.revisions, Measures())), asyncio.Event()
         one.add_pass([(HOME, made(1, revision)) for revision in range(1, 100)], written.set)
         assert not one.has_room()
         writing = asyncio.create_task(one.run())

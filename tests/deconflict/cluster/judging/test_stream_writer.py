@@ -6,6 +6,7 @@ from pathlib import Path
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.nats_tasks import end_tasks
 from deconflict.cluster.nats.stream_records import key_of
+from ingest.measures.measures import Measures
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
 from tests.helpers.made_advisories import cleared, made
 
@@ -16,7 +17,7 @@ OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000
 
 async def test_a_pair_whose_last_advisory_has_expired_gets_a_new_one(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
-        writer = StreamWriter(bus.revisions)
+        writer = StreamWriter(bus.revisions, Measures())
         assert await writer.write(HOME, made(1)) is None
         assert await writer.write(HOME, cleared(1, revision=2)) is None
         while await bus.revisions.last(key_of(made(1))):
@@ -30,7 +31,7 @@ async def test_a_pair_whose_last_advisory_has_expired_gets_a_new_one(tmp_path: P
 async def test_a_server_that_lost_its_store_gets_the_missing_revisions_again(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 1) as (bus,), asyncio.timeout(300):
-        writer = StreamWriter(bus.revisions)
+        writer = StreamWriter(bus.revisions, Measures())
         assert await writer.write(HOME, made(1)) is None
         broker.empty()
         assert await writer.write(HOME, made(1, revision=2)) is None
@@ -39,10 +40,23 @@ async def test_a_server_that_lost_its_store_gets_the_missing_revisions_again(tmp
     assert (stands.seq, stands.advisory) == (1, made(1, revision=2))
 
 
+async def test_a_revision_that_no_server_accepts_is_set_aside_and_the_next_is_written(tmp_path: Path) -> None:
+    measures = Measures()
+    too_large = made(1, summary="x" * (1 << 20))
+    not_finite = made(1).model_copy(update={"min_separation_m": float("nan")})
+    async with buses(Broker(tmp_path / "nats"), 1) as (bus,), asyncio.timeout(300):
+        writer = StreamWriter(bus.revisions, measures)
+        for revision in (too_large, not_finite, made(2, robots=OTHERS)):
+            assert await writer.write(HOME, revision) is None
+        assert await bus.revisions.last(key_of(made(1))) is None
+        assert await bus.revisions.last(key_of(made(2, robots=OTHERS)))
+    assert measures.values["deconflict_advisories_set_aside_total"]["unwritable",] == 2
+
+
 async def test_any_writer_restores_open_advisories_to_a_server_that_lost_its_store(tmp_path: Path) -> None:
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 2) as both, asyncio.timeout(300):
-        writers = [StreamWriter(bus.revisions) for bus in both]
+        writers = [StreamWriter(bus.revisions, Measures()) for bus in both]
         for bus, writer in zip(both, writers, strict=True):
             await bus.revisions.follow(writer.note)
         async with asyncio.TaskGroup() as keeping:
@@ -65,7 +79,7 @@ async def test_any_writer_restores_open_advisories_to_a_server_that_lost_its_sto
 
 async def test_an_open_advisory_is_written_once_more_before_it_expires(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1, KEPT_S / 86400) as (bus,), asyncio.timeout(300):
-        writer = StreamWriter(bus.revisions)
+        writer = StreamWriter(bus.revisions, Measures())
         keeping = asyncio.create_task(writer.keep_complete())
         assert await writer.write(HOME, made(1)) is None
         assert await writer.write(HOME, made(2, robots=OTHERS)) is None

@@ -23,6 +23,7 @@ from deconflict.cluster.nats.subscriptions import BUS_ERRORS, since_lately
 from deconflict.cluster.tiles.tiles import Tile
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
+from ingest.measures.measures import Measures
 from ingest.settings import Reading
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server, running
 from tests.deconflict.roles.made_service import free_ports
@@ -101,7 +102,7 @@ async def test_the_loss_of_one_server_of_three_costs_neither_rows_nor_advisories
             for each in (one, other):
                 assert await open_bus(each, asyncio.Event())
             await other.follow_channel("x", lambda parcel: heard.append(int(parcel)))
-            writer = StreamWriter(one.revisions)
+            writer = StreamWriter(one.revisions, Measures())
             assert await writer.write(HOME, made(1)) is None
             await sent(one, heard, 0)
             leader = (await one.connection.js.stream_info(f"{one.name}-rows")).cluster

@@ -10,7 +10,7 @@ from deconflict.operator.store.publisher import MOST_LINES, TAIL_LENGTH, Publish
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.http.served_face import until
-from tests.helpers.made_advisories import START, cleared, made
+from tests.helpers.made_advisories import START, cleared, deadlock, made
 
 
 @pytest.fixture
@@ -85,6 +85,30 @@ async def test_a_repeated_publish_wakes_no_subscriber_and_counts_nothing(store: 
     await publisher.publish([made(1), made(2)])
     assert await following == made_many(2, 1)
     assert measures.values["deconflict_advisories_stored_total"] == {(): 2}
+
+
+UNEQUAL = deadlock("r-1", "r-2").model_copy(update={"vendors": ("Acme",)})
+TOO_LARGE = made(3, encounter=1 << 70)
+HIGH = made(4).model_copy(update={"revision": 1 << 70})
+
+
+async def test_what_cannot_be_written_is_set_aside_and_holds_up_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    store, measures = Store(tmp_path), Measures()
+    publisher = Publisher(store, measures)
+    published = await publisher.publish([made(1), UNEQUAL, TOO_LARGE, made(1, 2), HIGH])
+    assert [(one.id, one.revision) for one in published] == [("advisory-1", 1), ("advisory-1", 2)]
+    assert [line.seq for line in await publisher.after(0)] == [1, 4]
+    assert (store.unstored, publisher.failing) == (0, None)
+    assert measures.values["deconflict_advisories_set_aside_total"] == {("invalid",): 0, ("unwritable",): 3}
+    assert f"{UNEQUAL.id}, revision 1" in caplog.text
+    await publisher.publish([UNEQUAL])
+    store.close()
+    again = Store(tmp_path)
+    assert again.last_seq() == 5, "the number of what was set aside is not used again"
+    assert [(one.id, one.seq) for one in again.after(0)] == [("advisory-1", 1), ("advisory-1", 4)]
+    again.close()
 
 
 class CountingStore(Store):
