@@ -81,7 +81,7 @@ class Running:
         """Of all roles: sums by metric name, counts by metric and second label, and the latency histogram."""
         sums: dict[str, Any] = {}
         rows: list[Any] = []
-        for document in self._answer():
+        for document in self.documents():
             for name, series in document["values"].items():
                 for labels, value in series:
                     for key in (name, f"{name} {labels[1]}" if len(labels) > 1 else None):
@@ -124,7 +124,8 @@ class Running:
         self._at_s, self._before, self._used = now_s, after, used
         return row
 
-    def _answer(self) -> list[dict[str, Any]]:
+    def documents(self) -> list[dict[str, Any]]:
+        """The measures of each role."""
         until_s = time.monotonic() + 30
         while True:
             try:
@@ -138,10 +139,11 @@ class Running:
 
 
 @contextmanager
-def service(docks_for: int = 0) -> Iterator[Running]:
+def service(docks_for: int = 0, data_directory: Path | None = None) -> Iterator[Running]:
     """Run the service on a floor with docks for `docks_for` robots, one process for each role, until the block ends."""
     stop, (robots_port, operator_port) = threading.Event(), _free_ports()
-    with tempfile.TemporaryDirectory(prefix="benchmark-") as data, runtime_directory() as runtime:
+    with tempfile.TemporaryDirectory(prefix="benchmark-") as own, runtime_directory() as runtime:
+        data = data_directory or own
         supervisor = Supervisor(benchmark_site(robots_port, operator_port, docks_for), Path(data), Path(runtime))
         running = threading.Thread(target=supervisor.run, args=(stop,))
         running.start()

@@ -1,0 +1,1 @@
+"""Attacks on the whole service beside honest robots whose meetings are known."""
