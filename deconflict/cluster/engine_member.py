@@ -185,6 +185,8 @@ class EngineMember:
 
     def _update_document(self, tiles: Iterable[Tile], interval_s: float) -> None:
         """Set what the next heartbeats carry. `tiles` are those that this engine owned for the whole interval."""
+        outboxes, now_s = (self._outbox, self._global_engine.outbox), time.monotonic()
+        self.measures.level("deconflict_delivery_delay_seconds", {(): max(box.delay_s(now_s) for box in outboxes)})
         loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
         self._document = {
             "loads": {str(tile): loads[tile] / interval_s for tile in sorted(tiles)},

@@ -6,6 +6,7 @@ It also answers that role's questions on the robots, from all ingests.
 import asyncio
 import json
 import logging
+import time
 from pathlib import Path
 from typing import Any
 
@@ -66,13 +67,12 @@ class StoreFollower:
             raise AnotherStreamError
         await self._bus.revisions.follow(self._records.put_nowait, after=stored)
         while True:
-            records = [await self._records.get()]
+            records, queued_s = [await self._records.get()], time.monotonic()
             self._check_stream()
             while not self._records.empty() and len(records) < MOST_AT_ONCE:
                 records.append(self._records.get_nowait())
-            documents = [_document(record) for record in records]
-            lines = json.dumps(documents).encode()
-            while await self._call_operator("store_lines", lines) == REFUSED:
+            parcel = json.dumps({"queued_s": queued_s, "lines": [_document(record) for record in records]}).encode()
+            while await self._call_operator("store_lines", parcel) == REFUSED:
                 await asyncio.sleep(RETRY_S)
 
     async def _check_stream_repeatedly(self) -> None:

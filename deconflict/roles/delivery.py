@@ -114,7 +114,7 @@ class Delivery:
         parts = list(zip_longest(cut_into_parcels(self._lines(revisions)), near, fillvalue=()))
         parts = parts or ([((), ())] if due else [])
         for number, (lines, pairs) in enumerate(parts, 1):
-            head = {"near_misses": pairs, **(report if number == len(parts) else {})}
+            head = {"queued_s": now_s, "near_misses": pairs, **(report if number == len(parts) else {})}
             self._add(WaitingParcel(packed_parcel(head, lines), arrivals_s if number == len(parts) else {}))
         if not parts:
             self._add(WaitingParcel(b"", arrivals_s))

@@ -100,15 +100,19 @@ class OperatorCalls:
     async def _publish(self, payload: bytes) -> bytes:
         """Take in a parcel of the engine: advisories, near misses, and once a second measures and presence."""
         head, lines = unpacked_parcel(payload)
-        self._engine.received_s = time.monotonic()
-        self._engine.measures = head.get("measures") or self._engine.measures
+        self._engine.received_s = now_s = time.monotonic()
+        if head.get("measures"):
+            self._engine.measures = head["measures"]
+            self._engine.delivery.note_measures(head["measures"], now_s)
         self._engine.presence = head.get("presence") or self._engine.presence
+        if "queued_s" in head:
+            self._engine.delivery.arrived(head["queued_s"])
         if lines and not await self._is_published(map(self._advisory, lines)):
             return REFUSED
         if head.get("near_misses"):
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
             await asyncio.to_thread(self._keeper.note, pairs)
-        return STORED
+        return self._taken()
 
     async def _last_stored(self, _: bytes) -> bytes:
         """The last stored line of the stream that is followed: a `StreamPosition`."""
@@ -118,14 +122,22 @@ class OperatorCalls:
 
     async def _store_lines(self, payload: bytes) -> bytes:
         """Store lines of the stream, in its order and under its numbers."""
-        for is_answer, lines in groupby(json.loads(payload), lambda line: "answer" in line):
+        parcel = json.loads(payload)
+        self._engine.delivery.arrived(parcel["queued_s"])
+        for is_answer, lines in groupby(parcel["lines"], lambda line: "answer" in line):
             if is_answer:
                 for line in lines:
                     await self._store_answer(line)
-            elif not await self._is_published(
-                self._advisory(json.dumps(line["advisory"] | {"seq": line["seq"]}).encode()) for line in lines
-            ):
+                continue
+            documents = (json.dumps(line["advisory"] | {"seq": line["seq"]}).encode() for line in lines)
+            if not await self._is_published(map(self._advisory, documents)):
                 return REFUSED
+        return self._taken()
+
+    def _taken(self) -> bytes:
+        """The answer to a parcel that is stored."""
+        self._engine.delivery.taken(time.monotonic())
+        self._engine.delivery.set_aside(self._publisher.set_asides.last_s)
         return STORED
 
     async def _store_answer(self, line: dict[str, Any]) -> None:

@@ -14,6 +14,7 @@ from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.operator.vendor_health import vendor_health
+from deconflict.roles.delivery_health import DELAY, DeliveryHealth
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
 from deconflict.settings.site import Site
@@ -43,6 +44,7 @@ class EngineReport:
     measures: list[dict[str, Any]] = field(default_factory=list)
     presence: dict[str, Any] = field(default_factory=_no_silent_robots)
     """`Presence.document`: which silent robots are still there."""
+    delivery: DeliveryHealth = field(default_factory=DeliveryHealth)
 
 
 class OperatorSources:
@@ -69,6 +71,7 @@ class OperatorSources:
         receiver = await self._receiver_measures()
         up, own = await self._roles_up(receiver is not None), Measures()
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
+        own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
         for role, restarts in self._restarts().items():
             own.count("deconflict_role_restarts_total", role, by=restarts)
         if results := reload_results(self._runtime):
@@ -79,11 +82,13 @@ class OperatorSources:
     async def health(self) -> dict[str, Any]:
         answers = not self._is_cluster and await self._receiver_measures() is not None
         up, results = await self._roles_up(answers), reload_results(self._runtime)
+        delivery = self._engine.delivery.document(time.monotonic(), self._engine.measures)
         return {
-            "status": "ok" if all(up.values()) else "degraded",
+            "status": "ok" if all(up.values()) and delivery["status"] == "ok" else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
             "restarts": self._restarts(),
             "effort": self._effort(),
+            "delivery": delivery,
             "site": {key: results[key] for key in ("problems", "needs_restart")} if results else {},
         }
 
@@ -124,6 +129,7 @@ class OperatorSources:
                 vendor.name: vendor.model_dump(mode="json", exclude={"name"}) for vendor in vendor_health(documents)
             },
             "effort": self._effort(),
+            "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "unidentified": unidentified,
             "fading": presence["fading"],
             "taken_off": {uuid: removal["heard_s"] for uuid, removal in presence["taken_off"].items()},

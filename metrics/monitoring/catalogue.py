@@ -214,6 +214,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_advisories_stored_total": CatalogueEntry(
         "counter", (), "Revisions of advisories stored and published."
     ),
+    "deconflict_delivery_delay_seconds": CatalogueEntry(
+        "gauge", (), "Age of the oldest decision of the engine that is not stored. Rises while the store refuses them."
+    ),
     "deconflict_advisories_set_aside_total": CatalogueEntry(
         "counter",
         ("reason",),

@@ -81,6 +81,11 @@ ENGINE = Dashboard(
                 rated("deconflict_store_failures_total", legend="failures"),
             ),
             panel(
+                "Delay from the engine to the store",
+                "s",
+                measured("deconflict_delivery_delay_seconds", legend="delay", over="max"),
+            ),
+            panel(
                 "Revisions set aside, which nobody receives",
                 "ops",
                 rated("deconflict_advisories_set_aside_total", ["reason"]),

@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 from deconflict.advisory import AnyAdvisory
 from deconflict.cluster.judging.stream_writer import StreamWriter
@@ -14,6 +15,14 @@ MOST_WAITING = 20_000
 STUCK_S = 5.0
 """If too much waits and none of it was written for so long, the engine ends."""
 HomedRevision = tuple[FloorPosition | None, AnyAdvisory]
+
+
+class WaitingPass(NamedTuple):
+    queued_s: float
+    """When it was queued, monotonic time."""
+    revisions: list[HomedRevision]
+    then: Callable[[], None]
+    """Called once all are written."""
 
 
 class UnwrittenError(Exception):
@@ -31,12 +40,14 @@ class Outbox:
 
     def __init__(self, writer: StreamWriter) -> None:
         self._writer = writer
-        self._waiting: asyncio.Queue[tuple[list[HomedRevision], Callable[[], None]]] = asyncio.Queue()
+        self._waiting: asyncio.Queue[WaitingPass] = asyncio.Queue()
         self._overruled: list[StreamRecord] = []
         self._waiting_count = 0
         """Revisions and passes that wait, as `MOST_WAITING` counts them."""
+        self._queued_s: float | None = None
+        """When the pass was queued that is being written, monotonic time; None if there is none."""
         self._writing_since_s: float | None = None
-        """Since when the first revision is being written, monotonic time; None if none waits."""
+        """Since when its next revision is being written; None if there is none."""
 
     def has_room(self) -> bool:
         """Whether another pass may be added. Raises `UnwrittenError` if nothing is written any more."""
@@ -49,9 +60,13 @@ class Outbox:
 
     def add_pass(self, revisions: Iterable[HomedRevision], then: Callable[[], None] = lambda: None) -> None:
         """Queue the revisions of one pass; calls `then` once all are written."""
-        queued = list(revisions)
-        self._waiting_count += 1 + len(queued)
-        self._waiting.put_nowait((queued, then))
+        waiting = WaitingPass(time.monotonic(), list(revisions), then)
+        self._waiting_count += 1 + len(waiting.revisions)
+        self._waiting.put_nowait(waiting)
+
+    def delay_s(self, now_s: float) -> float:
+        """The age of the oldest pass that is not written. `now_s` is monotonic time."""
+        return 0.0 if self._queued_s is None else now_s - self._queued_s
 
     def take_overruled(self) -> list[StreamRecord]:
         """The records that another engine wrote in place of queued revisions. Returns each once."""
@@ -61,7 +76,7 @@ class Outbox:
     async def run(self) -> None:
         """Write revisions until cancelled."""
         while True:
-            revisions, then = await self._waiting.get()
+            self._queued_s, revisions, then = await self._waiting.get()
             for home, advisory in revisions:
                 self._writing_since_s = time.monotonic()
                 if overruling := await self._writer.write(home, advisory):
@@ -69,4 +84,5 @@ class Outbox:
                 self._writing_since_s = None
                 self._waiting_count -= 1
             self._waiting_count -= 1
+            self._queued_s = None
             then()

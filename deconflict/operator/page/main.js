@@ -56,6 +56,7 @@ function state() {
   if (late > STALE_S) return ["stale", `Nothing new since ${clock(live.tickS)}: ${down.length ? `the ${down.join(" and the ")} is down` : "predictions have stopped"}`];
   const reduced = { coarse: "separations are rough", near: "only near conflicts are shown" }[live.health.effort];
   if (reduced) return ["live", `Live, but the service can't keep up: ${reduced}`];
+  if (live.health.delivery?.reason) return ["live", `Live, but ${live.health.delivery.reason}`];
   return ["live", `Live: ${live.robots.size} robots`];
 }
 
