@@ -1,4 +1,4 @@
-"""Advisories as published, from raised to cleared: conflicts, contentions, deadlocks, blockages and claims."""
+"""Advisories as published, from raised to cleared: conflicts, contentions, deadlocks, blockages, claims and crowds."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -222,11 +222,22 @@ class ClaimAdvisory(Advisory):
     claimed: int = Field(ge=1, description="number of robots in all, at most a thousand")
 
 
+class CrowdAdvisory(PlacedAdvisory):
+    """Many robots of one vendor that report from one place of a floor, where their bodies can't all be."""
+
+    kind: Literal["crowd"] = "crowd"
+    robots: tuple[Robot, ...] = Field(description="UUIDs of the first ten robots, in ascending order")
+    vendor: str = Field(description="the vendor whose robots they are")
+    crowded: int = Field(ge=1, description="number of robots in all")
+
+
 AnyAdvisory = Annotated[
-    ConflictAdvisory | ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory,
+    ConflictAdvisory | ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory | CrowdAdvisory,
     Field(discriminator="kind"),
 ]
-Kind = Literal["conflict", "contention", "double_occupancy", "deadlock", "blockage", "foreign_claim", "two_places"]
+Kind = Literal[
+    "conflict", "contention", "double_occupancy", "deadlock", "blockage", "foreign_claim", "two_places", "crowd"
+]
 
 ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
 """Reads one revision of any kind."""

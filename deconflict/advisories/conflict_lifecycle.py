@@ -19,21 +19,20 @@ These files decide, in this order:
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from operator import attrgetter
-from typing import NamedTuple
 
 from deconflict.advisories import conflict_wording, revision_rules
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.conflict_wording import MeetingPlace
-from deconflict.advisories.revision_budget import MOST_REVISIONS, RevisionBudget
-from deconflict.advisories.severity import SEVERITIES, rises, severity_of
+from deconflict.advisories.revision_budget import MOST_REVISIONS, Candidate, RevisionBudget
+from deconflict.advisories.severity import rises, severity_of
 from deconflict.advisories.watched_pair_kernels import CLEAR_STILL, MAY_CLEAR, RAISE, UPDATE_PROBABILITY
 from deconflict.advisories.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from ingest.batch import Pair
@@ -41,20 +40,8 @@ from ingest.batch import Pair
 PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
 GAVE_WAY = "one gave way to the other"
 """Why an advisory is cleared while both robots are on the floor."""
+CROWDED = "both report from a place with many others of their vendors"
 LEFT = "left the floor"
-
-
-class Candidate(NamedTuple):
-    """A prediction that makes a revision if it is news, which depends on how the two will meet."""
-
-    watched: WatchedPair
-    prediction: Prediction
-    severity: Severity
-
-    @property
-    def urgency(self) -> tuple[int, float, Pair]:
-        """The most urgent one has the lowest."""
-        return -SEVERITIES.index(self.severity), self.prediction.contact_s, self.watched.pair
 
 
 @dataclass(slots=True, eq=False)
@@ -144,6 +131,22 @@ class ConflictLifecycle:
                 revision = conflict_wording.with_silence(advisory, parties, met, place, now_s)
                 self._set_newest(watched, revision)
                 revisions.append(revision)
+        return revisions
+
+    def leave_to_crowds(self, changed: Iterable[str], crowds: Container[str], now_s: float) -> list[ConflictAdvisory]:
+        """The revisions that clear the advisories on two robots in `crowds`; `changed` are robots that have come to a
+        crowd or left one."""
+        robots = set(changed)
+        concerned = [(pair, advisory) for pair, advisory in self.advisories.items() if not robots.isdisjoint(pair)]
+        self._changed.update(pair for pair, _ in concerned)
+        revisions = []
+        for pair, advisory in sorted(concerned):
+            watched = self.pairs.get(pair)
+            if watched and pair[0] in crowds and pair[1] in crowds:
+                self.pairs.mark_apart(watched)
+                self.pairs.forget_looks(watched)
+                revisions.append(advisory.ended(now_s, CROWDED))
+                self._set_newest(watched, revisions[-1])
         return revisions
 
     def add_advice(self, pair: Pair, advice: Recommendation, now_s: float) -> ConflictAdvisory | None:

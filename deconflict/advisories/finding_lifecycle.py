@@ -1,4 +1,4 @@
-"""The life of advisories on contention, deadlocks, blockages and claims: which findings are published, and until when.
+"""The life of advisories on all but conflicts: which findings are published, and until when.
 
     no advisory --(2 of 3 looks find it)--> raised
     raised, updated --(robots, time, duration or severity changed enough)--> updated
@@ -12,6 +12,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from math import hypot
 from typing import Any, NamedTuple
 from uuid import uuid5
 
@@ -22,6 +23,7 @@ from deconflict.advisory import (
     BlockageAdvisory,
     ClaimAdvisory,
     ContentionAdvisory,
+    CrowdAdvisory,
     DeadlockAdvisory,
     Kind,
     Location,
@@ -37,10 +39,12 @@ UPDATE_GAP_S, ADVICE_GAP_S = 5.0, 2.0
 """Shortest time between two revisions, unless severity rises; and before one that advises another order."""
 MOVED_S, MOVED_SHARE = 3.0, 0.2
 """A change of a time by more than both, in seconds and as a share of the time left, is worth a revision."""
+CROWD_MOVED_M = 5.0
+"""A crowd that has moved further is worth a revision."""
 RESTORED_S = 15.0
 """A restored advisory is cleared if it is not found again within this time."""
 
-FindingAdvisory = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory
+FindingAdvisory = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory | CrowdAdvisory
 """Every kind of advisory but conflicts."""
 NameVendor = Callable[[str], tuple[str, str]]
 """The name and the vendor of a robot that is known, by its UUID."""
@@ -52,6 +56,7 @@ MODELS: dict[str, type[FindingAdvisory]] = {
     "blockage": BlockageAdvisory,
     "foreign_claim": ClaimAdvisory,
     "two_places": ClaimAdvisory,
+    "crowd": CrowdAdvisory,
 }
 CLEARED_BECAUSE = {
     "contention": "nobody is expected to wait long any more",
@@ -60,6 +65,7 @@ CLEARED_BECAUSE = {
     "blockage": "it no longer stands in anybody's way",
     "foreign_claim": "the other vendor no longer reports them",
     "two_places": "they are reported from one place again",
+    "crowd": "they no longer report from one place",
 }
 
 
@@ -68,7 +74,7 @@ class Finding(NamedTuple):
 
     kind: Kind
     about: str
-    """What stays the same while it lasts: the resource, the blocker, the ring's robots, or owner and claimant."""
+    """What stays the same while it lasts: resource, blocker, robots of a ring, owner and claimant, vendor and datum."""
     severity: Severity
     robots: tuple[str, ...]
     """In ascending order."""
@@ -155,6 +161,8 @@ def finding_key(advisory: FindingAdvisory) -> str:
         return f"{advisory.kind} {advisory.resource}"
     if isinstance(advisory, ClaimAdvisory):
         return f"{advisory.kind} {about_claim(advisory.owner, advisory.claimant)}"
+    if isinstance(advisory, CrowdAdvisory):
+        return f"{advisory.kind} {about_crowd(advisory.vendor, advisory.location.datum)}"
     about = advisory.blocker if isinstance(advisory, BlockageAdvisory) else " ".join(advisory.robots)
     return f"{advisory.kind} {about}"
 
@@ -162,6 +170,11 @@ def finding_key(advisory: FindingAdvisory) -> str:
 def about_claim(owner: str, claimant: str) -> str:
     """The `Finding.about` of a claim."""
     return json.dumps([owner, claimant])
+
+
+def about_crowd(vendor: str, datum: str) -> str:
+    """The `Finding.about` of a crowd."""
+    return json.dumps([vendor, datum])
 
 
 def _raised(finding: Finding, now_s: float, name_vendor: NameVendor) -> FindingAdvisory:
@@ -215,12 +228,16 @@ def _is_news(before: FindingAdvisory, finding: Finding, now_s: float) -> bool:
     has_begun = before.time_to_conflict_s == 0 and _time_left_s(finding, now_s) == 0
     if not has_begun and moved_s > max(MOVED_S, MOVED_SHARE * left_s):
         return True
-    if finding.severity != before.severity or finding.robots != before.robots:
+    if finding.severity != before.severity:
         return True
-    return _is_other_evidence(before, finding.evidence)
+    if isinstance(before, CrowdAdvisory):
+        return _is_other_crowd(before, finding)
+    return finding.robots != before.robots or _is_other_evidence(before, finding.evidence)
 
 
-def _is_other_evidence(before: FindingAdvisory, evidence: Mapping[str, Any]) -> bool:
+def _is_other_evidence(
+    before: ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory, evidence: Mapping[str, Any]
+) -> bool:
     """Whether the fields of a kind of advisory differ enough."""
     if isinstance(before, ContentionAdvisory):
         longer_s = abs(evidence["wait_s"] - before.wait_s)
@@ -231,6 +248,13 @@ def _is_other_evidence(before: FindingAdvisory, evidence: Mapping[str, Any]) -> 
     if isinstance(before, ClaimAdvisory):
         return bool(evidence["claimed"] >= 2 * before.claimed)
     return _who_waits(evidence["cycle"]) != _who_waits(before.cycle)
+
+
+def _is_other_crowd(before: CrowdAdvisory, finding: Finding) -> bool:
+    """Whether a crowd is elsewhere, or has twice or half as many robots. Which ones they are is no news."""
+    here, crowded = finding.location or before.location, finding.evidence["crowded"]
+    moved_m = hypot(here.x - before.location.x, here.y - before.location.y)
+    return moved_m > CROWD_MOVED_M or not before.crowded < 2 * crowded < 4 * before.crowded
 
 
 def _who_waits(cycle: Iterable[Wait]) -> list[tuple[str, str]]:

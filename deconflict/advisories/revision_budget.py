@@ -5,12 +5,30 @@ Only a fleet whose reports are wrong reaches the budget. What is beyond it waits
 
 from collections import Counter
 from collections.abc import Callable
+from typing import NamedTuple
 
+from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisories.severity import SEVERITIES
+from deconflict.advisories.watched_pairs import WatchedPair
+from deconflict.advisory import Severity
 from ingest.batch import Pair
 
 MOST_REVISIONS = 50
 """In one pass, of the conflicts between robots of the same two vendors. Recorded traffic, and a thousand robots of the
 benchmark, need fewer than half as many."""
+
+
+class Candidate(NamedTuple):
+    """A prediction that makes a revision if it is news, which depends on how the two will meet."""
+
+    watched: WatchedPair
+    prediction: Prediction
+    severity: Severity
+
+    @property
+    def urgency(self) -> tuple[int, float, Pair]:
+        """The most urgent one has the lowest."""
+        return -SEVERITIES.index(self.severity), self.prediction.contact_s, self.watched.pair
 
 
 class RevisionBudget:

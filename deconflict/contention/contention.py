@@ -6,6 +6,7 @@ have changed with them: queues of places that a robot wants, and standing robots
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
+from types import MappingProxyType
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle
 from deconflict.contention import findings
@@ -58,11 +59,13 @@ class Contention:
         measures: Measures,
         restored: Iterable[FindingAdvisory] = (),
         make_advice: Callable[[PlaceGeometry], QueueAdvice] = queue_advice_alone,
+        crowds: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
-        """`restored` are the advisories that were open before a restart."""
+        """`restored` are the advisories that were open before a restart. `crowds` has the robots that are in a crowd,
+        and may change."""
         self.geometry = PlaceGeometry(resources, zones)
         self.robots = RobotTable(self.geometry)
-        self._settings, self._measures = settings, measures
+        self._settings, self._measures, self._crowds = settings, measures, crowds
         self._lifecycle = FindingLifecycle(settings.clear_after_s, restored)
         self._advice = make_advice(self.geometry)
         self._dwells = {resource.id: DwellTimes(resource) for resource in self.geometry.resources.values()}
@@ -127,7 +130,7 @@ class Contention:
             return []
         dt_s = min(now_s - self._looked_s, 10 * LOOK_S)
         self._looked_s = now_s
-        passing, nearby = self.robots.passing(), NearbyBoxes.of(self.robots)
+        passing, nearby = self.robots.passing(), NearbyBoxes.of(self.robots, self._crowds)
         self._flows.update(passing, now_s, dt_s)
         journeys = legs(self.robots, nearby, now_s)
         entries = self._entries.collect(passing, journeys, now_s)

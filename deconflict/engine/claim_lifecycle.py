@@ -1,27 +1,31 @@
-"""Advisories on robots that two vendors report, or that are reported from two places at once.
+"""Advisories on robots that two vendors report, that are reported from two places at once, or many of them from one.
 
-Claims of the receiving half in, advisory revisions out. When an advisory is raised and cleared, `finding_lifecycle`
-decides.
+Claims of the receiving half and crowds in, advisory revisions out. When an advisory is raised and cleared,
+`finding_lifecycle` decides.
 """
 
 from collections.abc import Iterable
 from math import inf
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, about_claim
-from deconflict.advisory import Location, Severity
+from deconflict.advisory import ClaimAdvisory, CrowdAdvisory, Location, Severity
+from deconflict.contention.crowds.crowd_finding import crowd_finding
+from deconflict.contention.crowds.crowds import Crowds
 from deconflict.foresight.presence.live_robots import LiveRobots
 from ingest.batch import Claim
 
+JudgedAdvisory = ClaimAdvisory | CrowdAdvisory
+"""The advisories that `ClaimLifecycle` judges."""
 LOOK_S = 1.0
 CLEAR_AFTER_S = 3.0
 
 
 class ClaimLifecycle:
-    """Looks once a second at the claims that stand."""
+    """Looks once a second at the claims and crowds that stand."""
 
-    def __init__(self, live: LiveRobots, restored: Iterable[FindingAdvisory] = ()) -> None:
-        """`live` are the engine's robots, `restored` the advisories that were open before a restart."""
-        self._live = live
+    def __init__(self, live: LiveRobots, crowds: Crowds, restored: Iterable[FindingAdvisory] = ()) -> None:
+        """`live` and `crowds` are the engine's, `restored` the advisories that were open before a restart."""
+        self._live, self._crowds = live, crowds
         self._lifecycle = FindingLifecycle(CLEAR_AFTER_S, restored)
         self._standing: tuple[Claim, ...] = ()
         self._looked_s = -inf
@@ -45,7 +49,8 @@ class ClaimLifecycle:
         self._looked_s = now_s
         owners = {uuid: claim.owner for claim in self._standing for uuid in claim.robots}
         findings = [self._finding(claim) for claim in self._standing]
-        return self._lifecycle.revise(now_s, findings, lambda uuid: self._name_vendor(uuid, owners[uuid]))
+        findings += [crowd_finding(crowd, self._live.robots, now_s) for crowd in self._crowds.standing()]
+        return self._lifecycle.revise(now_s, findings, lambda uuid: self._name_vendor(uuid, owners.get(uuid, "")))
 
     def _finding(self, claim: Claim) -> Finding:
         names = ", ".join(self._name_vendor(uuid, claim.owner)[0] for uuid in claim.robots[:3])

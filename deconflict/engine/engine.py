@@ -12,6 +12,7 @@ from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.revision_rules import held_probability
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
 from deconflict.engine.engine_advice import EngineAdvice
@@ -64,16 +65,16 @@ class Engine:
         restored, conflict = tuple(restored), site.conflict
         self.measures = Measures()
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
-        self.presence = Presence(self.live, self.measures)
-        distances_m = conflict.clearance_m, conflict.clear_margin_m
-        self.foresight = ProbabilityEstimator(*distances_m, conflict.horizon_s, self.measures)
-        self._sweep = RobotSweep(site, self.live, self.measures)
+        self.presence, self._crowds = Presence(self.live, self.measures), Crowds(self.live)
+        bounds, crowds = (conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s), self._crowds.numbers
+        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds)
+        self._sweep = RobotSweep(site, self.live, self.measures, crowds)
         place_names = PlaceNames(site.datums, (*site.resources, *site.zones))
         self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, place_names)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
         self._conflicts.restore(advisory for advisory in restored if isinstance(advisory, ConflictAdvisory))
-        self._advice = EngineAdvice(site, self.live, self._sweep.sweeper, self.measures, submit, burdens_s)
-        shared = site, self.live, self.measures, restored, self._advice.queue_advice
+        self._advice = EngineAdvice(site, self.live, self._sweep.sweeper, self.measures, submit, burdens_s, crowds)
+        shared = site, self.live, self._crowds, self.measures, restored, self._advice.queue_advice
         self._shared = SharedAdvisories(*shared, enabled=not conflicts_only)
         self._map_drift = MapDrift.at(site.resources)
         self._resume(learned or {})
@@ -153,12 +154,15 @@ class Engine:
         """
         self._advice.settle(self.pending() if pending is None else pending)
         silent = self._update_presence(now_s)
+        crowded = self._crowds.step(now_s)
+        self._sweep.sweeper.touch(crowded)
         updated, self._updated = self._updated, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
         conflicts = self._sweep.step(now_s, reach_s, COARSE_M if effort >= Effort.COARSE else ACCURACY_M)
         self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._moves(pair)]
         predictions = self._predictions(now_s, conflicts).until(now_s + reach_s)
         revisions: list[AnyAdvisory] = []
+        revisions += self._conflicts.leave_to_crowds(crowded, self._crowds.numbers, now_s)
         revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s)
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
         revisions += self._advice.add_holds(now_s, self._conflicts)

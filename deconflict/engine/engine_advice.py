@@ -14,7 +14,7 @@ from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
-from ingest.batch import Basis, Batch
+from ingest.batch import Basis, Batch, Pair
 from ingest.measures.measures import Measures
 
 
@@ -29,9 +29,11 @@ class EngineAdvice:
         measures: Measures,
         submit: Submit,
         burdens_s: Mapping[str, float] | None,
+        crowds: Mapping[str, int],
     ) -> None:
-        """`submit` has an answer worked out; `burdens_s` are the seconds that each vendor has waited by now."""
-        self._live, self._sweeper = live, sweeper
+        """`submit` has an answer worked out; `burdens_s` are the seconds that each vendor has waited by now. `crowds`
+        has the robots that are in a crowd, and may change."""
+        self._live, self._sweeper, self._crowds = live, sweeper, crowds
         self._priorities = Priorities(site.vendors)
         self.submit = submit
         self._answers = AsyncAnswers(submit)
@@ -56,8 +58,13 @@ class EngineAdvice:
         self._answers.settle(pending)
 
     def add_holds(self, now_s: float, conflicts: ConflictLifecycle) -> list[ConflictAdvisory]:
-        """The revisions that give conflicts the holds that are due."""
-        due = self._holds.step(now_s, conflicts.advisories, conflicts.pop_changed(), self._nearby)
+        """The revisions that give conflicts the holds that are due; none of robots in a crowd, whose places are
+        doubted."""
+        open_conflicts: Mapping[Pair, ConflictAdvisory] = conflicts.advisories
+        if self._crowds:
+            placed = self._crowds.keys().isdisjoint
+            open_conflicts = {pair: advisory for pair, advisory in open_conflicts.items() if placed(pair)}
+        due = self._holds.step(now_s, open_conflicts, conflicts.pop_changed(), self._nearby)
         revisions = (conflicts.add_advice(pair, advice, now_s) for pair, advice in due)
         return [revision for revision in revisions if revision]
 
@@ -67,7 +74,7 @@ class EngineAdvice:
 
     def _nearby(self, group: set[str]) -> NearbyRobots:
         """The robots of a group that are on the floor, and those near to them, as they are now."""
-        uuids = self._live.group_with_nearest(group & self._live.robots.keys(), NEAR_M, MOST_NEAR)
+        uuids = self._live.group_with_nearest(group & self._live.robots.keys(), NEAR_M, MOST_NEAR, self._crowds)
         rows = [(robot.batch, robot.row) for robot in map(self._live.robots.__getitem__, uuids)]
         vendors = [batch.vendors[row] for batch, row in rows]
         return NearbyRobots(uuids, vendors, *self._sweeper.copied(uuids), lambda i: self._planned(*rows[i]))

@@ -1,6 +1,6 @@
 """The sweep of the live robots, each as wide as its position is uncertain: a robot that stops reporting grows."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from heapq import heappop, heappush
 from math import floor
 
@@ -19,10 +19,10 @@ GROWTH_STEP_M = 0.1
 class RobotSweep:
     """Keeps the sweep up to date with the live robots."""
 
-    def __init__(self, site: Site, live: LiveRobots, measures: Measures) -> None:
+    def __init__(self, site: Site, live: LiveRobots, measures: Measures, crowds: Mapping[str, int]) -> None:
         self._conflict, self._reading = site.conflict, site.reading
         self._live, self._measures = live, measures
-        self.sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s)
+        self.sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s, crowds=crowds)
         self._quiet: list[tuple[float, str]] = []
         """A heap with one entry for each robot: when to look at its silence next, and its UUID."""
 

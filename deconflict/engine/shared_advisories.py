@@ -1,13 +1,14 @@
-"""Advisories on what is not of one place: queues, deadlocks, blockages and claims."""
+"""Advisories on what is not of two robots: queues, deadlocks, blockages, claims and crowds."""
 
 from collections.abc import Callable, Iterable, Mapping
 
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
-from deconflict.advisory import AnyAdvisory, ClaimAdvisory, ConflictAdvisory
+from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from deconflict.contention.contention import Contention
+from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.contention.robots.place_geometry import PlaceGeometry
-from deconflict.engine.claim_lifecycle import ClaimLifecycle
+from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
 from deconflict.engine.load_shedding import Effort
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.lasting_silences import PresenceChanges
@@ -22,12 +23,13 @@ REDUCED_LOOK_S = 10.0
 
 
 class SharedAdvisories:
-    """Contention and claims of one engine; of neither if a cluster judges them elsewhere."""
+    """Contention, claims and crowds of one engine; of neither if a cluster judges them elsewhere."""
 
     def __init__(
         self,
         site: Site,
         live: LiveRobots,
+        crowds: Crowds,
         measures: Measures,
         restored: Iterable[AnyAdvisory],
         queue_advice: Callable[[PlaceGeometry], QueueAdvice],
@@ -37,10 +39,11 @@ class SharedAdvisories:
         """Without `enabled` nothing is judged, and what is `restored` stays as it is."""
         self._live, self._enabled = live, enabled
         findings = [advisory for advisory in restored if not isinstance(advisory, ConflictAdvisory)]
-        queues = [advisory for advisory in findings if not isinstance(advisory, ClaimAdvisory)]
-        claims = [advisory for advisory in findings if isinstance(advisory, ClaimAdvisory)]
-        self.contention = Contention(site.resources, site.zones, site.contention, measures, queues, queue_advice)
-        self._claims = ClaimLifecycle(live, claims)
+        queues = [advisory for advisory in findings if not isinstance(advisory, JudgedAdvisory)]
+        claims = [advisory for advisory in findings if isinstance(advisory, JudgedAdvisory)]
+        places = site.resources, site.zones, site.contention
+        self.contention = Contention(*places, measures, queues, queue_advice, crowds.numbers)
+        self._claims = ClaimLifecycle(live, crowds, claims)
         self._looked_s = float("-inf")
 
     def open(self) -> list[FindingAdvisory]:

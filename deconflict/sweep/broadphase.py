@@ -256,14 +256,14 @@ def _heights_overlap(one: Any, other: Any) -> bool:
     return bool(one.bottom <= other.top and other.bottom <= one.top)
 
 
-@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1]))
-def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots) -> Pairs:
+@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], numba.int64[::1]))
+def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, crowds: Ints) -> Pairs:
     """The pairs of which no robot passes above the other, the one of lower rank first, ascending by both ranks
-    (stable)."""
+    (stable). Pairs of two robots in `crowds` (slots,) are left out; it is 0 for a robot in none."""
     level, n = np.empty_like(pairs), 0
     for pair in pairs:
         a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
-        if _heights_overlap(robots[a], robots[b]):
+        if _heights_overlap(robots[a], robots[b]) and (crowds[a] == 0 or crowds[b] == 0):
             level[n].ring, level[n].a, level[n].b = pair.ring, a, b
             n += 1
     level = level[:n]

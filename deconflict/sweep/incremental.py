@@ -1,8 +1,9 @@
 """The sweep of a floor, pass after pass: only robots that changed are swept, against all others."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, repeat
 from math import ceil, floor, inf
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from deconflict.sweep.contact_intervals import (
     still_valid,
     with_contacts,
 )
+from deconflict.sweep.crowded_pairs import CrowdedPairs
 from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.encounter import Encounters, encounters
 from deconflict.sweep.geometry.knots import Knots, Robots, faults
@@ -79,14 +81,20 @@ class Sweeper:
     """Keeps contact intervals by pair and slab of absolute time, so that they hold as the horizon moves on.
 
     Each pass sweeps the robots that changed, and computes anew only the intervals that an edge of the horizon cuts. The
-    result depends on what is on the floor, not on the order or the batches in which it came.
+    result depends on what is on the floor, not on the order or the batches in which it came; but for pairs with one
+    robot in a crowd, see `CrowdedPairs`.
     """
 
-    def __init__(self, *, clearance_m: float, horizon_s: float = 10.0) -> None:
+    def __init__(
+        self, *, clearance_m: float, horizon_s: float = 10.0, crowds: Mapping[str, int] = MappingProxyType({})
+    ) -> None:
+        """`crowds` is a number for each robot that is in a crowd, and may change. `touch` the robots that it changes
+        for."""
         if not clearance_m >= 0 or not 0 < horizon_s < float("inf"):
             raise ValueError("clearance_m must be at least 0 and horizon_s above 0")
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._accuracy_m = ACCURACY_M
+        self._crowds, self._crowded_pairs = crowds, CrowdedPairs()
         self._slabs = ceil(horizon_s) + 1 + AHEAD
         self._slot_table = SlotTable()
         self._touched: Bools = np.zeros(0, bool)
@@ -140,6 +148,10 @@ class Sweeper:
         """Remove robots from the floor."""
         if left := self._slot_table.discard(keys):
             self._touched[left] = True
+
+    def touch(self, keys: Iterable[str]) -> None:
+        """Look at all pairs of robots again in the next pass."""
+        self._touched[[self._slot_table.slots[key] for key in keys if key in self._slot_table.slots]] = True
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
         """(n,) of `ENCOUNTER`: how the robots of n pairs meet at these times, with their sizes as reported."""
@@ -217,7 +229,8 @@ class Sweeper:
 
     def _intervals_of(self, pairs: Pairs, fcl_check: FclCheck) -> ContactIntervals:
         """The contact intervals of pairs in their slabs."""
-        pairs = sorted_pairs(pairs, self._slot_table.ranks(), self._slot_table.robots)
+        crowds = self._slot_table.column(self._crowds)
+        pairs = sorted_pairs(pairs, self._slot_table.ranks(), self._slot_table.robots, crowds)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 
     def _contacts(self, pairs: Pairs, span: Span, fcl_check: FclCheck) -> Contacts:
@@ -250,6 +263,10 @@ class Sweeper:
 
     def _listed(self, intervals: ContactIntervals, now_s: float, is_new: Bools, fcl_check: FclCheck) -> PairConflicts:
         a, b, contact_s, separation_m, separation_at_s, fresh = by_pair(intervals, is_new, now_s)
+        if self._crowds:
+            rows = self._crowded_pairs.kept_rows(a, b, contact_s, self._slot_table.column(self._crowds))
+            a, b, contact_s, fresh = a[rows], b[rows], contact_s[rows], fresh[rows]
+            separation_m, separation_at_s = separation_m[rows], separation_at_s[rows]
         pairs, before = self._names.of(a, b, self._slot_table.keys, self._slot_table.ranks())
         return PairConflicts(
             pairs=pairs,

@@ -1,6 +1,6 @@
 """Slots of robots: the row of each robot in arrays that are kept over many batches."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import repeat
 
 import numpy as np
@@ -33,6 +33,13 @@ class RobotSlots:
     def find(self, uuids: Sequence[str]) -> Ints:
         """(n,) the slot of each robot; -1 for a robot that has none."""
         return np.fromiter(map(self.by_uuid.get, uuids, repeat(-1)), np.int64, len(uuids))
+
+    def column(self, numbers: Mapping[str, int]) -> Ints:
+        """(slots,) the number of each robot; 0 for a robot that is not in `numbers`, which are few, and a free slot."""
+        column = np.zeros(len(self), np.int64)
+        known = [uuid for uuid in numbers if uuid in self.by_uuid]
+        column[[self.by_uuid[uuid] for uuid in known]] = [numbers[uuid] for uuid in known]
+        return column
 
     def assign(self, uuids: Sequence[str]) -> tuple[Ints, list[int]]:
         """(n,) the slot of each robot, and the rows of the robots that had none. A robot may stand in `uuids` twice."""

@@ -1,6 +1,6 @@
 """The robots on a floor: a slot for each, and their newest forecasts in arrays."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,10 @@ class SlotTable:
     def slots(self) -> dict[str, int]:
         """By key."""
         return self._slots.by_uuid
+
+    def column(self, numbers: Mapping[str, int]) -> Ints:
+        """See `RobotSlots.column`."""
+        return self._slots.column(numbers)
 
     def replace_forecasts(
         self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0

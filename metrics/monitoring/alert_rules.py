@@ -222,6 +222,15 @@ ALERTING_RULES = (
         "Robots of {{ $value }} vendors are reported at places that they can't have reached. The newest report counts, "
         "and nobody is warned of them at the other place. GET /advisories?kind=two_places names the robots.",
     ),
+    AlertingRule(
+        "DeconflictCrowd",
+        f"{level('deconflict_advisories_open', where={'kind': 'crowd'})} > 0",
+        "0s",
+        "page",
+        "Many robots of a vendor report from one place",
+        "{{ $value }} times robots of one vendor report from one place of a floor, where they can't all be. Conflicts "
+        "among them are not reported. GET /advisories?kind=crowd names the vendor, the place and ten of the robots.",
+    ),
 )
 
 

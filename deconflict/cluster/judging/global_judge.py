@@ -1,4 +1,5 @@
-"""What is not of one place, judged over all floors by one engine for all: queues, deadlocks, blockages and claims."""
+"""What is not of one place, judged over all floors by one engine for all: queues, deadlocks, blockages, claims
+and crowds."""
 
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,12 +13,12 @@ from deconflict.advice.priorities import Priorities
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.advisory_counts import count_by_severity, count_revisions, set_open_count
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
-from deconflict.advisory import ClaimAdvisory
 from deconflict.cluster.judging.cross_ingest_claims import CrossIngestClaims
 from deconflict.cluster.tiles.tile_channels import outdated
 from deconflict.contention.contention import Contention
+from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.queue_advice import QueueAdvice
-from deconflict.engine.claim_lifecycle import ClaimLifecycle
+from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.presence_batches import contention_batches
@@ -62,10 +63,11 @@ class GlobalJudge:
             priority=priority,
             measures=self.measures,
         )
-        findings = [advisory for advisory in restored if not isinstance(advisory, ClaimAdvisory)]
-        claims = [advisory for advisory in restored if isinstance(advisory, ClaimAdvisory)]
-        self._contention = Contention(site.resources, site.zones, site.contention, self.measures, findings, advising)
-        self._claims = ClaimLifecycle(self._live, claims)
+        findings = [advisory for advisory in restored if not isinstance(advisory, JudgedAdvisory)]
+        claims = [advisory for advisory in restored if isinstance(advisory, JudgedAdvisory)]
+        self._crowds, places = Crowds(self._live), (site.resources, site.zones, site.contention)
+        self._contention = Contention(*places, self.measures, findings, advising, self._crowds.numbers)
+        self._claims = ClaimLifecycle(self._live, self._crowds, claims)
         self._cross_ingest_claims = CrossIngestClaims()
         self._revisions = OrderedDict((advisory.id, advisory.revision) for advisory in restored)
         """The last published revision of each advisory."""
@@ -110,6 +112,7 @@ class GlobalJudge:
         self._answers.settle(self._answers.pending())
         for batch in contention_batches(self._live, self._presence.advance(now_s), now_s):
             self._contention.receive(batch)
+        self._crowds.step(now_s)
         self._claims.receive(self._cross_ingest_claims.standing(now_s))
         revisions = [*self._contention.step(now_s), *self._claims.step(now_s)]
         self._burden.charge(revisions)
@@ -124,7 +127,7 @@ class GlobalJudge:
         if revision.revision <= self._revisions.get(revision.id, 0) and not overruled:
             return
         self._remember(revision)
-        (self._claims if isinstance(revision, ClaimAdvisory) else self._contention).adopt(revision)
+        (self._claims if isinstance(revision, JudgedAdvisory) else self._contention).adopt(revision)
 
     def _remember(self, revision: FindingAdvisory) -> None:
         self._revisions[revision.id] = revision.revision

@@ -72,6 +72,10 @@ class RobotTable(Mapping[str, RobotView]):
         """By slot; "" for a free slot."""
         return self._slots.uuids
 
+    def column(self, numbers: Mapping[str, int]) -> Ints:
+        """See `RobotSlots.column`."""
+        return self._slots.column(numbers)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._slots.by_uuid)
 

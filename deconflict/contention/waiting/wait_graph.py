@@ -45,8 +45,14 @@ class NearbyBoxes(NamedTuple):
     """(g,) slots."""
 
     @classmethod
-    def of(cls, robots: RobotTable) -> Self:
-        return cls(*record_kernels.collect_boxes(robots.records, robots.stops, ROUNDING_M))
+    def of(cls, robots: RobotTable, crowds: Mapping[str, int]) -> Self:
+        """Without the robots in `crowds`: where they are is doubted."""
+        boxes = cls(*record_kernels.collect_boxes(robots.records, robots.stops, ROUNDING_M))
+        if not crowds:
+            return boxes
+        is_placed = robots.column(crowds) == 0
+        kept = [is_placed[slots] for slots in (boxes.ends[:, 0], boxes.standing, boxes.going)] * 2
+        return cls(*(column[rows] for column, rows in zip(boxes, kept, strict=True)))
 
     def stood_on(self, robots: RobotTable) -> list[tuple[tuple[int, int], int]]:
         """Stops, by slot and number, that are near a robot which stands outside every resource, and its slot."""

@@ -1,6 +1,6 @@
 """The robots on the floor: of each its newest batch and its row there."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from math import hypot, inf
 
@@ -98,16 +98,25 @@ class LiveRobots:
 
     robots: dict[str, LiveRobot] = field(default_factory=dict)
     floors: tuple[str, ...] = ()
-    _slots: RobotSlots = field(default_factory=RobotSlots)
-    _at: Floats = field(default_factory=lambda: np.empty((0, 5)))
+    at: Floats = field(default_factory=lambda: np.empty((0, 5)))
     """(slots, 5) x_m, y_m and floor of the first knot, bottom_m and top_m; nan for a free slot."""
+    sizes_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    """(slots, 2) length and width as reported."""
+    vendor: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    """(slots,) the number of the vendor."""
+    _slots: RobotSlots = field(default_factory=RobotSlots)
+    _vendor_numbers: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def uuids(self) -> list[str]:
+        """By slot; "" for a free slot."""
+        return self._slots.uuids
 
     def update(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch. Returns the UUIDs of new robots."""
         self.floors, forecasts = batch.floors, batch.forecasts
         slots, new_rows = self._slots.assign(batch.robots)
-        if len(self._slots) > len(self._at):
-            self._at = np.concatenate([self._at, np.full((max(len(self._slots), 64), self._at.shape[1]), np.nan)])
+        self._grow(len(self._slots) - len(self.at))
         for row in new_rows:
             uuid = batch.robots[row]
             self.robots[uuid] = LiveRobot(batch, row, int(slots[row]))
@@ -116,32 +125,47 @@ class LiveRobots:
             robot.batch, robot.row, robot.growth_m = batch, row, 0.0
         first = forecasts.start[:-1]
         places = [column[first] for column in (forecasts.x_m, forecasts.y_m, forecasts.floor)]
-        self._at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
+        self.at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
+        self.sizes_m[slots, 0], self.sizes_m[slots, 1] = forecasts.length_m, forecasts.width_m
+        numbers = self._vendor_numbers
+        self.vendor[slots] = [numbers.setdefault(vendor, len(numbers)) for vendor in batch.vendors]
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))
+
+    def _grow(self, missing: int) -> None:
+        """Make room for so many more slots."""
+        if missing > 0:
+            more = max(len(self._slots), 64)
+            self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
+            self.sizes_m = np.concatenate([self.sizes_m, np.zeros((more, 2))])
+            self.vendor = np.concatenate([self.vendor, np.zeros(more, np.int64)])
 
     def remove(self, uuids: Iterable[str]) -> None:
         """Forget robots. Unknown ones are ignored."""
         uuids = list(uuids)
         for uuid in uuids:
             self.robots.pop(uuid, None)
-        self._at[self._slots.release(uuids)] = np.nan
+        self.at[self._slots.release(uuids)] = np.nan
 
     def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
         """Those of `uuids` that are on the floor, in that order, and their forecasts."""
         present = [uuid for uuid in uuids if uuid in self.robots]
         return present, _joined([self.robots[uuid] for uuid in present])
 
-    def group_with_nearest(self, group: set[str], within_m: float, most: int) -> list[str]:
+    def group_with_nearest(
+        self, group: set[str], within_m: float, most: int, without: Container[str] = ()
+    ) -> list[str]:
         """The UUIDs of a group and of at most `most` other robots, the nearest to any of the group within a distance,
-        on its floor and at its height; ascending."""
-        slots, away_m = _near(self._at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
+        on its floor and at its height; ascending. Those in `without` are not among the others."""
+        slots, away_m = _near(self.at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
         near = [self._slots.uuids[slot] for slot in slots.tolist()]
         others = [
-            (distance_m, uuid) for distance_m, uuid in zip(away_m.tolist(), near, strict=True) if uuid not in group
+            (distance_m, uuid)
+            for distance_m, uuid in zip(away_m.tolist(), near, strict=True)
+            if uuid not in group and uuid not in without
         ]
         if len(others) > most:
-            near = [uuid for _, uuid in sorted(others)[:most]]
-        return sorted(group.union(near))
+            others = sorted(others)[:most]
+        return sorted(group.union(uuid for _, uuid in others))
 
 
 def _joined(robots: Sequence[LiveRobot]) -> Forecasts:

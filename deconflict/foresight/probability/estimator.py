@@ -8,6 +8,7 @@ Outcomes are read from the robots' own reports, as in offline scoring.
 """
 
 from collections.abc import Collection, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -65,7 +66,15 @@ class ProbabilityEstimator:
     """The robots, what is known of their forecasts, and the pairs under watch. Pure: the same calls give the same
     results."""
 
-    def __init__(self, clearance_m: float, margin_m: float, horizon_s: float, measures: Measures) -> None:
+    def __init__(
+        self,
+        clearance_m: float,
+        margin_m: float,
+        horizon_s: float,
+        measures: Measures,
+        crowds: Mapping[str, int] = MappingProxyType({}),
+    ) -> None:
+        """`crowds` has the robots that are in a crowd, and may change."""
         self.measures = measures
         self.ledger = Ledger()
         """All errors of forecasts."""
@@ -75,7 +84,7 @@ class ProbabilityEstimator:
         self.start_times = StartTimes()
         self.learning = OutcomeLearning(horizon_s, measures)
         self._bounds = Bounds(clearance_m, margin_m, horizon_s)
-        self._robots, self._pending = TrackedRobots(), PendingForecasts()
+        self._robots, self._pending = TrackedRobots(crowds), PendingForecasts()
         self._stated_ways = blank_records(0)
         self._finder, self._followers = InteractionFinder(), AdviceFollowers()
         self._candidates = PairCandidates(self._robots, clearance_m, horizon_s)
@@ -231,7 +240,8 @@ class ProbabilityEstimator:
         pairs, robots = self._pairs, self._robots
         stands, records = robots.is_standing(slice(None)), robots.records
         stays = records["stays"] | (now_s - records["stood_since_s"] >= STAYS_S)
-        set_preemption(pairs, stands, stays, self._rollouts.waits_for, now_s, PREEMPTED_S, SETTLED_S)
+        limits = (now_s, PREEMPTED_S, SETTLED_S)
+        set_preemption(pairs, stands, stays, self._rollouts.waits_for, robots.is_crowded(), *limits)
         rows = np.flatnonzero(pairs["watched"])
         features, code = pairs["features"][rows], pairs["code"][rows]
         vendors, present = robots.pair_vendors(code), robots.both_present(code)

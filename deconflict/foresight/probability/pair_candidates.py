@@ -51,7 +51,7 @@ class PairCandidates:
 
     def nearby_codes(self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float) -> Ints:
         """(p,) the codes of the pairs that may come near at any whole second of the horizon. At least one robot of each
-        pair is marked by `has_news` (slots,).
+        pair is marked by `has_news` (slots,), and none is in a crowd.
 
         Envelopes are taken as circles, grown by the 80 % bands `bands_m` (kinds, horizons, 3) at the horizon.
         """
@@ -63,4 +63,6 @@ class PairCandidates:
         a, b = pending.candidate_pairs(has_news, slots, robots.rank, near_m, now_s, self._horizon_s).T
         bottom_m, top_m = robots.levels_m
         is_level = (bottom_m[a] < top_m[b]) & (bottom_m[b] < top_m[a])
+        is_crowded = robots.is_crowded()
+        is_level &= ~(is_crowded[a] | is_crowded[b])
         return codes(a[is_level], b[is_level])

@@ -13,7 +13,7 @@ from deconflict.foresight.probability.pair_table import (
 )
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.probability.waiting_robots import are_waiting
-from deconflict.foresight.rollout.rollout import NOBODY, RolloutInput, run_rollout
+from deconflict.foresight.rollout.rollout import EVEN, NOBODY, RolloutInput, run_rollout
 from deconflict.foresight.rollout.rollout_schedule import RolloutSchedule
 from deconflict.foresight.rollout.start_samples import SAMPLES, START, quantiles
 from deconflict.foresight.rollout.start_times import StartTimes
@@ -49,8 +49,8 @@ class PairRollouts:
     def run_due(self, pairs: Pairs, due: Ints, start_times: StartTimes, now_s: float) -> None:
         """Run the rollout of the robots whose turn it is. Write its feature into the rows `due` of `pairs`, and into
         the rows of the robots that took part."""
-        robots = self._robots
-        a, b = slots_of(pairs["code"][needs_rollout(pairs, robots.absence)])
+        robots, is_crowded = self._robots, self._robots.is_crowded()
+        a, b = slots_of(pairs["code"][needs_rollout(pairs, robots.absence, is_crowded)])
         slots = self._schedule.due(a, b, robots.key, now_s)
         if len(slots):
             slots = slots[np.argsort(robots.rank[slots])]  # so that the result does not depend on who came first
@@ -60,6 +60,8 @@ class PairRollouts:
             self._schedule.store(slots, result, codes(first, second), now_s)
             due = np.union1d(due, np.flatnonzero(has_robot_of(pairs["code"], slots)))
         pairs["features"][due, DRIVEN] = self._schedule.features_of(pairs["code"][due])
+        a, b = slots_of(pairs["code"][due])
+        pairs["features"][due[is_crowded[a] | is_crowded[b]], DRIVEN] = EVEN
 
     def _input(self, slots: Ints, start_times: StartTimes, now_s: float) -> RolloutInput:
         columns, newest = self._robots, self._pending.newest[slots]

@@ -232,19 +232,26 @@ def rows_to_report(pairs: Pairs, first: Ints, likely: float) -> tuple[Ints, Ints
     return rows[:n].copy(), code[: n - len(first)].copy()
 
 
-@kernel(numba.void(_PAIRS, *[_BOOLS] * 2, _INTS, *[numba.float64] * 3))
+@kernel(numba.void(_PAIRS, *[_BOOLS] * 2, _INTS, _BOOLS, *[numba.float64] * 3))
 def set_preemption(
-    pairs: Pairs, stands: Bools, stays: Bools, waits_for: Ints, now_s: float, scale_s: float, settled_s: float
+    pairs: Pairs,
+    stands: Bools,
+    stays: Bools,
+    waits_for: Ints,
+    is_crowded: Bools,
+    now_s: float,
+    scale_s: float,
+    settled_s: float,
 ) -> None:
     """Set the features of watched pairs that depend on third robots, whether both robots stand, and `still`.
 
     By slot are `stands`, `stays` and `waits_for`: whether a robot stands, whether it is expected to stay, and the slot
-    of the robot that a standing robot has to wait for.
+    of the robot that a standing robot has to wait for. A robot that `is_crowded` stops no other one.
     """
     slots = len(stands)
     first_s, second_s, first = np.full(slots, np.inf), np.full(slots, np.inf), np.full(slots, -1)
     for row, pair in enumerate(pairs):
-        if not pair.watched:
+        if not pair.watched or is_crowded[pair.code >> SLOT_BITS] or is_crowded[pair.code & SLOTS]:
             continue
         for slot in (pair.code >> SLOT_BITS, pair.code & SLOTS):
             if pair.contact_s < first_s[slot]:
@@ -268,9 +275,9 @@ def set_preemption(
         pair.still = (stays[a] and stays[b]) or now_s - pair.gave_way_s <= settled_s
 
 
-def needs_rollout(pairs: Pairs, absence: Floats) -> Bools:
-    """(p,) whether the robots of each pair are to be driven on together: they come near, and both are probably
-    present. `absence` (slots,) is the probability that a robot is absent."""
+def needs_rollout(pairs: Pairs, absence: Floats, is_crowded: Bools) -> Bools:
+    """(p,) whether the robots of each pair are to be driven on together: they come near, both are probably present, and
+    neither `is_crowded` (slots,). `absence` (slots,) is the probability that a robot is absent."""
     near: Bools = pairs["watched"] & ((pairs["near_m"] <= ROLLOUT_M) | (pairs["share"] > ROLLOUT_SHARE))
     a, b = slots_of(pairs["code"])
-    return near & (np.maximum(absence[a], absence[b]) < 0.5)
+    return near & (np.maximum(absence[a], absence[b]) < 0.5) & ~(is_crowded[a] | is_crowded[b])

@@ -1,6 +1,7 @@
 """The robots that the estimator knows: a slot for each, and what is known of it, in columns."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -17,8 +18,9 @@ COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "vendo
 class TrackedRobots:
     """Columns by slot, with spare slots. A robot keeps its slot until it is removed; another robot may then get it."""
 
-    def __init__(self) -> None:
-        self._slots = RobotSlots()
+    def __init__(self, crowds: Mapping[str, int] = MappingProxyType({})) -> None:
+        """`crowds` has the robots that are in a crowd, and may change."""
+        self._slots, self._crowds = RobotSlots(), crowds
         self.vendor_numbers: dict[str, int] = {}
         self.is_used = np.zeros(0, np.bool_)
         """Whether a robot has the slot."""
@@ -86,6 +88,12 @@ class TrackedRobots:
         """(slots,) which robots have reported since the last call."""
         has_news, self.has_news = self.has_news, np.zeros(len(self.has_news), np.bool_)
         return has_news
+
+    def is_crowded(self) -> Bools:
+        """(slots,) whether each robot is in a crowd."""
+        is_crowded = np.zeros(len(self), np.bool_)
+        is_crowded[self.slots_of(self._crowds)] = True
+        return is_crowded
 
     def is_standing(self, slots: slice | Ints) -> Bools:
         """Which robots of `slots` stand, by their forecasts or by their reports."""

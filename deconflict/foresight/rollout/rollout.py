@@ -71,3 +71,5 @@ def _log_odds(counts: Floats) -> Floats:
 
 NEVER: Floats = _log_odds(np.zeros(ROLLED))
 """Features of a pair that was not driven on, because its robots are not near each other."""
+EVEN = 0.0
+"""Feature of a pair of which it is not known what driving on would show."""

@@ -366,3 +366,13 @@ def test_the_same_messages_and_ticks_give_the_same_advisories() -> None:
 
     assert told()
     assert told() == told()
+
+
+def test_robots_in_a_crowd_block_nobody() -> None:
+    passing = {"A": Script([(0, -20, 0), (40, 20, 0)]), "B": Script([(0, 0, -20), (40, 0, 20)], vendor="Corvid")}
+    crowd = {f"M-{n}": Script([(0, 0.1 * n, 0)], vendor="Mallory", state=lambda _: "idle") for n in range(12)}
+    few = dict(list(crowd.items())[:3])
+    assert raised(Scene(site(), passing | few).run(16), "blockage")
+    told = Scene(site(), passing | crowd).run(16)
+    assert raised(told, "blockage") == []
+    assert len(raised(told, "crowd")) == 1

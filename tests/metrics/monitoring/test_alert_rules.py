@@ -46,6 +46,7 @@ FAILED = 'deconflict_outlet_failures_total{outlet="mes"}'
 DEADLOCK = 'deconflict_advisories_open{kind="deadlock",severity="warning"}'
 FOREIGN = 'deconflict_advisories_open{kind="foreign_claim",severity="warning"}'
 TWO_PLACES = 'deconflict_advisories_open{kind="two_places",severity="warning"}'
+CROWD = 'deconflict_advisories_open{kind="crowd",severity="warning"}'
 CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
 
 CASES = [
@@ -86,6 +87,8 @@ CASES = [
     Case("DeconflictForeignClaim", 5, None, {FOREIGN: "0x3 1 0x6", TWO_PLACES: "1x10"}),
     Case("DeconflictTwoPlaces", 5, {}, {TWO_PLACES: "0x3 1x7"}),
     Case("DeconflictTwoPlaces", 5, None, {TWO_PLACES: "0x3 1 0x6", FOREIGN: "1x10"}),
+    Case("DeconflictCrowd", 5, {}, {CROWD: "0x3 1x7"}),
+    Case("DeconflictCrowd", 5, None, {CROWD: "0x3 1 0x6", TWO_PLACES: "1x10"}),
 ]
 
 

@@ -100,6 +100,20 @@ def test_an_overruling_revision_replaces_its_own() -> None:
     assert {each.id for each in one.open()} == {each.id for each in other.open()}
 
 
+def test_the_judge_publishes_the_same_crowd_as_a_single_machine() -> None:
+    robots = {f"M-{n}": Script([(0, 0.0, 0.0), (6, 0.0, 0.0), (7, 0.0, 5.0 * n)], vendor="Mallory") for n in range(20)}
+    floor, engine, judge = Floor(robots), Engine(SITE), GlobalJudge(SITE)
+    states = []
+    for tick in range(TICKS * 20):
+        whole, shared = floor.tick(tick)
+        engine.receive(whole)
+        judge.receive(shared)
+        told = others(engine.step(NOW_S + tick / TICKS))
+        assert judge.advance(NOW_S + tick / TICKS) == told
+        states += [one.state.value for one in told if one.kind == "crowd"]
+    assert (states[0], states[-1], len(states) <= 3) == ("raised", "cleared", True)
+
+
 def claimed(at: dict[int, list[bytes]], seconds: float) -> list[ClaimAdvisory]:
     """What two ingests come to where every second each hears what it is given, as of its start."""
     judge, fleets, told = GlobalJudge(SITE), (fleet(), fleet()), []

@@ -105,7 +105,7 @@ def test_an_earlier_conflict_with_a_third_robot_sets_the_features() -> None:
     every["share"] = 1.0
     every["gave_way_s"] = -np.inf
     stands, waits_for = np.array([False, False, True, True, True]), np.full(5, -1)
-    set_preemption(every, stands, stands, waits_for, NOW_S, 0.3, 10.0)
+    set_preemption(every, stands, stands, waits_for, np.zeros(len(stands), bool), NOW_S, 0.3, 10.0)
     assert every["features"][:, 6] == pytest.approx([0.0, 1.0, 0.0], abs=0.01)
     assert every["features"][:, 7] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
     assert every["still"].tolist() == [False, False, True]
@@ -115,7 +115,7 @@ def test_robots_that_stand_and_may_set_out_are_not_still() -> None:
     """One robot may be about to drive into the other."""
     every, standing = pairs((0, 1)), np.ones(2, bool)
     every["gave_way_s"] = -np.inf
-    set_preemption(every, standing, np.array([True, False]), np.full(2, -1), NOW_S, 0.3, 10.0)
+    set_preemption(every, standing, np.array([True, False]), np.full(2, -1), np.zeros(2, bool), NOW_S, 0.3, 10.0)
     assert every["still"].tolist() == [False]
     assert every["features"][0, 5] == 1.0
 
@@ -124,9 +124,9 @@ def test_a_pair_stays_still_for_a_while_after_one_waited_for_the_other() -> None
     every = pairs((0, 1), (2, 3))
     every["gave_way_s"] = -np.inf
     nobody, moving = np.full(4, -1), np.zeros(4, bool)
-    set_preemption(every, moving, moving, np.array([-1, 0, -1, -1]), NOW_S, 0.3, 10.0)
+    set_preemption(every, moving, moving, np.array([-1, 0, -1, -1]), np.zeros(4, bool), NOW_S, 0.3, 10.0)
     assert every["still"].tolist() == [True, False]
-    set_preemption(every, moving, moving, nobody, NOW_S + 9.0, 0.3, 10.0)
+    set_preemption(every, moving, moving, nobody, np.zeros(4, bool), NOW_S + 9.0, 0.3, 10.0)
     assert every["still"].tolist() == [True, False]
-    set_preemption(every, moving, moving, nobody, NOW_S + 11.0, 0.3, 10.0)
+    set_preemption(every, moving, moving, nobody, np.zeros(4, bool), NOW_S + 11.0, 0.3, 10.0)
     assert every["still"].tolist() == [False, False]

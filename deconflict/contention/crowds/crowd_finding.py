@@ -1,0 +1,31 @@
+"""The finding of a crowd: its text, location and evidence."""
+
+from collections.abc import Mapping
+
+from deconflict.advisories.finding_lifecycle import Finding, about_crowd
+from deconflict.advisory import Location, Severity
+from deconflict.contention.crowds.crowds import Crowd
+from deconflict.foresight.presence.live_robots import LiveRobot
+
+NAMED_ROBOTS = 10
+"""So many robots are named in the advisory, and the first three in its text."""
+
+
+def crowd_finding(crowd: Crowd, robots: Mapping[str, LiveRobot], now_s: float) -> Finding:
+    """Robots of one vendor that can't all be where they report from."""
+    location = Location(datum=crowd.datum, x=round(crowd.x_m, 3), y=round(crowd.y_m, 3))
+    count = len(crowd.robots)
+    return Finding(
+        kind="crowd",
+        about=about_crowd(crowd.vendor, crowd.datum),
+        severity=Severity.WARNING,
+        robots=crowd.robots[:NAMED_ROBOTS],
+        predicted_s=now_s,
+        location=location,
+        summary=lambda: (
+            f"{count} robots of {crowd.vendor} report from one place, around ({round(location.x)}, {round(location.y)})"
+            f" m: {', '.join(robots[uuid].name for uuid in crowd.robots[:3])} and {count - 3} others; check their"
+            " localisation, as no conflicts among them are reported"
+        ),
+        evidence={"vendor": crowd.vendor, "crowded": count},
+    )
