@@ -75,7 +75,7 @@ class ClearanceScores:
 
     def _warnings(self, alerts: Iterable[Alert], present: RobotPresence, end_s: float) -> dict[str, Any]:
         cases = judged(alerts, self._outcomes, present, self._waits, end_s)
-        return warning_scores.figures(cases, present, self._truth.silences.by_minute())
+        return warning_scores.figures(cases, present, self._truth.silences.by_minute_s)
 
     def _probability_figures(self) -> dict[str, Any]:
         """How well the probability of getting in each other's way is calibrated."""

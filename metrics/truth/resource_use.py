@@ -106,17 +106,13 @@ class _Report(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class _RobotState:
-    floor: str
-    x_m: float
-    y_m: float
-    came_s: float
-    seen_s: float
-    places: frozenset[str]
-    outside: bool
-    goals: dict[str, float]
+    arrived: _Report
+    """With this report it came to where it stands."""
+    newest: _Report
+    places: frozenset[str] = NOWHERE
+    """Those that it is counted in."""
+    goals: dict[str, float] = field(default_factory=dict)
     """Resources that it announces as destinations, and since when."""
-    bottom_m: float
-    top_m: float
     pending: list[Stand] = field(default_factory=list)
 
 
@@ -160,33 +156,21 @@ class ResourceUse:
     def _update(self, robot: str, new: "_Report") -> None:
         state = self._robots.get(robot)
         known_s = self._known_s.setdefault(robot, new.t_s)
-        if state and new.t_s >= state.seen_s:
+        if state and new.t_s >= state.newest.t_s:
             entered = new.places - state.places
             self._entries += [PlaceEntry(place, robot, new.t_s, known_s) for place in sorted(entered)]
-        if state and new.t_s - state.seen_s > (STILL_S if _is_at(state, new) else JOINED_S):
+        if state and new.t_s - state.newest.t_s > (STILL_S if _is_at(state, new) else JOINED_S):
             self._leave(robot)
             state = None
         if state is None:
-            state = self._robots[robot] = _RobotState(
-                floor=new.floor,
-                x_m=new.x_m,
-                y_m=new.y_m,
-                came_s=new.t_s,
-                seen_s=new.t_s,
-                places=NOWHERE,
-                outside=new.outside,
-                goals={},
-                bottom_m=new.bottom_m,
-                top_m=new.top_m,
-            )
-        if new.t_s < state.seen_s:
+            state = self._robots[robot] = _RobotState(new, new)
+        if new.t_s < state.newest.t_s:
             return
         if not _is_at(state, new):
             self._end_stand(robot, state)
-            state.floor, state.x_m, state.y_m, state.came_s = *new[1:4], new.t_s
-        state.seen_s = self.last_seen_s[robot] = new.t_s
+            state.arrived = new
+        state.newest, self.last_seen_s[robot] = new, new.t_s
         state.goals = {place: state.goals.get(place, new.t_s) for place in new.goals}
-        state.outside, state.bottom_m, state.top_m = new.outside, new.bottom_m, new.top_m
         self._occupy(robot, state, new.places, new.t_s)
 
     def new_entries(self) -> list[PlaceEntry]:
@@ -200,11 +184,11 @@ class ResourceUse:
 
     def _end_stand(self, robot: str, state: _RobotState) -> None:
         """The robot has left the position where it was. Keep the stand if it was long enough."""
-        span = TimeSpan(state.came_s, state.seen_s)
+        place, last = state.arrived, state.newest
+        span = TimeSpan(place.t_s, last.t_s)
         if span.lasts_s >= STOOD_S:
-            stand = Stand(
-                span, state.floor, state.x_m, state.y_m, state.outside, state.goals, state.bottom_m, state.top_m
-            )
+            heights_m = last.bottom_m, last.top_m
+            stand = Stand(span, place.floor, place.x_m, place.y_m, last.outside, state.goals, *heights_m)
             self.stands.setdefault(robot, []).append(stand)
             state.pending = [*state.pending[1 - MOST_PENDING :], stand]
 
@@ -219,7 +203,7 @@ class ResourceUse:
         if entered:
             self._add_waits(robot, state, entered)
         for place in entered:
-            self._inside[place][robot] = Stay(TimeSpan(t_s, inf), state.bottom_m, state.top_m)
+            self._inside[place][robot] = Stay(TimeSpan(t_s, inf), state.newest.bottom_m, state.newest.top_m)
             self._count(place, t_s)
         state.places = places
 
@@ -228,7 +212,7 @@ class ResourceUse:
         if state:
             self._end_stand(robot, state)
             self._add_waits(robot, state, frozenset())
-            self._occupy(robot, state, frozenset(), state.seen_s)
+            self._occupy(robot, state, frozenset(), state.newest.t_s)
 
     def _count(self, place: str, t_s: float) -> None:
         """Update whether a place holds more robots than its capacity."""
@@ -301,7 +285,8 @@ class ResourceUse:
 
 def _is_at(state: _RobotState, new: _Report) -> bool:
     """Whether a robot is still at the same position."""
-    return new.floor == state.floor and hypot(new.x_m - state.x_m, new.y_m - state.y_m) <= STANDS_M
+    place = state.arrived
+    return new.floor == place.floor and hypot(new.x_m - place.x_m, new.y_m - place.y_m) <= STANDS_M
 
 
 class _PlaceOutlines:

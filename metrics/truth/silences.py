@@ -50,7 +50,8 @@ class Silences:
         self._of: dict[int, list[RobotSilence]] = {}
         """By row: all silences, in order."""
         self._ongoing: dict[int, RobotSilence] = {}
-        self._by_minute_s: defaultdict[int, float] = defaultdict(float)
+        self.by_minute_s: defaultdict[int, float] = defaultdict(float)
+        """Total presence of all robots, by minute since the epoch."""
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Add the present poses of robots that have reported. These are the first knots of the forecasts."""
@@ -110,10 +111,6 @@ class Silences:
         """How long each robot was present."""
         return dict(zip(self._slots.uuids, self._there_s[: len(self._slots)].tolist(), strict=True))
 
-    def by_minute(self) -> dict[int, float]:
-        """Total presence of all robots, by minute since the epoch."""
-        return dict(self._by_minute_s)
-
     def _count(self, rows: Ints, heard_s: Floats, gap_s: Floats) -> None:
         """Add the intervals between reports, and the presence of robots that were not silent in them."""
         counts = gap_s < inf
@@ -125,7 +122,7 @@ class Silences:
         self._there_s[rows] += gap_s
         minutes = (heard_s / MINUTE_S).astype(np.int64)
         for minute in np.unique(minutes).tolist():
-            self._by_minute_s[minute] += float(gap_s[minutes == minute].sum())
+            self.by_minute_s[minute] += float(gap_s[minutes == minute].sum())
 
     def _ends_silence(self, row: int, now_s: float) -> bool:
         """End the silence of a robot that reports again. Returns whether it was silent."""

@@ -3,59 +3,22 @@
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 from deconflict.advisory import ADVISORY
 from deconflict.operator.http.api import DESCRIPTION, create_app
-from deconflict.operator.http.api_sources import SourceUnavailableError
+from deconflict.operator.http.api_sources import Sources
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt
 from deconflict.settings.site import Operator, Site
-from ingest.batch import Batch
 
 Document = dict[str, Any]
 REVISION = {"$ref": "#/components/messages/revision"}
+_REVISION = {"contentType": "application/json", "payload": {"$ref": "#/components/schemas/AnyAdvisory"}}
 SIGNATURE = ("webhook-id", "webhook-timestamp", "webhook-signature")
-
-
-class _NoSources:
-    """Sources of an application that is only described and serves no request."""
-
-    async def robots(self) -> list[Document]:
-        return []
-
-    async def quarantine(self) -> list[Document]:
-        return []
-
-    async def measures(self) -> list[Document]:
-        return []
-
-    async def health(self) -> Document:
-        return {}
-
-    async def reload(self) -> Document:
-        return {}
-
-    async def pulse(self) -> Document:
-        return {}
-
-    async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
-        return number, False, None
-
-    async def floor_at(self, at_s: float) -> str:
-        raise SourceUnavailableError(f"recording of {at_s}")
-
-    def recorded(self) -> tuple[float, float] | None:
-        return None
-
-    def presence(self) -> Document:
-        return {}
-
-    def blackboxes(self) -> list[Document]:
-        return []
-
-    def blackbox(self, file: str) -> Path | None:
-        return None if file else Path()
+_NO_SOURCES = cast(Sources, SimpleNamespace(follow=None, pulse=None))
+"""A description of the interface calls none of them."""
 
 
 def openapi() -> Document:
@@ -63,7 +26,7 @@ def openapi() -> Document:
     with TemporaryDirectory() as folder:
         store = Store(Path(folder))
         try:
-            return create_app(store, _NoSources(), lambda _: (b"", ""), Site()).openapi()
+            return create_app(store, _NO_SOURCES, lambda _: (b"", ""), Site()).openapi()
         finally:
             store.close()
 
@@ -88,11 +51,7 @@ def asyncapi() -> Document:
         },
         "components": {
             "messages": {
-                "revision": {
-                    "title": "One revision of an advisory",
-                    "contentType": "application/json",
-                    "payload": {"$ref": "#/components/schemas/AnyAdvisory"},
-                },
+                "revision": {"title": "One revision of an advisory", **_REVISION},
                 "presence": {"contentType": "text/plain", "payload": {"type": "string", "enum": ["online", "offline"]}},
             },
             "schemas": {"AnyAdvisory": schema, **schemas},
@@ -118,12 +77,8 @@ def _webhook() -> Document:
         "address": "/",
         "servers": [{"$ref": "#/servers/site"}],
         "description": "POST to each address of the site file, signed by Standard Webhooks 1.0.",
-        "messages": {"revision": {**_inlined(), "headers": headers, "bindings": {"http": {}}}},
+        "messages": {"revision": {**_REVISION, "headers": headers, "bindings": {"http": {}}}},
     }
-
-
-def _inlined() -> Document:
-    return {"contentType": "application/json", "payload": {"$ref": "#/components/schemas/AnyAdvisory"}}
 
 
 def _retained() -> Document:

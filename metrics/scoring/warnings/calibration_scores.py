@@ -220,7 +220,7 @@ class CalibrationScores:
         group = np.array([crc32("".join(pair).encode()) % GROUPS for pair in every])[which]
         samples = CalibrationSamples.of(group, probabilities, part, came | (part == STAYED))
         rows = np.flatnonzero(outside & ~heeded & ~doubted)
-        vendors = [_sorted(vendor_of[a], vendor_of[b]) for a, b in every]
+        vendors = [(min(vendor_of[a], vendor_of[b]), max(vendor_of[a], vendor_of[b])) for a, b in every]
         self._add(samples, rows, [vendors[pair] for pair in which[rows].tolist()])
         self.settled.add(samples, rows[at_s[rows] >= self._settled_from_s])
         known = rows[samples.known[rows]]
@@ -269,7 +269,3 @@ def _count(
         fine[1, at, step[row]] += probability[row]
         groups[0, at, group[row]] += 1.0
         groups[1, at, group[row]] += error
-
-
-def _sorted(a: str, b: str) -> Vendors:
-    return (a, b) if a <= b else (b, a)
