@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.offer import Circling
 from deconflict.__main__ import COLLECTED_EVERY
-from deconflict.advice.hold_requests import HoldDesk
+from deconflict.advice.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.foresight.presence.live_robots import LiveRobots
@@ -31,10 +31,10 @@ from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
-from deconflict.simulation.cast import cast
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import participants
 from deconflict.simulation.robot_state import robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.sweep.incremental import Sweeper
@@ -57,7 +57,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "presence": ((Presence, "receive"), (Presence, "advance")),
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
     "lifecycle of advisories": ((ConflictLifecycle, "revise"),),
-    "advice on conflicts": ((HoldDesk, "step"),),
+    "advice on conflicts": ((HoldRequests, "step"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "truth, arrivals": (
         (ArrivalScores, "add_batch"),
@@ -77,7 +77,7 @@ _within: list[str] = []
 def write_log(path: Path, robots: int, seconds: float) -> int:
     """Write what simulated robots of four vendors send in `seconds`. Returns the number of messages."""
     rng, messages = np.random.default_rng(1), 0
-    world = World(layout_for(robots), cast(robots), rng)
+    world = World(layout_for(robots), participants(robots), rng)
     every_s = np.array([member.make.report_every_s for member in world.members])
     phase_s = every_s * (np.arange(len(world)) * 0.618 % 1.0)
     introduced: set[int] = set()

@@ -20,7 +20,7 @@ from benchmarks.endtoend import benchmark_site
 from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
 from benchmarks.replay import timed
 from deconflict.__main__ import COLLECTED_EVERY
-from deconflict.advice.hold_requests import HoldDesk
+from deconflict.advice.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
@@ -41,7 +41,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "probabilities": ((ProbabilityEstimator, "receive"), (ProbabilityEstimator, "estimate")),
     "life": ((ConflictLifecycle, "revise"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
-    "advice": ((HoldDesk, "step"),),
+    "advice": ((HoldRequests, "step"),),
 }
 
 

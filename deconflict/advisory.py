@@ -120,11 +120,11 @@ class Advisory(Published):
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest acknowledgement")
     safety_rated: Literal[False] = False
 
-    def followed(self, **fields: Any) -> Self:
+    def next_revision(self, **fields: Any) -> Self:
         """The next revision, with these fields changed."""
         return self._next(AdvisoryState.UPDATED, fields)
 
-    def ended(self, now_s: float, because: str) -> Self:
+    def cleared_revision(self, now_s: float, because: str) -> Self:
         """The last revision."""
         now = moment(now_s)
         fields = {"updated_at": now, "cleared_at": now, "cleared_because": because, "time_to_conflict_s": 0.0}

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from benchmarks.watch_demo.true_encounters import SAME_ENCOUNTER_S, TrueEncounter, near_pairs
 from benchmarks.watch_demo.true_stops import Stops, TrueStop
-from deconflict.simulation.annex import split
-from deconflict.simulation.cast import BodySize, CastMember, VendorName, cast
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import BodySize, Participant, VendorName, participants
 from deconflict.simulation.robot_state import RobotState, robot_states
+from deconflict.simulation.scripted_annex import split
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.simulation.vendors.senders import OWN_PATH
 from ingest.batch import Floats, Ints
@@ -42,9 +42,9 @@ class Floor:
 
     def __init__(self, robots: int, seed: int, start_s: float, clearance_m: float) -> None:
         rng = np.random.default_rng(seed)
-        members, self._annex = split(cast(robots))
+        members, self._annex = split(participants(robots))
         self.world = World(layout_for(robots), members, rng)
-        self.members: tuple[CastMember, ...] = (*members, *self._annex.members)
+        self.members: tuple[Participant, ...] = (*members, *self._annex.members)
         self.rows = {member.uuid: row for row, member in enumerate(self.members)}
         self._start_s, self._clearance_m = start_s, clearance_m
         self._delays = np.random.default_rng(seed + 1)

@@ -1,6 +1,6 @@
 """When holds are asked for and when the answers are given: at event times, so that a replay gives the same advice.
 
-The desk asks for each group of future conflicts, and gives the answer in the first pass at least `ANSWER_AFTER_S`
+This asks for each group of future conflicts, and gives the answer in the first pass at least `ANSWER_AFTER_S`
 later, even if it was worked out sooner. In the live service a thread works answers out, and a pass never waits for it.
 Questions are bounded so that answers are ready in time. Holds begin when the answer is due; until then robots are taken
 to follow their forecasts.
@@ -12,8 +12,8 @@ from functools import partial
 from heapq import heapify, heappop
 from operator import itemgetter
 
-from deconflict.advice.async_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
 from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups, Pairs
+from deconflict.advice.deferred_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
 from deconflict.advice.delay_windows import HoldWindow, NearbyRobots
 from deconflict.advice.hold_planner import advise_holds
 from deconflict.advice.vendor_burden import Burden
@@ -49,7 +49,7 @@ class HoldQuestion:
     """Whether the answer was not ready when it was due."""
 
 
-class HoldDesk:
+class HoldRequests:
     """The questions about holds that are under way."""
 
     def __init__(self, site: Site, burden: Burden, measures: Measures, submit: Submit = answer_at_once) -> None:

@@ -145,7 +145,7 @@ class ConflictLifecycle:
             if watched and pair[0] in crowds and pair[1] in crowds:
                 self.pairs.mark_apart(watched)
                 self.pairs.forget_looks(watched)
-                revisions.append(advisory.ended(now_s, CROWDED))
+                revisions.append(advisory.cleared_revision(now_s, CROWDED))
                 self._set_newest(watched, revisions[-1])
         return revisions
 
@@ -194,7 +194,7 @@ class ConflictLifecycle:
             return self._update_probability(watched, prediction.probability, now_s)
         if code == CLEAR_STILL and watched.advisory:
             both_stand = all(map(scene.stands, watched.pair))
-            return watched.advisory.ended(now_s, STAND if both_stand else GAVE_WAY)
+            return watched.advisory.cleared_revision(now_s, STAND if both_stand else GAVE_WAY)
         return self._update(watched, prediction, now_s, scene)
 
     def _raise(
@@ -315,8 +315,8 @@ class ConflictLifecycle:
         if advisory is None:
             return None
         if left:
-            return advisory.ended(now_s, _why_absent(advisory, left, scene))
-        return advisory.ended(now_s, PASSED if self.pairs.have_met(watched) else UNPREDICTED)
+            return advisory.cleared_revision(now_s, _why_absent(advisory, left, scene))
+        return advisory.cleared_revision(now_s, PASSED if self.pairs.have_met(watched) else UNPREDICTED)
 
     def _clear_if_absent(
         self, watched: WatchedPair, absent: list[str], now_s: float, scene: ConflictScene
@@ -331,7 +331,7 @@ class ConflictLifecycle:
         is_restored = advisory.updated_at.timestamp() < started_s
         if is_restored and now_s - started_s < self.absent_after_s:
             return None
-        return advisory.ended(now_s, _why_absent(advisory, absent, scene))
+        return advisory.cleared_revision(now_s, _why_absent(advisory, absent, scene))
 
 
 def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> str:

@@ -121,12 +121,12 @@ def _id_of(name: str) -> str:
 def updated(before: ConflictAdvisory, fields: RevisionFields) -> ConflictAdvisory:
     """The next revision, by a newer prediction; the advice stays."""
     summary = with_holds(fields["summary"], before.recommendation, before.robots, before.names)
-    return before.followed(**fields | {"summary": summary})
+    return before.next_revision(**fields | {"summary": summary})
 
 
 def with_probability(before: ConflictAdvisory, probability: float, now_s: float) -> ConflictAdvisory:
     """The next revision if only the probability has changed."""
-    return before.followed(
+    return before.next_revision(
         updated_at=moment(now_s),
         time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
         probability=round(probability, 3),
@@ -141,7 +141,7 @@ def with_silence(
     """The next revision if only a robot has fallen silent."""
     time_s = max(before.predicted_at.timestamp() - now_s, 0.0)
     summary = _summary(parties, met, time_s, place_name)
-    return before.followed(
+    return before.next_revision(
         updated_at=moment(now_s),
         time_to_conflict_s=round(time_s, 3),
         basis=(parties[0].basis, parties[1].basis),
@@ -151,7 +151,7 @@ def with_silence(
 
 def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) -> ConflictAdvisory:
     """The next revision if only the advice has changed."""
-    return before.followed(
+    return before.next_revision(
         updated_at=moment(now_s),
         time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
         recommendation=advice,

@@ -151,7 +151,7 @@ class FindingLifecycle:
                 return _updated(before, finding, now_s, name_vendor)
             return _raised(finding, now_s, name_vendor) if sum(watched.looks) >= LOOKS_NEEDED else None
         if before and now_s - watched.found_s >= self._clear_after_s:
-            return before.ended(now_s, CLEARED_BECAUSE[before.kind])
+            return before.cleared_revision(now_s, CLEARED_BECAUSE[before.kind])
         return None
 
 
@@ -201,7 +201,7 @@ def _updated(
         return None
     if not is_worse and not is_other_order and not _is_news(before, finding, now_s):
         return None
-    return before.followed(**_fields(finding, now_s, name_vendor))
+    return before.next_revision(**_fields(finding, now_s, name_vendor))
 
 
 def _fields(finding: Finding, now_s: float, name_vendor: NameVendor) -> dict[str, Any]:

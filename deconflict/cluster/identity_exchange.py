@@ -10,7 +10,7 @@ from math import inf
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
-from ingest.fleet.introductions import Introduction
+from ingest.fleet.shared_identities import SharedIdentity
 
 log = logging.getLogger(__name__)
 
@@ -28,15 +28,15 @@ class IdentityExchange:
         self._bus, self._receiver = bus, receiver
         self._sent_s, self._renewals = -inf, 0
         """Arrival time of the newest report sent to the others, and the bus's count of reconnects then."""
-        self._known: dict[str, Introduction] = {}
-        self._new: dict[str, Introduction] = {}
+        self._known: dict[str, SharedIdentity] = {}
+        self._new: dict[str, SharedIdentity] = {}
         """Reports of other ingests that the receiver does not have yet."""
         self._delivered_s: dict[str, float] = {}
         """When the receiver last got the report of an unidentified robot."""
 
     async def run(self) -> None:
         """Exchange reports without end, also while the server or the receiver does not answer."""
-        await self._bus.state.follow_introductions(self._add)
+        await self._bus.state.follow_identities(self._add)
         while True:
             await asyncio.sleep(EXCHANGE_EVERY_S)
             try:
@@ -45,18 +45,18 @@ class IdentityExchange:
             except (LinkDownError, *BUS_ERRORS) as error:
                 log.warning("identity reports wait: %s", error or type(error).__name__)
 
-    def _add(self, introduction: Introduction) -> None:
-        self._known[introduction.uuid] = self._new[introduction.uuid] = introduction
+    def _add(self, shared_identity: SharedIdentity) -> None:
+        self._known[shared_identity.uuid] = self._new[shared_identity.uuid] = shared_identity
 
     async def _send_new(self) -> None:
         """Send the receiver's new reports to the others; all of them after a reconnect, which may lose some."""
         if self._renewals != self._bus.renewals:
             self._sent_s, self._renewals = -inf, self._bus.renewals
-        answer = await self._receiver.call("introductions", str(self._sent_s).encode())
-        introductions = [Introduction.of_document(document) for document in json.loads(answer)]
-        for part in parts(introductions):
-            await asyncio.gather(*map(self._bus.state.introduce, part))
-        self._sent_s = max((introduction.arrival_s for introduction in introductions), default=self._sent_s)
+        answer = await self._receiver.call("shared_identities", str(self._sent_s).encode())
+        shared_identities = [SharedIdentity.of_document(document) for document in json.loads(answer)]
+        for part in parts(shared_identities):
+            await asyncio.gather(*map(self._bus.state.put_identity, part))
+        self._sent_s = max((shared_identity.arrival_s for shared_identity in shared_identities), default=self._sent_s)
 
     async def _deliver(self) -> None:
         """Give the receiver the new reports of others, and the known reports of its unidentified robots."""
@@ -66,14 +66,16 @@ class IdentityExchange:
         lacking = {uuid: self._known[uuid] for uuid in unidentified - self._delivered_s.keys()}
         delivered = self._new | lacking
         for part in parts([delivered[uuid] for uuid in sorted(delivered)]):
-            documents = [introduction.document() for introduction in part]
-            await self._receiver.call("introduce", json.dumps(documents).encode())
+            documents = [shared_identity.document() for shared_identity in part]
+            await self._receiver.call("add_identities", json.dumps(documents).encode())
         self._new = {
-            uuid: introduction for uuid, introduction in self._new.items() if delivered.get(uuid) is not introduction
+            uuid: shared_identity
+            for uuid, shared_identity in self._new.items()
+            if delivered.get(uuid) is not shared_identity
         }
         self._delivered_s |= dict.fromkeys(lacking, now_s)
 
 
-def parts(introductions: list[Introduction]) -> Iterator[list[Introduction]]:
+def parts(shared_identities: list[SharedIdentity]) -> Iterator[list[SharedIdentity]]:
     """Lists of at most `MOST_AT_ONCE` each."""
-    return (introductions[at : at + MOST_AT_ONCE] for at in range(0, len(introductions), MOST_AT_ONCE))
+    return (shared_identities[at : at + MOST_AT_ONCE] for at in range(0, len(shared_identities), MOST_AT_ONCE))

@@ -7,7 +7,7 @@ the same calls give the same advisories.
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 
-from deconflict.advice.async_answers import Submit, answer_at_once
+from deconflict.advice.deferred_answers import Submit, answer_at_once
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.revision_rules import held_probability
@@ -125,7 +125,7 @@ class Engine:
     def receive(self, batch: Batch) -> None:
         """Add the robots that changed; a batch may hold the whole floor."""
         batch = self.presence.receive(self.floors.renumbered(batch))
-        self.foresight.settle_absent(self.presence.passed)
+        self.foresight.resolve_absent(self.presence.passed)
         self._shared.receive(self._add(batch))
 
     def _add(self, batch: Batch) -> Batch:
@@ -152,7 +152,7 @@ class Engine:
         if None, `pending()` now. `heard` is whether robots may act on the advice: not those of a log that another
         service recorded.
         """
-        self._advice.settle(self.pending() if pending is None else pending)
+        self._advice.set_pending(self.pending() if pending is None else pending)
         silent = self._update_presence(now_s)
         crowded = self._crowds.step(now_s)
         self._sweep.sweeper.touch(crowded)

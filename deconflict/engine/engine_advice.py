@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping
 from functools import partial
 
-from deconflict.advice.async_answers import AsyncAnswers, Submit
+from deconflict.advice.deferred_answers import AsyncAnswers, Submit
 from deconflict.advice.delay_windows import NearbyRobots, PlannedRobot
-from deconflict.advice.hold_requests import MOST_NEAR, NEAR_M, HoldDesk
+from deconflict.advice.hold_requests import MOST_NEAR, NEAR_M, HoldRequests
 from deconflict.advice.priorities import Priorities
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
@@ -38,7 +38,7 @@ class EngineAdvice:
         self.submit = submit
         self._answers = AsyncAnswers(submit)
         self.burden = Burden(burdens_s)
-        self._holds = HoldDesk(site, self.burden, measures, self._answers.submit)
+        self._holds = HoldRequests(site, self.burden, measures, self._answers.submit)
         self.queue_advice = partial(
             QueueAdvice,
             burden=self.burden,
@@ -53,9 +53,9 @@ class EngineAdvice:
         """How many of the newest questions have no answer yet."""
         return self._answers.pending()
 
-    def settle(self, pending: int) -> None:
+    def set_pending(self, pending: int) -> None:
         """Treat so many of the newest questions as not answered until the next call."""
-        self._answers.settle(pending)
+        self._answers.set_pending(pending)
 
     def add_holds(self, now_s: float, conflicts: ConflictLifecycle) -> list[ConflictAdvisory]:
         """The revisions that give conflicts the holds that are due; none of robots in a crowd, whose places are

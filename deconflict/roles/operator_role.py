@@ -109,7 +109,7 @@ class OperatorRole:
         while True:
             await asyncio.sleep(REFRESH_EVERY_S)
             if self._store.has_pending:
-                await self._publisher.settle()
+                await self._publisher.store_pending()
             self._app.state.people.refresh()
             self._outlets.refresh()
             if self._certificates:

@@ -110,7 +110,7 @@ class OperatorSources:
     async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
         return unpacked_batch(await self._receiver.call("follow", str(number).encode()))
 
-    async def pulse(self) -> dict[str, Any]:
+    async def live_status(self) -> dict[str, Any]:
         """Roles, vendors, unidentified robots (none if the receiver does not answer), and silent robots.
 
         `fading` has the probability that each silent robot is still there, `taken_off` when each robot that is

@@ -19,9 +19,9 @@ from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.clocks import SteadyClock
 from ingest.fleet import fleet_report
-from ingest.fleet.introductions import Introduction
 from ingest.fleet.log_recovery import recover
 from ingest.fleet.owners.vendor_registry import VendorRegistry
+from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -91,8 +91,8 @@ class ReceiverRole:
             "quarantine": self._quarantine,
             "measures": self._measures,
             "unidentified": self._unidentified,
-            "introductions": self._introductions,
-            "introduce": self._introduce,
+            "shared_identities": self._shared_identities,
+            "add_identities": self._add_identities,
             "follow": self._follow,
         }
         await self._open_port()
@@ -227,19 +227,19 @@ class ReceiverRole:
     async def _unidentified(self, _: bytes) -> bytes:
         return json.dumps(self.fleet.unidentified()).encode()
 
-    async def _introductions(self, payload: bytes) -> bytes:
+    async def _shared_identities(self, payload: bytes) -> bytes:
         """The identity reports that arrived after a time."""
-        introductions = self.fleet.introductions(float(payload))
-        return json.dumps([introduction.document() for introduction in introductions]).encode()
+        shared_identities = self.fleet.shared_identities(float(payload))
+        return json.dumps([shared_identity.document() for shared_identity in shared_identities]).encode()
 
-    async def _introduce(self, payload: bytes) -> bytes:
+    async def _add_identities(self, payload: bytes) -> bytes:
         """Take in identity reports that came to other ingests, and record them as if they came here."""
-        for introduction in map(Introduction.of_document, json.loads(payload)):
-            if self.fleet.lacks(introduction):
-                connection = self.receiver.new_connection(INTRODUCER, "/", introduction.vendor)
+        for shared_identity in map(SharedIdentity.of_document, json.loads(payload)):
+            if self.fleet.lacks(shared_identity):
+                connection = self.receiver.new_connection(INTRODUCER, "/", shared_identity.vendor)
                 now_s = self._now_s()
-                rule = self.fleet.introduce(introduction, now_s, connection)
-                self.recorder.received(introduction.raw, now_s, connection, rule)
+                rule = self.fleet.add_identity(shared_identity, now_s, connection)
+                self.recorder.received(shared_identity.raw, now_s, connection, rule)
                 self._closed(connection)
         return b""
 

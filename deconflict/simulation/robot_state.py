@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from deconflict.simulation.cast import CastMember
 from deconflict.simulation.crossing_schedule import CrossingSchedule
 from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
 from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.fleet_plans import FleetPlan, plan_of
 from deconflict.simulation.floor_layout import BayKind
+from deconflict.simulation.participants import Participant
 from ingest.batch import Ints
 
 WAITING_AFTER_S = 3.0
@@ -20,7 +20,7 @@ FULL_RUN_H = 8.0
 class RobotState:
     """One robot at a moment. The location is in its floor's frame."""
 
-    member: CastMember
+    member: Participant
     t_s: float
     """World time."""
     floor: int

@@ -17,7 +17,6 @@ from ingest.batch import Batch
 from ingest.clocks import SenderClock
 from ingest.fleet.batch_builder import batch
 from ingest.fleet.fast_path_types import FastPath, RepeatReaderProtocol, ScannedStatusProtocol
-from ingest.fleet.introductions import Introduction
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.fleet.owners.vendor_registry import VendorRegistry
@@ -26,6 +25,7 @@ from ingest.fleet.prediction import plausibility
 from ingest.fleet.quarantine import Quarantine, rejected_message
 from ingest.fleet.repeat_readers import RepeatReaders
 from ingest.fleet.robot import Robot
+from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.massrobotics import parser
@@ -88,7 +88,7 @@ class Fleet:
             self.reject(rejection.rule, rejection.reason, raw, arrival_s, connection)
             return rejection.rule
         robot = robot or self._admit(message.uuid, connection)
-        self._owners.settle_by_connection(robot, message, connection)
+        self._owners.assign_by_connection(robot, message, connection)
         if isinstance(message, Identity):
             findings = self._update_identity(robot, message, raw, arrival_s, connection)
         else:
@@ -138,8 +138,8 @@ class Fleet:
     ) -> tuple[str, ...]:
         """Take over an identity. The robot's last status is forecast again with it. Returns the findings."""
         before, robot.identity = robot.identity, identity
-        assigned = self._owners.settle_by_identity(robot, identity, connection)
-        robot.introduction = Introduction(robot.uuid, raw, arrival_s, connection.vendor, robot.vendor, assigned)
+        assigned = self._owners.assign_by_identity(robot, identity, connection)
+        robot.shared_identity = SharedIdentity(robot.uuid, raw, arrival_s, connection.vendor, robot.vendor, assigned)
         if isnan(robot.arrival_s):
             robot.arrival_s = arrival_s
         self._forecast_again(robot, self._owners.names_as_uuid(connection))
@@ -287,23 +287,23 @@ class Fleet:
         """UUIDs of the robots that have not sent an identity report."""
         return [uuid for uuid, robot in self.robots.items() if robot.identity is None]
 
-    def introductions(self, after_s: float) -> list[Introduction]:
+    def shared_identities(self, after_s: float) -> list[SharedIdentity]:
         """The identity reports that arrived here after `after_s`, oldest first."""
-        all_known = (robot.introduction for robot in self.robots.values() if robot.introduction)
+        all_known = (robot.shared_identity for robot in self.robots.values() if robot.shared_identity)
         newer = (known for known in all_known if known.arrival_s > after_s and not known.elsewhere)
         return sorted(newer, key=attrgetter("arrival_s"))
 
-    def introduce(self, introduction: Introduction, arrival_s: float, connection: Connection) -> str | None:
+    def add_identity(self, shared_identity: SharedIdentity, arrival_s: float, connection: Connection) -> str | None:
         """Process an identity report that arrived at another ingest. Returns what `receive` returns."""
-        rule = self.receive(introduction.raw, arrival_s, connection)
+        rule = self.receive(shared_identity.raw, arrival_s, connection)
         if rule is None:
-            self.robots[introduction.uuid].introduction = introduction
+            self.robots[shared_identity.uuid].shared_identity = shared_identity
         return rule
 
-    def lacks(self, introduction: Introduction) -> bool:
+    def lacks(self, shared_identity: SharedIdentity) -> bool:
         """Whether the robot is here and has not sent this identity report or a newer one."""
-        robot = self.robots.get(introduction.uuid)
-        return robot is not None and introduction.is_news_to(robot.introduction)
+        robot = self.robots.get(shared_identity.uuid)
+        return robot is not None and shared_identity.is_news_to(robot.shared_identity)
 
 
 def _distinguishing(identity: Identity) -> tuple[Any, ...]:

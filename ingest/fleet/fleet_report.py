@@ -61,7 +61,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "state": robot.state,
         "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
         "deviations": dict(sorted(robot.deviations.items())),
-        "identity": _message(robot, robot.introduction.raw if robot.introduction else b""),
+        "identity": _message(robot, robot.shared_identity.raw if robot.shared_identity else b""),
         "status": _message(robot, robot.status_raw),
         **_placement(robot),
     }

@@ -5,8 +5,8 @@ from math import nan
 
 from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
-from ingest.fleet.introductions import Introduction
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import Frame
 from ingest.languages.model import Identity
 
@@ -23,7 +23,7 @@ class Robot:
     model: str = field(init=False)
     """As its vendor names it; "" before it has identified itself."""
     identity: Identity | None = None
-    introduction: Introduction | None = None
+    shared_identity: SharedIdentity | None = None
     """The report that its identity was read from."""
     status_raw: bytes = b""
     """The bytes of its newest status."""
@@ -60,9 +60,9 @@ class Robot:
     """How many of its messages broke each conformance rule."""
 
     def __post_init__(self) -> None:
-        self.settle(self.vendor)
+        self.assign_vendor(self.vendor)
 
-    def settle(self, vendor: str) -> None:
+    def assign_vendor(self, vendor: str) -> None:
         """Make it a robot of the vendor, with a name and model from its present identity."""
         self.vendor, self.context = vendor, None
         self.model = self.identity.model if self.identity else ""

@@ -13,7 +13,7 @@ An accepted message stands byte for byte as the last key of its line. A rejected
 quoted as `raw`, or as `base64` if it is not UTF-8. A message `overtaken` by a newer status of its robot was never
 read, so its content may be anything; a replay leaves it out as well. `vendor` is absent if the connection has none. A
 tick has an `effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), and a number
-`pending` of answers if advice was still being computed (`deconflict/advice/async_answers.py`).
+`pending` of answers if advice was still being computed (`deconflict/advice/deferred_answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them

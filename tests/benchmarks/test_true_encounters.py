@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from benchmarks.watch_demo.true_encounters import near_pairs, true_encounters
-from deconflict.simulation.cast import cast
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import participants
 
 CLEARANCE_M = 0.3
 
 
 def test_encounters_are_of_envelopes_within_the_clearance() -> None:
-    world = World(layout_for(24), cast(24), np.random.default_rng(4))
+    world = World(layout_for(24), participants(24), np.random.default_rng(4))
     found = true_encounters(world, 120.0, CLEARANCE_M)
     assert found
     for one in found:

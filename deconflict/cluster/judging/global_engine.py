@@ -12,7 +12,7 @@ from contextlib import suppress
 from threading import Lock
 from typing import Any
 
-from deconflict.advice.async_answers import Submit
+from deconflict.advice.deferred_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge

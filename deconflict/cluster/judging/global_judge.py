@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.advice.async_answers import AsyncAnswers, Submit, answer_at_once
+from deconflict.advice.deferred_answers import AsyncAnswers, Submit, answer_at_once
 from deconflict.advice.priorities import Priorities
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.advisory_counts import count_by_severity, count_revisions, set_open_count
@@ -109,7 +109,7 @@ class GlobalJudge:
 
     def advance(self, now_s: float) -> list[FindingAdvisory]:
         """The revisions of this pass; none between the passes of contention."""
-        self._answers.settle(self._answers.pending())
+        self._answers.set_pending(self._answers.pending())
         for batch in contention_batches(self._live, self._presence.advance(now_s), now_s):
             self._contention.receive(batch)
         self._crowds.step(now_s)

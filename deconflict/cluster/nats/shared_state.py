@@ -12,7 +12,7 @@ from nats.js.errors import KeyWrongLastSequenceError
 
 from deconflict.cluster.nats.nats_connection import NatsConnection, entry
 from deconflict.cluster.nats.subscriptions import newest_of_each
-from ingest.fleet.introductions import Introduction
+from ingest.fleet.shared_identities import SharedIdentity
 
 LEASE_S = 4.0
 """A member that has sent no heartbeat for this long is gone."""
@@ -87,23 +87,23 @@ class SharedState:
         """The learned state under a name; None if there is none."""
         return (await entry(self._learned, name))[1]
 
-    async def introduce(self, introduction: Introduction) -> None:
+    async def put_identity(self, shared_identity: SharedIdentity) -> None:
         """Keep a robot's identity report, unless the bucket has it, a newer one, or another vendor's."""
-        data = json.dumps(introduction.document()).encode()
-        while self._connection.fits(introduction.uuid, data):
-            last, kept = await entry(self._introduced, introduction.uuid)
-            if not introduction.is_news_to(Introduction.of_document(json.loads(kept)) if kept else None):
+        data = json.dumps(shared_identity.document()).encode()
+        while self._connection.fits(shared_identity.uuid, data):
+            last, kept = await entry(self._introduced, shared_identity.uuid)
+            if not shared_identity.is_news_to(SharedIdentity.of_document(json.loads(kept)) if kept else None):
                 return
             with suppress(KeyWrongLastSequenceError):
-                await self._introduced.update(introduction.uuid, data, last=last)
+                await self._introduced.update(shared_identity.uuid, data, last=last)
                 return
 
-    async def follow_introductions(self, receive: Callable[[Introduction], None]) -> None:
+    async def follow_identities(self, receive: Callable[[SharedIdentity], None]) -> None:
         """Receive the last identity report of each robot, and then each new one."""
 
         async def on_message(message: Msg) -> None:
             if message.data:
-                receive(Introduction.of_document(json.loads(message.data)))
+                receive(SharedIdentity.of_document(json.loads(message.data)))
 
         bucket = f"{self._name}-introduced"
         await self._connection.subscribe(f"$KV.{bucket}.*", f"KV_{bucket}", on_message, newest_of_each)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 
-from deconflict.advice.async_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
+from deconflict.advice.deferred_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
 from deconflict.advice.priorities import USUAL
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisory import Recommendation

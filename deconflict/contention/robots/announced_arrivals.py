@@ -34,7 +34,7 @@ UNKNOWN = -1
 LAST_REPORT = np.dtype(
     [
         ("count", np.int64),  # how many destinations it announced; `UNKNOWN` if its next report must be processed
-        ("said_s", np.float64),  # the earliest of the times at which each destination was last kept
+        ("made_s", np.float64),  # the earliest of the times at which each destination was last kept
         ("free_m", np.float64),  # how far it can go without arriving at a destination or leaving one
         ("floor", np.int64, 1 + MOST_POINTS),  # floors of the robot and of its destinations, and below their places
         ("x_m", np.float64, 1 + MOST_POINTS),
@@ -51,7 +51,7 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
 class Announcement(NamedTuple):
     """One announced arrival."""
 
-    said_s: float
+    made_s: float
     """When it was announced."""
     announced_s: float
     """For when."""
@@ -92,7 +92,7 @@ def _next_new_report(
         if is_same and count:
             on = numbers[floor[row]] if floor[row] >= 0 else -1
             away_m = hypot(x_m[row] - report.x_m[0], y_m[row] - report.y_m[0])
-            is_same = now_s[row] - report.said_s < REPEAT_S and on == report.floor[0] and away_m <= report.free_m
+            is_same = now_s[row] - report.made_s < REPEAT_S and on == report.floor[0] and away_m <= report.free_m
             for k in range(count if is_same else 0):
                 on = numbers[to_floor[first + k]] if to_floor[first + k] >= 0 else -1
                 is_same = is_same and on == report.floor[1 + k]
@@ -162,7 +162,7 @@ class AnnouncedArrivals:
             if point not in open_points and near(point, here):
                 continue
             announcements = open_points.setdefault(point, [])
-            is_due = not announcements or now_s - announcements[-1].said_s >= REPEAT_S
+            is_due = not announcements or now_s - announcements[-1].made_s >= REPEAT_S
             if len(announcements) < MOST_ANNOUNCEMENTS and is_due:
                 announcements.append(Announcement(now_s, t_s))
         if open_points or ahead:
@@ -182,7 +182,7 @@ class AnnouncedArrivals:
         """Write into a robot's last report what decides whether its next one must be processed."""
         if robot in self._slots.by_uuid:
             report = self._reports[self._slots.by_uuid[robot]]
-            report["said_s"] = min((announcements[-1].said_s for announcements in open_points.values()), default=inf)
+            report["made_s"] = min((announcements[-1].made_s for announcements in open_points.values()), default=inf)
             report["free_m"] = _free_m(here, ahead)
             if not open_points.keys() <= ahead.keys():
                 report["count"] = UNKNOWN

@@ -130,8 +130,8 @@ class ArrivalForecast:
 
     def _record_arrival(self, vendor: str, now_s: float, announcements: list[Announcement]) -> None:
         """Record that a robot has arrived, after these announcements of it."""
-        said_s, announced_s = np.array(announcements).T
-        self.lateness.record(vendor, announced_s - said_s, now_s - announced_s, now_s)
+        made_s, announced_s = np.array(announcements).T
+        self.lateness.record(vendor, announced_s - made_s, now_s - announced_s, now_s)
         self.overdue.record(vendor, now_s - announcements[-1].announced_s, now_s)
         ratios = self._ratios.setdefault(vendor, VendorRatios())
         low, high = RATIO_BOUNDS

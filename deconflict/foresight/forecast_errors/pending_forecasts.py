@@ -53,7 +53,7 @@ class PendingForecasts:
             around=of_robot,
             made_s=of_kept,
             stopped=of_kept.astype(np.bool_),
-            next_place=np.zeros(0, np.int64),
+            next_index=np.zeros(0, np.int64),
             kind=of_kept.astype(np.int64),
             forecast=np.zeros((0, KEPT, HORIZONS, 4)),
             bands_m=np.zeros((0, KEPT, HORIZONS, 3)),

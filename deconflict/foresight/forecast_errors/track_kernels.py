@@ -76,7 +76,7 @@ class ReportHistory(NamedTuple):
     """(slots, kept) when each kept forecast was made."""
     stopped: Bools
     """(slots, kept) whether the robot has stood at a time when this forecast had it move."""
-    next_place: Ints
+    next_index: Ints
     """(slots,) the place of the next forecast among the kept ones."""
     kind: Ints
     """(slots, kept) the ledger row of each kept forecast."""
@@ -271,17 +271,17 @@ def _store_report(history: ReportHistory, slot: int, event_s: float, tracks: Flo
 
 
 @inner
-def _reserve_place(history: ReportHistory, slot: int, event_s: float) -> int:
+def _reserve_index(history: ReportHistory, slot: int, event_s: float) -> int:
     """Reserve the place of a robot's oldest forecast for a new one. Returns -1 if the last one was made less than
     `SPACED_S` before."""
-    made_s, next_place = history.made_s, history.next_place
+    made_s, next_index = history.made_s, history.next_index
     last_s = -np.inf
     for made in range(made_s.shape[1]):
         last_s = max(last_s, made_s[slot, made])
     if not event_s - last_s >= SPACED_S:
         return -1
-    place = int(next_place[slot])
-    made_s[slot, place], next_place[slot] = event_s, (place + 1) % made_s.shape[1]
+    place = int(next_index[slot])
+    made_s[slot, place], next_index[slot] = event_s, (place + 1) % made_s.shape[1]
     return place
 
 
@@ -445,7 +445,7 @@ def add_reports(
                 for band in range(3):
                     error.bands_m[band] = history.bands_m[slot, made, second, band]
                 found += 1
-        place = _reserve_place(history, slot, event_s[row])
+        place = _reserve_index(history, slot, event_s[row])
         if place >= 0:
             history.stopped[slot, place] = waits and robots[slot].leaves
             _store_forecast(history, slot, place, tracks, row, kind_bands_m, kinds[row])

@@ -178,7 +178,7 @@ class InteractionFinder:
         return {slot: interaction.other for slot, interaction in self._open.items() if interaction.other >= 0}
 
     def _begin(self, finding: Findings, slot: int) -> None:
-        place, made = int(finding["onset_place"]), int(finding["forecast_place"])
+        place, made = int(finding["onset_index"]), int(finding["forecast_index"])
         x_m, y_m = self._tracks[slot, place, 0, :2]
         way = way_from(self._tracks[slot, made], x_m, y_m)
         onset_s, doubt_s = float(finding["onset_s"]), float(finding["doubt_s"])

@@ -54,8 +54,8 @@ FINDING = np.dtype(
         ("kind", np.int64),  # BRAKED, SWERVED or RESUMED
         ("onset_s", np.float64),  # when the robot began to give way; if RESUMED, when it was seen to drive on
         ("doubt_s", np.float64),  # uncertainty of the onset
-        ("onset_place", np.int64),  # place in the history of the last report before the onset
-        ("forecast_place", np.int64),  # place in the history of the forecast from which it departed
+        ("onset_index", np.int64),  # place in the history of the last report before the onset
+        ("forecast_index", np.int64),  # place in the history of the forecast from which it departed
         ("speed_mps", np.float64),  # at the onset
         ("lost_s", np.float64),  # how much the delay had grown when it was noticed
     ],
@@ -223,7 +223,7 @@ def _find_braking(
             begun_s = _begun_s(top_mps, next_s - min(was_s, then_s), t_s[slot, following])
             finding.kind, finding.onset_s = BRAKED, max(begun_s, t_s[slot, before])
             finding.doubt_s = t_s[slot, following] - at_s
-            finding.onset_place, finding.forecast_place = place, made
+            finding.onset_index, finding.forecast_index = place, made
             finding.speed_mps, finding.lost_s = top_mps, lost_s
             return True
     return False
@@ -243,7 +243,7 @@ def _find_sparse_braking(state: Any, t_s: Floats, tracks: Floats, speed: Floats,
         return False
     finding.kind, finding.doubt_s = BRAKED, lasted_s / 2
     finding.onset_s = max(at_s, now_s - late_s - forecast_mps / 2)
-    finding.onset_place = finding.forecast_place = place
+    finding.onset_index = finding.forecast_index = place
     finding.speed_mps, finding.lost_s = forecast_mps, late_s
     return True
 
@@ -274,7 +274,7 @@ def _find_swerving(
     if not (off_m > bound_m >= was_off_m and t_s[slot, last] > state.noticed_s):
         return False
     finding.kind, finding.onset_s, finding.doubt_s = SWERVED, t_s[slot, last], now_s - t_s[slot, last]
-    finding.onset_place, finding.forecast_place = last, made
+    finding.onset_index, finding.forecast_index = last, made
     finding.speed_mps, finding.lost_s = speed[slot, last], 0.0
     return True
 

@@ -143,7 +143,7 @@ class ProbabilityEstimator:
         Returns the batch as it is believed: a robot that goes elsewhere than it says is taken to go straight on.
         """
         if batch.gone:
-            self._settle(batch.gone, were_present=True)
+            self._resolve_left(batch.gone, were_present=True)
             self._forget(batch.gone)
         if not len(batch):
             return batch
@@ -312,15 +312,15 @@ class ProbabilityEstimator:
             is_theirs = has_robot_of(self._pairs["code"], slots)
             self._pairs["gives_way"][is_theirs], self._pairs["gave_way_s"][is_theirs] = False, -np.inf
 
-    def settle_absent(self, uuids: Collection[str]) -> None:
+    def resolve_absent(self, uuids: Collection[str]) -> None:
         """Silent robots turned out to be absent. The open questions about their pairs are answered: they did not
         meet."""
         if uuids:
-            self._settle(uuids, were_present=False)
+            self._resolve_left(uuids, were_present=False)
 
-    def _settle(self, uuids: Collection[str], were_present: bool) -> None:
+    def _resolve_left(self, uuids: Collection[str], were_present: bool) -> None:
         slots = self._robots.slots_of(uuids)
-        self.learning.settle(slots, self._pairs, self._own_until_s, were_present=were_present)
+        self.learning.resolve_left(slots, self._pairs, self._own_until_s, were_present=were_present)
 
     def _own_until_s(self, asked_s: float) -> Floats:
         """(slots,) until when each robot was heard and drove unadvised, see `AdviceFollowers.own_until_s`."""

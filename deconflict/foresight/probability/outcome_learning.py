@@ -112,7 +112,7 @@ class OpenQuestions:
         """Ask for the outcomes of the pairs `code` (p,), which have these features (p, FEATURES)."""
         self.open.append(Question(asked_s, code, features))
 
-    def settle(self, slots: Ints, pairs: Pairs, own_until_s: OwnUntil, *, were_present: bool = True) -> None:
+    def resolve_left(self, slots: Ints, pairs: Pairs, own_until_s: OwnUntil, *, were_present: bool = True) -> None:
         """Answer the open questions about robots of `slots` now: other robots may have these slots later.
 
         If the robots `were_present` until now, the outcome of a pair that has not met by now is unknown. If they were
@@ -163,9 +163,9 @@ class OutcomeLearning:
         self._asked_s = floor(now_s)
         self._questions.ask(now_s, code, features)
 
-    def settle(self, slots: Ints, pairs: Pairs, own_until_s: OwnUntil, *, were_present: bool) -> None:
-        """See `OpenQuestions.settle`."""
-        self._questions.settle(slots, pairs, own_until_s, were_present=were_present)
+    def resolve_left(self, slots: Ints, pairs: Pairs, own_until_s: OwnUntil, *, were_present: bool) -> None:
+        """See `OpenQuestions.resolve_left`."""
+        self._questions.resolve_left(slots, pairs, own_until_s, were_present=were_present)
 
     def learn(self, now_s: float, pairs: Pairs, own_until_s: OwnUntil, vendors_of: Callable[[Ints], Ints]) -> None:
         """Learn from the questions that can be answered now. `vendors_of` returns one number for the two vendors of

@@ -75,7 +75,7 @@ BODY = np.dtype(
         ("goes_x", np.float64),  # x of the unit vector of travel
         ("goes_y", np.float64),  # y of it
         ("path_mps", np.float64),  # speed of its track here
-        ("place_s", np.float64),  # its place on the track, in seconds of the track
+        ("progress_s", np.float64),  # its place on the track, in seconds of the track
         ("pace", np.float64),  # its speed now, as a share of that of the track
         ("top_pace", np.float64),  # the largest such share
         ("starts_s", np.float64),  # when it starts at the earliest
@@ -144,7 +144,7 @@ def _legs_of(track: Floats) -> Any:
 @inner
 def _place(body: Any, legs: Any, robot: int) -> None:
     """Set the place and heading of a robot from its place on the track."""
-    at_s = min(max(body.place_s, 0.0), legs.shape[1] - 1.0)
+    at_s = min(max(body.progress_s, 0.0), legs.shape[1] - 1.0)
     at = int(at_s)
     leg, part = legs[robot, at], at_s - at
     body.x, body.y = leg.x + part * leg.by_x, leg.y + part * leg.by_y
@@ -213,7 +213,7 @@ def _advance(body: Any, edge: int, now_s: float) -> None:
         body.pace = min(body.pace + change, body.top_pace)
     if body.edge >= 0:
         body.lost_s += max(1.0 - body.pace, 0.0) * STEP_S
-    body.place_s += body.pace * STEP_S
+    body.progress_s += body.pace * STEP_S
 
 
 @inner
@@ -340,7 +340,7 @@ def drive(
         marked[:] = False
         for robot in range(n):
             body = bodies[robot]
-            body.place_s, body.pace = since_s[robot], 0.0 if stands[robot] else 1.0
+            body.progress_s, body.pace = since_s[robot], 0.0 if stands[robot] else 1.0
             body.starts_s, body.top_pace = starts_s[sample, robot], top_pace[sample, robot]
             body.reach = reach_m[robot]
             body.held_s, body.edge, body.since_s, body.lost_s = -1.0, -1, -1.0, 0.0

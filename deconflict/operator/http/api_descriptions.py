@@ -17,7 +17,7 @@ Document = dict[str, Any]
 REVISION = {"$ref": "#/components/messages/revision"}
 _REVISION = {"contentType": "application/json", "payload": {"$ref": "#/components/schemas/AnyAdvisory"}}
 SIGNATURE = ("webhook-id", "webhook-timestamp", "webhook-signature")
-_NO_SOURCES = cast(Sources, SimpleNamespace(follow=None, pulse=None))
+_NO_SOURCES = cast(Sources, SimpleNamespace(follow=None, live_status=None))
 """A description of the interface calls none of them."""
 
 

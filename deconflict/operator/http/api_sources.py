@@ -25,7 +25,7 @@ class FloorSource(Protocol):
     async def follow(self, number: int) -> tuple[int, bool, Batch | None]:
         """See `live_socket.Follow`. Raises `ConnectionError`."""
 
-    async def pulse(self) -> Document:
+    async def live_status(self) -> Document:
         """The state of the roles, the vendors and the silent robots, and the unidentified robots. Never raises."""
 
     async def floor_at(self, at_s: float) -> str:

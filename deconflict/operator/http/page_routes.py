@@ -110,7 +110,7 @@ def add_page_routes(
 ) -> None:
     """Serve the page and the routes that it uses."""
     routes = PageRoutes(app, store, source)
-    live_socket = LiveSocket(source.follow, source.pulse, publisher.measures, send_timeout_s)
+    live_socket = LiveSocket(source.follow, source.live_status, publisher.measures, send_timeout_s)
     app.get("/", include_in_schema=False)(routes.page)
     app.get("/page/{name}", include_in_schema=False)(routes.file)
     app.get("/site", response_model=dict[str, Any])(routes.site)

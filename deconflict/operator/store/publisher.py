@@ -64,7 +64,7 @@ class Publisher:
             except Exception:
                 self.measures.count("deconflict_store_failures_total")
                 raise
-            await self.settle()
+            await self.store_pending()
             aside = self._set_aside()
             accepted = [revision for revision in accepted if revision.seq not in aside]
             self._announce([revision for revision in accepted if revision.seq > self.last_seq])
@@ -79,7 +79,7 @@ class Publisher:
             numbers.add(revision.seq)
         return numbers
 
-    async def settle(self) -> None:
+    async def store_pending(self) -> None:
         """Store pending writes, and wait for the disk for at most `DISK_TIMEOUT_S`."""
         storing = self.begin_storing()
         await asyncio.wait({storing}, timeout=DISK_TIMEOUT_S)
@@ -97,7 +97,7 @@ class Publisher:
 
     async def close(self) -> None:
         """Store the rest. Logs how many revisions the disk did not take."""
-        await self.settle()
+        await self.store_pending()
         if self._store.unstored:
             log.error("%d revisions were published and never stored", self._store.unstored)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
-from deconflict.simulation.drills.drill_scripts import Drill, Stage
+from deconflict.simulation.drills.drill_scripts import Drill, DrillSetup
 
 CLOSE_S = 3.0
 """The greatest error of a predicted cost that counts as correct."""
@@ -49,13 +49,13 @@ class DrillOutcome:
 class DrillOutcomes:
     """Collects the outcomes of drills from every revision, in order."""
 
-    def __init__(self, drills: Sequence[Drill], stages: Sequence[Stage]) -> None:
-        self._stages = stages
+    def __init__(self, drills: Sequence[Drill], setups: Sequence[DrillSetup]) -> None:
+        self._stages = setups
         self._all = [DrillOutcome(drill.name, drill.kind) for drill in drills]
         self._of = {
             errand.member.uuid: outcome
-            for outcome, stage in zip(self._all, stages, strict=True)
-            for errand in stage.errands
+            for outcome, setup in zip(self._all, setups, strict=True)
+            for errand in setup.errands
         }
         self._first: dict[str, DrillOutcome] = {}
         """By id of the advisory that a drill should cause: its drill's outcome."""
@@ -78,10 +78,10 @@ class DrillOutcomes:
 
     def now(self) -> list[DrillOutcome]:
         """The outcomes so far."""
-        for outcome, stage in zip(self._all, self._stages, strict=True):
-            outcome.late_s = round(sum(errand.late_s for errand in stage.errands), 1)
+        for outcome, setup in zip(self._all, self._stages, strict=True):
+            outcome.late_s = round(sum(errand.late_s for errand in setup.errands), 1)
             outcome.promised_s = round(outcome.promised_s, 1)
-            outcome.through = all(errand.through_s is not None for errand in stage.errands)
+            outcome.through = all(errand.through_s is not None for errand in setup.errands)
         return self._all
 
     def over(self) -> bool:

@@ -10,9 +10,9 @@ from deconflict.advisory import Kind
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
-from deconflict.simulation.cast import ALDER, BASALT, CORVID, WALKER, CastMember, Make
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
+from deconflict.simulation.participants import ALDER, BASALT, CORVID, WALKER, Make, Participant
 from deconflict.simulation.vendors.dialects import GROUND_ID
 
 APART_M = 50.0
@@ -28,7 +28,7 @@ Spot = tuple[float, float]
 
 
 @dataclass
-class Stage:
+class DrillSetup:
     """The setup of one drill: places and robots around an origin."""
 
     origin: Spot
@@ -52,76 +52,76 @@ class Stage:
         axis = (self.at(west, 0.0), self.at(east, 0.0))
         self.zones.append(Zone(id=place, datum=GROUND_ID, kind="aisle", polygon=polygon, axis=axis, capacity=2))
 
-    def robot(self, make: Make, start: Spot, *visits: Visit, deaf: bool = False) -> None:
+    def robot(self, make: Make, start: Spot, *visits: Visit, ignores_advice: bool = False) -> None:
         moved = [Visit(*self.at(visit.x_m, visit.y_m), visit.place, visit.stay_s, visit.state) for visit in visits]
-        member = CastMember(self.number + len(self.errands), make)
-        self.errands.append(Errand(member, self.at(*start), moved, deaf=deaf or self.ignored))
+        member = Participant(self.number + len(self.errands), make)
+        self.errands.append(Errand(member, self.at(*start), moved, ignores_advice=ignores_advice or self.ignored))
 
     def _box(self, x: float, y: float, size: Spot) -> tuple[Spot, Spot, Spot, Spot]:
         w, d = size[0] / 2, size[1] / 2
         return self.at(x - w, y - d), self.at(x + w, y - d), self.at(x + w, y + d), self.at(x - w, y + d)
 
 
-def aisle_head_on(stage: Stage) -> None:
+def aisle_head_on(setup: DrillSetup) -> None:
     """Two robots enter a single lane from both ends."""
-    stage.aisle("aisle", 0.0, 8.0)
-    stage.robot(ALDER, (-8, 0), Visit(17, 0))
-    stage.robot(BASALT, (16, -8), Visit(9.2, 0), Visit(-3, 0))
+    setup.aisle("aisle", 0.0, 8.0)
+    setup.robot(ALDER, (-8, 0), Visit(17, 0))
+    setup.robot(BASALT, (16, -8), Visit(9.2, 0), Visit(-3, 0))
 
 
-def swap(stage: Stage) -> None:
+def swap(setup: DrillSetup) -> None:
     """Two robots at docks, each of which needs the other's dock. There is parking nearby."""
-    stage.resource("swap-west", 0, 0, "dock")
-    stage.resource("swap-east", 12, 0, "dock")
-    stage.resource("swap-parking", 6, -7, "parking")
-    stage.robot(ALDER, (0, 0), Visit(0, 0, "swap-west", 14), Visit(12, 0, "swap-east", 2))
-    stage.robot(BASALT, (12, 0), Visit(12, 0, "swap-east", 14), Visit(0, 0, "swap-west", 2))
+    setup.resource("swap-west", 0, 0, "dock")
+    setup.resource("swap-east", 12, 0, "dock")
+    setup.resource("swap-parking", 6, -7, "parking")
+    setup.robot(ALDER, (0, 0), Visit(0, 0, "swap-west", 14), Visit(12, 0, "swap-east", 2))
+    setup.robot(BASALT, (12, 0), Visit(12, 0, "swap-east", 14), Visit(0, 0, "swap-west", 2))
 
 
-def ring_of_three(stage: Stage) -> None:
+def ring_of_three(setup: DrillSetup) -> None:
     """Three robots at docks, each of which needs the next one's dock. There is parking nearby."""
     spots = ((0.0, 0.0), (14.0, 0.0), (7.0, 11.0))
     for row, (x, y) in enumerate(spots):
-        stage.resource(f"ring-{row}", x, y, "dock")
-    stage.resource("ring-parking", 7, -8, "parking")
+        setup.resource(f"ring-{row}", x, y, "dock")
+    setup.resource("ring-parking", 7, -8, "parking")
     for row, make in enumerate((ALDER, BASALT, ALDER)):
         after = (row + 1) % 3
-        stage.robot(make, spots[row], Visit(*spots[row], f"ring-{row}", 14), Visit(*spots[after], f"ring-{after}", 2))
+        setup.robot(make, spots[row], Visit(*spots[row], f"ring-{row}", 14), Visit(*spots[after], f"ring-{after}", 2))
 
 
-def lift_with_a_twin(stage: Stage) -> None:
+def lift_with_a_twin(setup: DrillSetup) -> None:
     """A robot comes to an occupied lift whose twin is free."""
-    stage.resource("lift-west", 0, 0, "lift", group="lifts", service_s=30.0)
-    stage.resource("lift-east", 6, 0, "lift", group="lifts", service_s=30.0)
-    stage.robot(ALDER, (0, 0), Visit(0, 0, "lift-west", 30), Visit(-8, 0))
-    stage.robot(BASALT, (3, -12), Visit(0, 0, "lift-west", 10), Visit(3, -12))
+    setup.resource("lift-west", 0, 0, "lift", group="lifts", service_s=30.0)
+    setup.resource("lift-east", 6, 0, "lift", group="lifts", service_s=30.0)
+    setup.robot(ALDER, (0, 0), Visit(0, 0, "lift-west", 30), Visit(-8, 0))
+    setup.robot(BASALT, (3, -12), Visit(0, 0, "lift-west", 10), Visit(3, -12))
 
 
-def charger_queue(stage: Stage) -> None:
+def charger_queue(setup: DrillSetup) -> None:
     """Two robots come to an occupied charger. The one that stays longer comes first."""
-    stage.resource("charger", 0, 0, "charger", service_s=12.0)
-    stage.robot(ALDER, (0, 0), Visit(0, 0, "charger", 15, "charging"), Visit(0, 7))
-    stage.robot(BASALT, (-13, 0), Visit(0, 0, "charger", 12, "charging"), Visit(-4, -5))
-    stage.robot(ALDER, (15, 0), Visit(0, 0, "charger", 4, "charging"), Visit(0, -7))
+    setup.resource("charger", 0, 0, "charger", service_s=12.0)
+    setup.robot(ALDER, (0, 0), Visit(0, 0, "charger", 15, "charging"), Visit(0, 7))
+    setup.robot(BASALT, (-13, 0), Visit(0, 0, "charger", 12, "charging"), Visit(-4, -5))
+    setup.robot(ALDER, (15, 0), Visit(0, 0, "charger", 4, "charging"), Visit(0, -7))
 
 
-def dock_taken(stage: Stage) -> None:
+def dock_taken(setup: DrillSetup) -> None:
     """A robot comes to a dock where another still stands."""
-    stage.resource("dock", 0, 0, "dock", size=(6.0, 3.0))
-    stage.robot(ALDER, (-1.5, 0), Visit(-1.5, 0, "dock", 24), Visit(-1.5, 7))
-    stage.robot(BASALT, (14, 0), Visit(1.5, 0, "dock", 5), Visit(1.5, -5))
+    setup.resource("dock", 0, 0, "dock", size=(6.0, 3.0))
+    setup.robot(ALDER, (-1.5, 0), Visit(-1.5, 0, "dock", 24), Visit(-1.5, 7))
+    setup.robot(BASALT, (14, 0), Visit(1.5, 0, "dock", 5), Visit(1.5, -5))
 
 
-def crossing_of_four(stage: Stage) -> None:
+def crossing_of_four(setup: DrillSetup) -> None:
     """Robots of three vendors and a person come to one crossing from four sides at the same time."""
     for make, x, y in ((ALDER, -1, 0), (CORVID, 1, 0), (BASALT, 0, -1), (WALKER, 0, 1)):
-        stage.robot(make, (13 * x + y, 13 * y - x), Visit(y - 13 * x, -x - 13 * y))
+        setup.robot(make, (13 * x + y, 13 * y - x), Visit(y - 13 * x, -x - 13 * y))
 
 
-def ignoring_robots(stage: Stage) -> None:
+def ignoring_robots(setup: DrillSetup) -> None:
     """Two robots cross. They are advised who should wait, and ignore it."""
-    stage.robot(ALDER, (-13, 0), Visit(13, 0), deaf=True)
-    stage.robot(BASALT, (0, -13), Visit(0, 13), deaf=True)
+    setup.robot(ALDER, (-13, 0), Visit(13, 0), ignores_advice=True)
+    setup.robot(BASALT, (0, -13), Visit(0, 13), ignores_advice=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ class Drill:
     name: str
     kind: Kind
     """Kind of that advisory."""
-    script: Callable[[Stage], None]
+    script: Callable[[DrillSetup], None]
     heeds: bool = True
     """Whether its robots follow advice."""
 
@@ -148,28 +148,28 @@ DRILLS = (
 )
 
 
-def staged(drills: Sequence[Drill] = DRILLS, *, ignored: bool = False) -> tuple[Site, list[Stage]]:
+def set_up_drills(drills: Sequence[Drill] = DRILLS, *, ignored: bool = False) -> tuple[Site, list[DrillSetup]]:
     """The demo's site on free ports with the places of these drills, and the setup of each drill.
 
     With `ignored` all robots ignore advice.
     """
-    stages = []
+    setups = []
     for row, drill in enumerate(drills):
         origin = (APART_M * (row % 4) - APART_M, NORTH_M - APART_M * (row // 4))
-        stage = Stage(origin, FIRST_NUMBER + 6 * row, ignored)
-        drill.script(stage)
-        stages.append(stage)
+        setup = DrillSetup(origin, FIRST_NUMBER + 6 * row, ignored)
+        drill.script(setup)
+        setups.append(setup)
     site = load(demo_site())
     changes = {
         "conflict": site.conflict.model_copy(update=EARLY),
-        "resources": tuple(resource for stage in stages for resource in stage.resources),
-        "zones": tuple(zone for stage in stages for zone in stage.zones),
+        "resources": tuple(resource for setup in setups for resource in setup.resources),
+        "zones": tuple(zone for setup in setups for zone in setup.zones),
         "receiver": site.receiver.model_copy(update={"port": 0}),
         "operator": site.operator.model_copy(update={"port": 0}),
     }
-    return site.model_copy(update=changes), stages
+    return site.model_copy(update=changes), setups
 
 
-def party(stages: Sequence[Stage]) -> ErrandGroup:
+def errand_group(setups: Sequence[DrillSetup]) -> ErrandGroup:
     """The robots of all drills."""
-    return ErrandGroup([errand for stage in stages for errand in stage.errands])
+    return ErrandGroup([errand for setup in setups for errand in setup.errands])

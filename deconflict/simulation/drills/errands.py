@@ -11,9 +11,9 @@ from math import atan2, copysign, cos, hypot, inf, sin
 import numpy as np
 import shapely
 
-from deconflict.simulation.cast import CastMember
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import GROUND
+from deconflict.simulation.participants import Participant
 from deconflict.simulation.robot_state import RobotState
 from ingest.frames.angles import turn_between
 
@@ -52,9 +52,11 @@ class Knot:
 class Errand:
     """One robot. Its time advances only by `step`."""
 
-    def __init__(self, member: CastMember, start: tuple[float, float], visits: Sequence[Visit], *, deaf: bool = False):
-        """It stands at `start`, heading for its first visit. With `deaf` it ignores all instructions."""
-        self.member, self.visits, self.deaf = member, list(visits), deaf
+    def __init__(
+        self, member: Participant, start: tuple[float, float], visits: Sequence[Visit], *, ignores_advice: bool = False
+    ):
+        """It stands at `start`, heading for its first visit. With `ignores_advice` it ignores all instructions."""
+        self.member, self.visits, self.ignores_advice = member, list(visits), ignores_advice
         self.x_m, self.y_m = start
         self.yaw_rad = self._heading_rad(self.visits[0])
         self.t_s = 0.0
@@ -129,19 +131,19 @@ class Errand:
 
     def wait(self, more_s: float) -> None:
         """Stand `more_s` longer before driving on. A negative value shortens an earlier wait."""
-        if not self.deaf:
+        if not self.ignores_advice:
             self._hold_s = max(self._hold_s + more_s, 0.0)
             self.told_s = self.t_s
 
     def go(self, visits: Sequence[Visit]) -> None:
         """Go to these positions first."""
-        if not self.deaf:
+        if not self.ignores_advice:
             self.visits[:0] = visits
             self.told_s = self.t_s
 
     def go_instead(self, visit: Visit) -> None:
         """Go to the place of `visit` instead of the next place, for the same stay."""
-        if not self.deaf:
+        if not self.ignores_advice:
             row = next(row for row, planned in enumerate(self.visits) if planned.place)
             self.visits[row] = replace(self.visits[row], x_m=visit.x_m, y_m=visit.y_m, place=visit.place)
             self.told_s = self.t_s

@@ -37,7 +37,7 @@ class SiteService:
     def _fresh(self, robot: str, at_s: float) -> Errand | None:
         """The errand of a robot, if its plan has not changed since the reports on which advice of `at_s` is based."""
         errand = self._group.by_uuid.get(robot)
-        return None if errand is None or errand.deaf or at_s - STALE_S < errand.told_s else errand
+        return None if errand is None or errand.ignores_advice or at_s - STALE_S < errand.told_s else errand
 
     def _hold(self, hold: Hold, at_s: float) -> bool:
         """Pass on a hold. It is added to the plan that the robot reported."""

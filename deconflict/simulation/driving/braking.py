@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.simulation.cast import CastMember, Protection
 from deconflict.simulation.driving.passing import SWERVING_MPS, Passings
 from deconflict.simulation.driving.protection import NOBODY, Bools, FreeWays, Traffic, free_ways
+from deconflict.simulation.participants import Participant, Protection
 from ingest.batch import Floats, Ints
 
 HELD_S = (0.8, 1.5)
@@ -45,7 +45,7 @@ class Course:
 class Braking:
     """The protective stops of n robots."""
 
-    def __init__(self, members: Sequence[CastMember], passings: Passings, rng: np.random.Generator) -> None:
+    def __init__(self, members: Sequence[Participant], passings: Passings, rng: np.random.Generator) -> None:
         n, makes = len(members), [member.make for member in members]
         self.yields_to: Ints = np.full(n, NOBODY)
         """(n,) the robot of another fleet for which each brakes, slows down or swerves."""

@@ -11,8 +11,8 @@ from math import atan2, ceil, cos, hypot, sin, sqrt, tan
 
 import numpy as np
 
-from deconflict.simulation.cast import Make
 from deconflict.simulation.floor_layout import Layout, Place
+from deconflict.simulation.participants import Make
 from ingest.batch import Floats
 from ingest.frames.angles import turn_between
 

@@ -11,7 +11,6 @@ from enum import IntEnum
 
 import numpy as np
 
-from deconflict.simulation.cast import BodySize, CastMember, VendorName
 from deconflict.simulation.driving.braking import MOVING_MPS, Braking
 from deconflict.simulation.driving.crossing_entry import CrossingEntry
 from deconflict.simulation.driving.crossings import Crossings, passages
@@ -22,6 +21,7 @@ from deconflict.simulation.driving.protection import Bools, Traffic, centres, ma
 from deconflict.simulation.driving.routes import drive, lane, standing
 from deconflict.simulation.driving.trips import NOWHERE, Trips
 from deconflict.simulation.floor_layout import Bay, BayKind, Layout
+from deconflict.simulation.participants import BodySize, Participant, VendorName
 from ingest.batch import Floats, Ints
 
 ARRIVED_M = 0.03
@@ -74,7 +74,7 @@ class Activity(IntEnum):
 class World:
     """All members on both floors. The rows of every array are the members, in order."""
 
-    def __init__(self, layout: Layout, members: Sequence[CastMember], rng: np.random.Generator) -> None:
+    def __init__(self, layout: Layout, members: Sequence[Participant], rng: np.random.Generator) -> None:
         """Every member starts in a bay. Raises ValueError if there are more members than bays."""
         self.members, self._rng = tuple(members), rng
         n, makes = len(self.members), [member.make for member in self.members]

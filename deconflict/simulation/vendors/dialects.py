@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.simulation.cast import VendorName
+from deconflict.simulation.participants import VendorName
 from deconflict.simulation.robot_state import RobotState
 from ingest.batch import Floats
 

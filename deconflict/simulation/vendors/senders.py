@@ -12,11 +12,11 @@ from websockets.asyncio.connection import Connection
 from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from deconflict.simulation.annex import Annex, split
-from deconflict.simulation.cast import CastMember, VendorName, cast
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import Participant, VendorName, participants
 from deconflict.simulation.robot_state import robot_states
+from deconflict.simulation.scripted_annex import Annex, split
 from deconflict.simulation.vendors.dialects import DIALECTS
 from ingest.batch import Ints
 
@@ -140,7 +140,7 @@ async def simulate(
     Basalt's fleet manager does not connect but listens on this port. Returns the number of sent messages by vendor.
     """
     rng = np.random.default_rng(seed)
-    members, annex = split(cast(robots))
+    members, annex = split(participants(robots))
     world = World(layout_for(robots), members, rng)
     senders = _senders([*members, *annex.members])
     tasks: list[asyncio.Task[None]] = []
@@ -163,7 +163,7 @@ async def simulate(
     return dict(sent)
 
 
-def _senders(members: Sequence[CastMember]) -> list[Sender]:
+def _senders(members: Sequence[Participant]) -> list[Sender]:
     """The sender of each row. Basalt's fleet manager sends for all its robots; every other robot has its own sender."""
     fleet = Sender(VendorName.BASALT)
     vendors = [member.make.vendor for member in members]

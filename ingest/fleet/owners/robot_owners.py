@@ -75,18 +75,18 @@ class RobotOwners:
         """Count a robot no more."""
         self._robot_counts[robot.vendor] -= 1
 
-    def settle_by_connection(self, robot: Robot, message: Identity | Status, connection: Connection) -> None:
+    def assign_by_connection(self, robot: Robot, message: Identity | Status, connection: Connection) -> None:
         """Give a robot without owner to the vendor of the connection. An identity report makes it owned too."""
         if robot.owned:
             return
         if connection.vendor:
-            self._settle(robot, self.vendors.of_robot(robot.uuid) or connection.vendor)
+            self._assign(robot, self.vendors.of_robot(robot.uuid) or connection.vendor)
         robot.owned = connection.vendor is not None or isinstance(message, Identity)
 
-    def settle_by_identity(self, robot: Robot, identity: Identity, connection: Connection) -> bool:
+    def assign_by_identity(self, robot: Robot, identity: Identity, connection: Connection) -> bool:
         """Give a robot to the vendor that its identity report names. Returns whether the site file assigns it."""
         assigned = self.vendors.of_robot(robot.uuid)
-        self._settle(robot, assigned or connection.vendor or self.vendors.of_manufacturer(identity.manufacturer))
+        self._assign(robot, assigned or connection.vendor or self.vendors.of_manufacturer(identity.manufacturer))
         return assigned is not None
 
     def note_sender(self, robot: Robot, connection: Connection) -> None:
@@ -104,18 +104,18 @@ class RobotOwners:
         """
         before, self.vendors, self._max_robots_per_vendor = self.vendors, vendors, max_robots_per_vendor
         for robot in robots:
-            self._settle_again(robot, before)
+            self._assign_again(robot, before)
 
-    def _settle_again(self, robot: Robot, before: VendorRegistry) -> None:
+    def _assign_again(self, robot: Robot, before: VendorRegistry) -> None:
         vendor = self.vendors.of_robot(robot.uuid)
         if vendor is None and not self.vendors.configured(robot.vendor):
             vendor = self.vendors.of_manufacturer(robot.identity.manufacturer) if robot.identity else robot.vendor
             removed = before.configured(robot.vendor) and not self.vendors.configured(vendor)
             robot.owned = robot.owned and not removed
         if vendor:
-            self._settle(robot, vendor)
+            self._assign(robot, vendor)
 
-    def _settle(self, robot: Robot, vendor: str) -> None:
+    def _assign(self, robot: Robot, vendor: str) -> None:
         self._robot_counts[robot.vendor] -= 1
         self._robot_counts[vendor] += 1
-        robot.settle(vendor)
+        robot.assign_vendor(vendor)

@@ -8,9 +8,9 @@ import pytest
 from shapely import Polygon, box
 from shapely.affinity import rotate, translate
 
-from deconflict.advice.async_answers import ANSWER_AFTER_S, PendingAnswer
+from deconflict.advice.deferred_answers import ANSWER_AFTER_S, PendingAnswer
 from deconflict.advice.delay_windows import NearbyRobots
-from deconflict.advice.hold_requests import MOST_PAIRS, PAIRS_PER_S, HoldDesk
+from deconflict.advice.hold_requests import MOST_PAIRS, PAIRS_PER_S, HoldRequests
 from deconflict.advice.vendor_burden import Burden, yielded_s
 from deconflict.advisories.conflict_lifecycle import PASSED, UNPREDICTED
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
@@ -98,7 +98,7 @@ class Asking:
     """A desk that is asked of open conflicts, a step each quarter of a second; which pairs it answers, and when."""
 
     def __init__(self) -> None:
-        self.desk = HoldDesk(SITE, Burden(), Measures())
+        self.desk = HoldRequests(SITE, Burden(), Measures())
         self.now_s = NOW_S
         self.open: dict[Pair, ConflictAdvisory] = {}
 
@@ -194,7 +194,7 @@ def test_a_crowded_floor_is_advised_in_parts_the_soonest_conflicts_first() -> No
         return near([])
 
     measures = Measures()
-    desk = HoldDesk(SITE, Burden(), measures)
+    desk = HoldRequests(SITE, Burden(), measures)
     desk.step(NOW_S, conflicts, conflicts, nobody)
     assert asked == [{f"a{n}", f"b{n}"} for n in reversed(range(40, pairs))]
     assert measures.values["deconflict_advice_waiting"] == {(): 40}

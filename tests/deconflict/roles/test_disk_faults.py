@@ -89,7 +89,7 @@ async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Pat
     holding.close()
     async with asyncio.timeout(PATIENCE_S):
         while store.unstored:
-            await publisher.settle()
+            await publisher.store_pending()
     assert publisher.failing is None
     await publisher.publish([made(4)])
     await publisher.close()
@@ -114,7 +114,7 @@ async def test_a_read_only_file_is_logged_and_counted_and_written_once_possible(
     with pytest.raises(StoreError, match="readonly"):
         store.append([made(9)])
     store._connections._writer.execute("PRAGMA query_only = OFF")
-    await publisher.settle()
+    await publisher.store_pending()
     assert (store.unstored, len(store.after(0))) == (0, 2)
     assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING"], "told once, and its end once"
     store.close()

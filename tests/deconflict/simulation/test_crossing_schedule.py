@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from deconflict.simulation.cast import ALDER, CORVID, CastMember, Make
 from deconflict.simulation.crossing_schedule import CrossingSchedule
 from deconflict.simulation.driving.crossings import CrossingPassage
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.driving.traffic import Activity, World
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import ALDER, CORVID, Make, Participant
 from deconflict.simulation.robot_state import robot_states
 
 EAST, NORTH = (1, 0), (0, 1)
@@ -16,7 +16,7 @@ EAST, NORTH = (1, 0), (0, 1)
 
 def two_that_cross(second: Make) -> World:
     """One drives east through a crossing at x 10, the other north through it, a second later."""
-    one = World(layout_for(24), (CastMember(1, ALDER), CastMember(2, second)), np.random.default_rng(1))
+    one = World(layout_for(24), (Participant(1, ALDER), Participant(2, second)), np.random.default_rng(1))
     ways = (((0.0, 0.0), (30.0, 0.0), EAST), ((10.0, -11.4), (10.0, 20.0), NORTH))
     for robot, (start, end, inward) in enumerate(ways):
         make = one.members[robot].make

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from deconflict.simulation.cast import cast
 from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
 from deconflict.simulation.driving.trips import NOWHERE
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import BayKind, layout_for
+from deconflict.simulation.participants import participants
 from deconflict.simulation.robot_state import RobotState, robot_states
 
 STEP_S = 0.1
@@ -15,7 +15,7 @@ STATES = {"navigating", "idle", "charging", "waitingHumanEvent", "waitingExterna
 
 
 def world(robots_in_all: int, seed: int = 1) -> World:
-    return World(layout_for(24), cast(robots_in_all), np.random.default_rng(seed))
+    return World(layout_for(24), participants(robots_in_all), np.random.default_rng(seed))
 
 
 def test_a_plan_is_linear_between_knots_and_stands_after_the_last() -> None:

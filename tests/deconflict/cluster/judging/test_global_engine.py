@@ -8,7 +8,7 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from deconflict.advice.async_answers import answer_at_once
+from deconflict.advice.deferred_answers import answer_at_once
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.judging.global_engine import GlobalEngine

@@ -6,7 +6,7 @@ from threading import Event
 
 import pytest
 
-from deconflict.advice.async_answers import PendingAnswer, answer_at_once
+from deconflict.advice.deferred_answers import PendingAnswer, answer_at_once
 from deconflict.advisory import AnyAdvisory, Recommendation
 from deconflict.contention.queues.queue_advice import MOST_SOLVED
 from deconflict.engine.engine import Engine

@@ -106,7 +106,7 @@ def test_pairs_of_an_absent_robot_did_not_meet_and_those_of_one_that_left_are_un
     every["started_s"][0], every["last_within_s"][0] = NOW_S + 2.0, NOW_S + 2.5
     questions, heard = OpenQuestions(horizon_s=10.0), NOW_S + np.array([3.0, 6.0, 6.0, 6.0])
     questions.ask(NOW_S, every["code"], every["features"])
-    questions.settle(np.array([0]), every, lambda _: heard, were_present=were_present)
+    questions.resolve_left(np.array([0]), every, lambda _: heard, were_present=were_present)
     (known,) = questions.answered(NOW_S + 7, every, lambda _: heard)
     assert slots_of(known.code)[1].tolist() == [1, 2]
     assert known.interacted.met.tolist() == known.touched.met.tolist() == [True, False]

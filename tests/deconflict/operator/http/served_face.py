@@ -75,7 +75,7 @@ class GivenSources:
             await self.recent.after(number) or packed_batch(self.recent.number, self.whole.to_bytes(), whole=True)
         )
 
-    async def pulse(self) -> dict[str, Any]:
+    async def live_status(self) -> dict[str, Any]:
         roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
         return {"roles": roles, "vendors": {}, "unidentified": [], "fading": {}, "taken_off": {}}
 

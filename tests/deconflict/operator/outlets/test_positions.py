@@ -42,7 +42,7 @@ async def test_a_full_disk_delays_no_outlet_and_the_position_is_stored_when_ther
                 assert "full" in (publisher.failing or "")
                 assert placed(small_disk) < numbers(other.heard)[-1], "a place beyond what is stored"
                 ballast.unlink()
-                await publisher.settle()
+                await publisher.store_pending()
             await publisher.close()
             assert not store.has_pending
         assert placed(small_disk) == 1 + 2 * len(LIVES)

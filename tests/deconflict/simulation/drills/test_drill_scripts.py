@@ -11,7 +11,7 @@ from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes
-from deconflict.simulation.drills.drill_scripts import DRILLS, party, staged
+from deconflict.simulation.drills.drill_scripts import DRILLS, errand_group, set_up_drills
 from deconflict.simulation.drills.errands import STEP_S
 from deconflict.simulation.drills.site_service import SiteService
 from deconflict.simulation.vendors.dialects import DIALECTS
@@ -26,8 +26,8 @@ HEEDED = [one.name for one in DRILLS if one.heeds]
 @cache
 def played(*, ignored: bool) -> dict[str, DrillOutcome]:
     """What comes of all drills at once, by name."""
-    site, stages = staged(ignored=ignored)
-    everybody, outcomes = party(stages), DrillOutcomes(DRILLS, stages)
+    site, setups = set_up_drills(ignored=ignored)
+    everybody, outcomes = errand_group(setups), DrillOutcomes(DRILLS, setups)
     fleet, engine = fleet_of(site, Measures()), Engine(site)
     service = SiteService(everybody, PlaceGeometry(site.resources, site.zones), NOW_S)
     lines = [Connection(row, vendor=one.member.make.vendor.value) for row, one in enumerate(everybody.errands)]

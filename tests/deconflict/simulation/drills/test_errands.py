@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import shapely
 
-from deconflict.simulation.cast import ALDER, BASALT, CastMember
 from deconflict.simulation.drills.errands import PACE_MPS, STEP_S, TURN_RADPS, Errand, ErrandGroup, Visit
+from deconflict.simulation.participants import ALDER, BASALT, Participant
 
 ROUND = (Visit(5, 0), Visit(5, 5, "dock", 3.0), Visit(0, 5))
 QUARTER_S = pi / 2 / TURN_RADPS
 
 
-def errand(*, deaf: bool = False) -> Errand:
-    return Errand(CastMember(1, ALDER), (0.0, 0.0), ROUND, deaf=deaf)
+def errand(*, ignores_advice: bool = False) -> Errand:
+    return Errand(Participant(1, ALDER), (0.0, 0.0), ROUND, ignores_advice=ignores_advice)
 
 
 def run(party: ErrandGroup, seconds: float) -> None:
@@ -56,7 +56,7 @@ def test_a_robot_that_is_sent_elsewhere_stays_there_as_long() -> None:
 
 
 def test_a_deaf_robot_ignores_instructions() -> None:
-    one = errand(deaf=True)
+    one = errand(ignores_advice=True)
     one.wait(5.0)
     one.go_instead(Visit(9, 9, "twin"))
     one.go([Visit(9, 9, "parking")])
@@ -70,9 +70,9 @@ def test_an_errand_predicts_when_its_front_enters_an_outline() -> None:
 
 
 def test_a_robot_stops_for_one_ahead_and_waits_for_an_occupied_place() -> None:
-    ahead = Errand(CastMember(2, BASALT), (3.0, 0.0), [Visit(3, 0, "dock", 20.0), Visit(3, 9)])
-    behind = Errand(CastMember(1, ALDER), (0.0, 0.0), [Visit(9, 0)])
-    waits = Errand(CastMember(3, ALDER), (0.0, 20.0), [Visit(0, 20, "other", 2.0), Visit(3, 0, "dock", 1.0)])
+    ahead = Errand(Participant(2, BASALT), (3.0, 0.0), [Visit(3, 0, "dock", 20.0), Visit(3, 9)])
+    behind = Errand(Participant(1, ALDER), (0.0, 0.0), [Visit(9, 0)])
+    waits = Errand(Participant(3, ALDER), (0.0, 20.0), [Visit(0, 20, "other", 2.0), Visit(3, 0, "dock", 1.0)])
     party = ErrandGroup([ahead, behind, waits])
     run(party, 18.0)
     assert not ahead.body().intersects(behind.body())

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from deconflict.simulation.cast import ALDER
 from deconflict.simulation.driving.drive_table import DriveTable
 from deconflict.simulation.driving.protection import Traffic
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.floor_layout import Place
+from deconflict.simulation.participants import ALDER
 
 Way = tuple[Place, Place]
 

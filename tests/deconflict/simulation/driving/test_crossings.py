@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from deconflict.simulation.cast import ALDER
 from deconflict.simulation.driving.crossings import CrossingPassage, Crossings, passages
 from deconflict.simulation.driving.routes import drive, lane
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import ALDER
 
 EAST, WEST, NORTH = (1, 0), (-1, 0), (0, 1)
 

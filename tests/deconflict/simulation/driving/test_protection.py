@@ -5,8 +5,8 @@ import pytest
 import shapely
 
 from deconflict.contention.robots.lookahead import corners
-from deconflict.simulation.cast import ALDER
 from deconflict.simulation.driving.protection import NOBODY, free_ways, gaps, may_sidestep
+from deconflict.simulation.participants import ALDER
 from tests.deconflict.simulation.driving.made_traffic import Way, traffic
 
 

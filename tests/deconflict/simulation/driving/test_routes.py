@@ -5,9 +5,9 @@ from math import pi
 import numpy as np
 import pytest
 
-from deconflict.simulation.cast import ALDER, CORVID, MAKES, Make
 from deconflict.simulation.driving.routes import CREEP_MPS, SIDEWAYS_MPS2, TURN_M, Drive, drive, lane, standing
 from deconflict.simulation.floor_layout import Place, layout_for
+from deconflict.simulation.participants import ALDER, CORVID, MAKES, Make
 
 CORNERS: list[Place] = [(0.0, 0.0), (0.0, 2.0), (10.0, 2.0), (10.0, 12.0)]
 

@@ -10,11 +10,11 @@ from scipy.spatial import cKDTree
 
 from benchmarks.watch_demo.true_encounters import near_pairs
 from benchmarks.watch_demo.true_stops import Stops, TrueStop
-from deconflict.simulation.cast import VendorName, cast
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.driving.traffic import Activity, World
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import VendorName, participants
 from ingest.batch import Floats
 
 STEP_S, MINUTES = 0.1, 10
@@ -25,7 +25,7 @@ LONGEST_STILL_S = 90.0
 
 
 def world(seed: int, robots: int = 24) -> World:
-    return World(layout_for(robots), cast(robots), np.random.default_rng(seed))
+    return World(layout_for(robots), participants(robots), np.random.default_rng(seed))
 
 
 def states(one: World, seconds: float) -> Iterator[Floats]:
@@ -84,7 +84,7 @@ def seen(request: pytest.FixtureRequest) -> Seen:
 
 
 def test_no_robot_jumps(seen: Seen) -> None:
-    greatest = np.array([member.make.max_speed_mps for member in cast(seen.robots)])
+    greatest = np.array([member.make.max_speed_mps for member in participants(seen.robots)])
     assert np.all(seen.fastest_mps <= greatest + SLACK_MPS)
     assert np.all(seen.fastest_mps > 0.5)
 
@@ -113,7 +113,7 @@ def test_robots_sometimes_yield_to_other_fleets(seen: Seen) -> None:
 
 
 def test_every_two_fleets_have_stops_for_each_other(seen: Seen) -> None:
-    fleets = [member.make.vendor for member in cast(seen.robots)]
+    fleets = [member.make.vendor for member in participants(seen.robots)]
     met = {frozenset((fleets[stop.robot], fleets[stop.other])) for stop in seen.stops if not stop.ordered}
     assert {frozenset(pair) for pair in combinations(VendorName, 2)} <= met
 
@@ -176,7 +176,7 @@ def test_one_of_two_mutually_waiting_robots_makes_room(seed: int) -> None:
 
 def test_more_robots_than_bays_are_refused() -> None:
     with pytest.raises(ValueError, match="use a larger layout"):
-        World(layout_for(24), cast(200), np.random.default_rng(1))
+        World(layout_for(24), participants(200), np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("robots", [1, 4, 240])

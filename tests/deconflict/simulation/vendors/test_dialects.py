@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from deconflict.settings import site_file
-from deconflict.simulation.cast import MAKES, VendorName, cast
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import layout_for
+from deconflict.simulation.participants import MAKES, VendorName, participants
 from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS, SITE_MAPS
 from ingest.frames.frame_registry import FrameRegistry
@@ -36,7 +36,7 @@ SAMPLE_FINDINGS = {
 @pytest.fixture(scope="module")
 def told() -> list[RobotState]:
     """Everybody's state at several moments of two minutes."""
-    world = World(layout_for(24), cast(24), np.random.default_rng(1))
+    world = World(layout_for(24), participants(24), np.random.default_rng(1))
     found: list[RobotState] = []
     for _ in range(12):
         for _ in range(100):

@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import Frame, Opcode
 from websockets.protocol import Event
 
-from deconflict.simulation.cast import VendorName
+from deconflict.simulation.participants import VendorName
 from deconflict.simulation.vendors.senders import Sender, call, simulate
 from tests.helpers.patience import PATIENCE_S
 

@@ -10,13 +10,13 @@ from math import atan2, hypot, pi
 
 import numpy as np
 
-from deconflict.simulation.cast import CastMember, VendorName
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import GROUND, Place
+from deconflict.simulation.participants import Participant, VendorName
 from deconflict.simulation.robot_state import RobotState
 
 FEWEST = 16
-"""A cast with fewer robots has no robots for the annex."""
+"""With fewer participants there are no robots for the annex."""
 ROLES = (VendorName.ALDER, VendorName.CORVID, VendorName.BASALT, VendorName.ALDER, VendorName.CORVID)
 """The first two use the lane, the others the charger."""
 LANE_Y_M, WEST_M, EAST_M = -5.0, 2.0, 26.0
@@ -105,7 +105,7 @@ def _turn(rank: int) -> list[ScriptStep]:
 class Annex:
     """The scripted robots of the annex."""
 
-    def __init__(self, members: Sequence[CastMember]) -> None:
+    def __init__(self, members: Sequence[Participant]) -> None:
         """`members` are in the order of `ROLES`."""
         self.members = tuple(members)
         self._steps = [[*play, *_mirrored(play)] for play in (THROUGH, BACK_OUT)]
@@ -153,8 +153,8 @@ class Annex:
         return ((max(WISHES_S[behind] - into_s, away_s), GROUND, *CHARGER, 0.0),)
 
 
-def split(members: Sequence[CastMember]) -> tuple[tuple[CastMember, ...], Annex]:
-    """The members that stay in the halls, and the annex with its robots. The annex of a small cast is empty."""
+def split(members: Sequence[Participant]) -> tuple[tuple[Participant, ...], Annex]:
+    """The members that stay in the halls, and the annex with its robots. With few members the annex is empty."""
     if len(members) < FEWEST:
         return tuple(members), Annex(())
     free, players = list(members), []

@@ -9,7 +9,7 @@ from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
-class Introduction:
+class SharedIdentity:
     """An identity report, and how it arrived."""
 
     uuid: str
@@ -26,7 +26,7 @@ class Introduction:
     """Whether it arrived at another ingest."""
 
     @classmethod
-    def of_document(cls, document: dict[str, Any]) -> "Introduction":
+    def of_document(cls, document: dict[str, Any]) -> "SharedIdentity":
         return cls(**document | {"raw": b64decode(document["raw"])}, elsewhere=True)
 
     def document(self) -> dict[str, Any]:
@@ -40,7 +40,7 @@ class Introduction:
             "assigned": self.assigned,
         }
 
-    def is_news_to(self, known: "Introduction | None") -> bool:
+    def is_news_to(self, known: "SharedIdentity | None") -> bool:
         """Whether it is newer than the known report, differs from it, and its vendor may report the robot."""
         if known is None:
             return True

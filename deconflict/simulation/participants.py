@@ -130,7 +130,7 @@ MAKES = (ALDER, CORVID, BASALT, WALKER)
 
 
 @dataclass(frozen=True, slots=True)
-class CastMember:
+class Participant:
     """One robot, or one person with a device."""
 
     number: int
@@ -146,6 +146,6 @@ class CastMember:
         return str(uuid5(FLEET, self.name))
 
 
-def cast(robots: int) -> tuple[CastMember, ...]:
-    """A cast of `robots` participants, with the vendors in turn."""
-    return tuple(CastMember(1 + index // len(MAKES), MAKES[index % len(MAKES)]) for index in range(robots))
+def participants(robots: int) -> tuple[Participant, ...]:
+    """`robots` participants, with the vendors in turn."""
+    return tuple(Participant(1 + index // len(MAKES), MAKES[index % len(MAKES)]) for index in range(robots))

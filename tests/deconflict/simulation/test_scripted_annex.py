@@ -11,9 +11,9 @@ from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site_file import load
-from deconflict.simulation.annex import CHARGER, FEWEST, ROLES, split
-from deconflict.simulation.cast import cast
 from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.participants import participants
+from deconflict.simulation.scripted_annex import CHARGER, FEWEST, ROLES, split
 from deconflict.simulation.vendors.dialects import DIALECTS
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -22,23 +22,23 @@ NOW_S = 1_790_000_000.0
 
 
 def test_every_member_is_in_the_halls_or_in_the_annex() -> None:
-    members = cast(24)
+    members = participants(24)
     halls, annex = split(members)
     assert tuple(member.make.vendor for member in annex.members) == ROLES
     assert sorted((*halls, *annex.members), key=members.index) == list(members)
-    assert split(cast(FEWEST - 1))[1].members == ()
+    assert split(participants(FEWEST - 1))[1].members == ()
 
 
 @pytest.mark.parametrize("row", range(len(ROLES)))
 def test_scripted_robots_move_without_jumps_and_repeat_their_script(row: int) -> None:
-    _, annex = split(cast(24))
+    _, annex = split(participants(24))
     robots = [annex.robot(row, t / 2) for t in range(2 * 350)]
     assert all(hypot(b.x_m - a.x_m, b.y_m - a.y_m) <= 0.61 for a, b in pairwise(robots))
     assert any(abs(robot.linear_mps) > 0.5 for robot in robots)
 
 
 def test_scripted_robots_never_touch() -> None:
-    _, annex = split(cast(24))
+    _, annex = split(participants(24))
     for t in range(0, 400, 2):
         robots = [annex.robot(row, float(t)) for row in range(len(ROLES))]
         bodies = [robot.member.make.body for robot in robots]
@@ -54,7 +54,7 @@ def test_scripted_robots_never_touch() -> None:
 def told(seconds: int) -> list[AnyAdvisory]:
     """The advisories on the annex, as the service gives them."""
     site = load(demo_site())
-    _, annex = split(cast(24))
+    _, annex = split(participants(24))
     fleet, engine, revisions = fleet_of(site, Measures()), Engine(site), list[AnyAdvisory]()
     lines = [Connection(row, vendor=role.value) for row, role in enumerate(ROLES)]
     for tick in range(4 * seconds):

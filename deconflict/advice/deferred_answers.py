@@ -66,7 +66,7 @@ class AsyncAnswers:
             self._under_way.popleft()
         return len(self._under_way)
 
-    def settle(self, pending: int) -> None:
+    def set_pending(self, pending: int) -> None:
         """Let so many of the newest questions count as not answered until the next call."""
         self._ready = self._asked - pending
 

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-from ingest.fleet.introductions import Introduction
+from ingest.fleet.shared_identities import SharedIdentity
 from ingest.port.connection import Connection
 from ingest.settings import Vendor
 from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, document, fleet
 
-ELSEWHERE = Introduction(robot("A-1"), identity("A-1", NOW_S), NOW_S, None, "Alder", elsewhere=True)
+ELSEWHERE = SharedIdentity(robot("A-1"), identity("A-1", NOW_S), NOW_S, None, "Alder", elsewhere=True)
 LARGER = replace(ELSEWHERE, raw=identity("A-1", NOW_S, baseRobotEnvelope={"x": 2.0, "y": 1.0}), arrival_s=NOW_S + 1)
 
 
@@ -17,18 +17,18 @@ def test_introductions_after_a_time_come_in_their_order() -> None:
     one.receive(identity("A-2", NOW_S), NOW_S + 2, Connection(2, vendor="Alder"))
     one.receive(identity("A-1", NOW_S), NOW_S + 1, LINE)
     one.receive(status("A-3", NOW_S), NOW_S + 3, LINE)
-    told = one.introductions(NOW_S)
+    told = one.shared_identities(NOW_S)
     assert [(each.uuid, each.arrival_s, each.vendor, each.owner) for each in told] == [
         (robot("A-1"), NOW_S + 1, None, "Alder"),
         (robot("A-2"), NOW_S + 2, "Alder", "Alder"),
     ]
     assert told[0].raw == identity("A-1", NOW_S)
-    assert one.introductions(NOW_S + 1) == told[1:]
+    assert one.shared_identities(NOW_S + 1) == told[1:]
 
 
 def test_an_introduction_survives_its_document_whatever_its_bytes() -> None:
-    odd = Introduction(robot("A-1"), b"\xff\xfe\n{", 1.25, "Alder", "Basalt", assigned=True)
-    assert Introduction.of_document(odd.document()) == odd
+    odd = SharedIdentity(robot("A-1"), b"\xff\xfe\n{", 1.25, "Alder", "Basalt", assigned=True)
+    assert SharedIdentity.of_document(odd.document()) == odd
 
 
 def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() -> None:
@@ -36,19 +36,19 @@ def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() ->
     assert not one.lacks(ELSEWHERE)
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
     assert one.lacks(ELSEWHERE)
-    assert one.introduce(ELSEWHERE, NOW_S + 5, Connection(7)) is None
+    assert one.add_identity(ELSEWHERE, NOW_S + 5, Connection(7)) is None
     shown = document(one, "A-1")
     assert (shown["identified"], shown["name"], shown["envelope"]["length_m"]) == (True, "Alder A-1", 1.0)
     assert not one.lacks(ELSEWHERE)
-    assert not one.introductions(NOW_S - 1), "it is told by who heard it"
+    assert not one.shared_identities(NOW_S - 1), "it is told by who heard it"
 
 
 def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_arrives_here_after_it() -> None:
     one = fleet()
     one.receive(status("A-1", NOW_S), NOW_S, LINE)
-    one.introduce(ELSEWHERE, NOW_S + 5, Connection(7))
+    one.add_identity(ELSEWHERE, NOW_S + 5, Connection(7))
     assert one.lacks(LARGER)
-    one.introduce(LARGER, NOW_S + 6, Connection(8))
+    one.add_identity(LARGER, NOW_S + 6, Connection(8))
     assert document(one, "A-1")["envelope"]["length_m"] == 2.0
     assert not one.lacks(ELSEWHERE)
     assert not one.lacks(replace(LARGER, arrival_s=NOW_S + 9))
@@ -57,7 +57,7 @@ def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_a
 def test_an_introduction_to_another_vendors_robot_is_refused() -> None:
     one = fleet(Vendor(name="Basalt"))
     one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Basalt"))
-    assert one.introduce(ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
+    assert one.add_identity(ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
     assert one.lacks(ELSEWHERE)
 
 
@@ -67,5 +67,5 @@ def test_another_vendors_introduction_is_no_news_unless_the_site_file_assigns_it
     assert replace(taken, assigned=True).is_news_to(ELSEWHERE)
     one = fleet(Vendor(name="Basalt", robots=(robot("A-1"),)))
     one.receive(identity("A-1", NOW_S), NOW_S, LINE)
-    (told,) = one.introductions(NOW_S - 1)
+    (told,) = one.shared_identities(NOW_S - 1)
     assert (told.owner, told.assigned) == ("Basalt", True)
