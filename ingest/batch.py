@@ -22,6 +22,15 @@ Pair = tuple[str, str]
 """The UUIDs of two robots, in ascending order."""
 
 
+class FloorPoint(NamedTuple):
+    """A point in the frame of a floor."""
+
+    datum: str
+    """The floor's id."""
+    x_m: float
+    y_m: float
+
+
 class Amounts(NamedTuple):
     """Amounts that a robot reports of itself with a status; nan if it does not report one.
 

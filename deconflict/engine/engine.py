@@ -66,7 +66,7 @@ class Engine:
         self.measures = Measures()
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence, self._crowds = Presence(self.live, self.measures), Crowds(self.live)
-        bounds, crowds = (conflict.clearance_m, conflict.clear_margin_m, conflict.horizon_s), self._crowds.numbers
+        bounds, crowds = (conflict.clearance_m, conflict.apart_m, conflict.horizon_s), self._crowds.numbers
         self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds)
         self._sweep = RobotSweep(site, self.live, self.measures, crowds)
         place_names = PlaceNames(site.datums, (*site.resources, *site.zones))

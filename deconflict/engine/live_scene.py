@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 from deconflict.advisories.conflict_lifecycle import LEFT
 from deconflict.advisories.conflict_scene import Party
-from deconflict.engine.place_names import MapPoint, PlaceNames
+from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.sweep.geometry.encounter import Encounter, Encounters, encounter, separation_m
 from deconflict.sweep.incremental import Sweeper
-from ingest.batch import Basis, Floats, Pair
+from ingest.batch import Basis, Floats, FloorPoint, Pair
 
 PROBABLY_LEFT = "is silent and has probably left"
 _BASIS_NAMES = {basis: basis.name.lower() for basis in Basis}
@@ -68,4 +68,4 @@ class LiveScene:
         return self._live.floors[met.floor]
 
     def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
-        return self._place_names.describe([MapPoint(self.datum(met), met.x_m, met.y_m) for met in encounters])
+        return self._place_names.describe([FloorPoint(self.datum(met), met.x_m, met.y_m) for met in encounters])

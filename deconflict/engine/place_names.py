@@ -10,21 +10,13 @@ import shapely
 from numpy.typing import NDArray
 
 from deconflict.settings.shared_places import Place, Resource, outlines
+from ingest.batch import FloorPoint
 from ingest.settings import Datum
 
 FARTHEST_M = 15.0
 """A mark that is farther away helps less than coordinates."""
 AT_M = 1.5
 """Nearer than this a person says "at"."""
-
-
-class MapPoint(NamedTuple):
-    """A point in the frame of a floor."""
-
-    datum: str
-    """The floor's id."""
-    x_m: float
-    y_m: float
 
 
 class NamedShapes(NamedTuple):
@@ -60,7 +52,7 @@ class PlaceNames:
         }
         """By floor, what a point can be inside of, the smallest first."""
 
-    def describe(self, points: Sequence[MapPoint]) -> list[str]:
+    def describe(self, points: Sequence[FloorPoint]) -> list[str]:
         """Where each point is, such as "3 m from Column C3 on Ground hall".
 
         The smallest place that holds the point, or else the nearest mark or place and its distance, or else the

@@ -5,7 +5,6 @@ from math import floor, inf
 from typing import Any
 
 from deconflict.settings.site import Site
-from ingest.batch import Batch
 from ingest.languages.massrobotics import timestamps
 from metrics.replay import conformance_counts
 from metrics.replay.clearance_scores import ClearanceScores
@@ -53,29 +52,31 @@ class LogScores:
         self._floors = batch.floors
         self.truth.report(batch.robots, batch.forecasts)
         self.absences.add_batch(batch)
-        self._add_forecasts(batch, outputs, now_s)
-        self._add_contention(batch, outputs, now_s)
+        self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, outputs[0].bands_m))
+        self.arrivals.add_batch(batch)
+        self.contention.add_batch(batch)
+        self.contention.add_output(now_s, outputs[0].other_revisions, outputs[0].place_forecast)
         for scores, output in zip(self.by_clearance, outputs, strict=True):
             scores.add(now_s, batch, output)
         self._advance_believers(now_s)
-        if engine_pass.measures and outputs and outputs[0].measures:
+        if engine_pass.measures and outputs[0].measures:
             self._vendors.update(now_s, (engine_pass.measures, outputs[0].measures))
         known_until_s = self.truth.until_s
         self.truth.advance(now_s)
         if self.truth.until_s > known_until_s:
             self._resolve()
 
-    def result(self, passes: PassReader, measures: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    def result(self, passes: PassReader, measures: dict[str, Any]) -> dict[str, Any]:
         """What the log holds, and the scores of every clearance. Call it once, after the last pass.
 
-        `measures` are the final measures of the first clearance's engine; empty if there is no engine.
+        `measures` are the final measures of the first clearance's engine.
         """
         self._finish()
         scores = [scores.figures(self.vendor_of, passes.now_s) for scores in self.by_clearance]
-        ece = {row["vendor"]: row["ece"] for row in scores[0]["by_vendor"]} if scores else {}
-        scenes = self.truth.scenes.finish(self.truth.motion) if self.by_clearance else []
+        ece = {row["vendor"]: row["ece"] for row in scores[0]["by_vendor"]}
+        scenes = self.truth.scenes.finish(self.truth.motion)
         nearest = [self._scene(scene, passes.first_s) for scene in scenes]
-        self._vendors.update(passes.now_s, (passes.measures(), *measures))
+        self._vendors.update(passes.now_s, (passes.measures(), measures))
         return {
             "messages": passes.messages,
             "robots": len(self.vendor_of),
@@ -87,22 +88,10 @@ class LogScores:
             "arrivals": self.arrivals.figures(),
             "contention": self.contention.figures(),
             "places": self.contention.place_figures(),
-            "advisories_raised": dict(sorted(self.by_clearance[0].raised.items())) if self.by_clearance else {},
+            "advisories_raised": dict(sorted(self.by_clearance[0].raised.items())),
             "nearest": nearest,
             "conformance": conformance_counts.findings(passes.fleet.measures),
         }
-
-    def _add_forecasts(self, batch: Batch, outputs: Sequence[EngineOutput], now_s: float) -> None:
-        makers = list(zip(batch.vendors, batch.models, strict=True))
-        self.forecasts.add(batch.robots, makers, batch.forecasts, outputs[0].bands_m if outputs else None)
-        self.forecasts.advance(now_s)
-        self.interactions.add_batch(batch, self.forecasts.usually_aside_m(makers))
-
-    def _add_contention(self, batch: Batch, outputs: Sequence[EngineOutput], now_s: float) -> None:
-        self.arrivals.add_batch(batch)
-        self.contention.add_batch(batch)
-        revisions, place_forecast = (outputs[0].other_revisions, outputs[0].place_forecast) if outputs else ((), None)
-        self.contention.add_output(now_s, revisions, place_forecast)
 
     def _advance_believers(self, now_s: float) -> None:
         """Advance the path believers at the first pass of each second."""

@@ -55,7 +55,7 @@ def replay(
         if on_line:
             for line in advisory_lines(outputs):
                 on_line(line)
-    result = scores.result(passes, [engine.measures() for engine in engines[:1]])
+    result = scores.result(passes, engines[0].measures())
     return document(result, reader, time.perf_counter() - began)
 
 

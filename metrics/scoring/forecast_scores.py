@@ -13,7 +13,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from ingest.batch import Floats, Forecasts, Ints
+from ingest.batch import Batch, Floats, Forecasts, Ints
 from ingest.kernels import kernel, ready
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.truth.encounters import LAG_S
@@ -47,6 +47,13 @@ class ForecastScores:
         """Robots, makers, bands and forecasts, by batch."""
         self._since_s: float | None = None
         """When the oldest waiting forecast was made."""
+
+    def add_batch(self, batch: Batch, now_s: float, bands_m: Floats | None = None) -> Floats:
+        """Add the forecasts of a batch; return the usual errors of its robots, as `usually_aside_m`."""
+        makers = list(zip(batch.vendors, batch.models, strict=True))
+        self.add(batch.robots, makers, batch.forecasts, bands_m)
+        self.advance(now_s)
+        return self.usually_aside_m(makers)
 
     def add(
         self, robots: Sequence[str], makers: Sequence[Maker], forecasts: Forecasts, bands_m: Floats | None = None

@@ -29,11 +29,7 @@ def interactions(log: Path, site: Site) -> Interactions:
     """The interactions of one log, found as `deconflict replay` finds them."""
     passes, errors, found = PassReader(site), ForecastScores(), Interactions()
     for engine_pass in chain(passes.passes_of(LogReader().read([log])), passes.last_passes()):
-        batch = engine_pass.batch
-        makers = list(zip(batch.vendors, batch.models, strict=True))
-        errors.add(batch.robots, makers, batch.forecasts, None)
-        errors.advance(engine_pass.now_s)
-        found.add_batch(batch, errors.usually_aside_m(makers))
+        found.add_batch(engine_pass.batch, errors.add_batch(engine_pass.batch, engine_pass.now_s))
     return found
 
 

@@ -8,13 +8,13 @@ from typing import NamedTuple
 from deconflict.advisory import AnyAdvisory
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.stream_records import StreamRecord
-from deconflict.cluster.tiles.tiles import FloorPosition
+from ingest.batch import FloorPoint
 
 MOST_WAITING = 20_000
 """If more revisions and passes that decided them wait, some 40 MB, the engine makes no further pass."""
 STUCK_S = 5.0
 """If too much waits and none of it was written for so long, the engine ends."""
-HomedRevision = tuple[FloorPosition | None, AnyAdvisory]
+HomedRevision = tuple[FloorPoint | None, AnyAdvisory]
 
 
 class WaitingPass(NamedTuple):

@@ -23,11 +23,11 @@ from deconflict.advisories.advisory_counts import (
 )
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles.tile_channels import GONE, RobotExtents, channel, outdated, wide_channel
-from deconflict.cluster.tiles.tiles import Area, FloorPosition, Grid, Tile
+from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
 from deconflict.settings.site import Site
-from ingest.batch import Batch, Bools, Ints, Pair
+from ingest.batch import Batch, Bools, FloorPoint, Ints, Pair
 from ingest.measures.measures import Measures
 
 ROBOTS_TIMEOUT_S = 10.0
@@ -39,7 +39,7 @@ REMEMBERED = 100_000
 class ShardRevision(NamedTuple):
     """A revision and its home, whose owner publishes it."""
 
-    home: FloorPosition
+    home: FloorPoint
     advisory: ConflictAdvisory
 
 
@@ -62,7 +62,7 @@ class Shard:
         """The channels of its tiles and of the tiles around them."""
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot here arrived."""
-        self._homes: dict[str, FloorPosition] = {}
+        self._homes: dict[str, FloorPoint] = {}
         """By id of each advisory that is open in any shard."""
         self._open: dict[Pair, ShardRevision] = {}
         """The last published revision of each open advisory of any shard."""
@@ -96,10 +96,10 @@ class Shard:
 
     def channels(self) -> set[str]:
         """The channels that it needs: of its tiles, of the tiles around, and of where its advisories' robots are."""
-        places = set[FloorPosition]()
+        places = set[FloorPoint]()
         for revision in self._own_open():
             where = revision.advisory.location
-            places |= {FloorPosition(where.datum, where.x, where.y), *self._places(revision.advisory.robots)}
+            places |= {FloorPoint(where.datum, where.x, where.y), *self._places(revision.advisory.robots)}
         near = (self._channels_of(self._grid.roots_near(place, self._reach_m)) for place in places)
         return self._tile_channels.union(*near)
 
@@ -132,7 +132,7 @@ class Shard:
             if not isinstance(revision, ConflictAdvisory):
                 continue
             where = revision.location
-            home = self._homes.setdefault(revision.id, FloorPosition(where.datum, where.x, where.y))
+            home = self._homes.setdefault(revision.id, FloorPoint(where.datum, where.x, where.y))
             if revision.state is AdvisoryState.CLEARED and revision.robots not in self._open:
                 del self._homes[revision.id]
             if home in self.area:
@@ -207,12 +207,12 @@ class Shard:
     def _own_open(self) -> list[ShardRevision]:
         return [revision for revision in self._open.values() if revision.home in self.area]
 
-    def _places(self, robots: Iterable[str]) -> Iterable[FloorPosition]:
+    def _places(self, robots: Iterable[str]) -> Iterable[FloorPoint]:
         live = self.engine.live.robots
         for forecast in (live[uuid].forecast for uuid in robots if uuid in live):
             floor = int(forecast.floor[0])
             if floor >= 0:
-                yield FloorPosition(self.engine.floors.names[floor], float(forecast.x_m[0]), float(forecast.y_m[0]))
+                yield FloorPoint(self.engine.floors.names[floor], float(forecast.x_m[0]), float(forecast.y_m[0]))
 
     def _is_near(self, batch: Batch, rows: Ints) -> Bools:
         """(m,) whether each of `rows` may be in conflict in its tiles, or is in one of its advisories."""
@@ -239,7 +239,7 @@ class Shard:
             knot = batch.forecasts.start[row]
             floor = int(batch.forecasts.floor[knot])
             x_m, y_m = float(batch.forecasts.x_m[knot]), float(batch.forecasts.y_m[knot])
-            tile = self.area.tile_of(FloorPosition(batch.floors[floor], x_m, y_m)) if floor >= 0 else None
+            tile = self.area.tile_of(FloorPoint(batch.floors[floor], x_m, y_m)) if floor >= 0 else None
             if tile:
                 self.loads[tile] += int(batch.statuses[row])
                 own.append(row)

@@ -11,8 +11,8 @@ from deconflict.cluster.judging.shard import REMEMBERED
 from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream, UnwritableRevisionError
 from deconflict.cluster.nats.stream_records import StreamRecord, key_of
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.tiles import FloorPosition
 from deconflict.runtime.set_asides import SetAsides
+from ingest.batch import FloorPoint
 from ingest.measures.measures import Measures
 
 log = logging.getLogger(__name__)
@@ -43,7 +43,7 @@ class StreamWriter:
         """The newest revision of every open advisory."""
         return [record.advisory for record in self._newest.values() if record.advisory and _is_open(record)]
 
-    async def write(self, home: FloorPosition | None, advisory: AnyAdvisory) -> StreamRecord | None:
+    async def write(self, home: FloorPoint | None, advisory: AnyAdvisory) -> StreamRecord | None:
         """Write a revision, and retry as long as it takes.
 
         Returns None, or the record of another engine that stands in its place.
@@ -61,7 +61,7 @@ class StreamWriter:
             await asyncio.sleep(RETRY_S)
 
     async def _try_write(
-        self, key: str, home: FloorPosition | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False
+        self, key: str, home: FloorPoint | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False
     ) -> bool:
         """Whether the stream accepted it after number `last_seq`; if not, notes the record that the stream has.
 

@@ -14,7 +14,7 @@ from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord, key_of, read_record, record_bytes
 from deconflict.cluster.nats.subscriptions import newest_of_each
-from deconflict.cluster.tiles.tiles import FloorPosition
+from ingest.batch import FloorPoint
 
 log = logging.getLogger(__name__)
 
@@ -68,9 +68,7 @@ class RevisionStream:
         state = (await self._connection.js.stream_info(stream)).state
         return state.first_seq <= position.seq + 1 <= state.last_seq + 1
 
-    async def write(
-        self, home: FloorPosition | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False
-    ) -> int:
+    async def write(self, home: FloorPoint | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False) -> int:
         """Write a revision and return its number. `again` writes a stored revision once more, under a new number.
 
         Raises `OverruledError` if the last revision under its key is not number `last_seq`, and

@@ -9,7 +9,7 @@ from deconflict.advisories.conflict_wording import ADVISORIES
 from deconflict.advisories.finding_lifecycle import finding_key
 from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
 from deconflict.cluster.tiles.tile_channels import subject_token
-from deconflict.cluster.tiles.tiles import FloorPosition
+from ingest.batch import FloorPoint
 
 
 class StreamPosition(NamedTuple):
@@ -30,7 +30,7 @@ class StreamRecord:
     seq: int
     key: str
     """Of the advisory; in an answer the advisory's id."""
-    home: FloorPosition | None = None
+    home: FloorPoint | None = None
     """The place whose tile decides which engine writes the advisory; None if no tile decides."""
     advisory: AnyAdvisory | None = None
     answer: Acknowledgement | None = None
@@ -57,7 +57,7 @@ def key_of(advisory: AnyAdvisory) -> str:
     return str(uuid5(ADVISORIES, finding_key(advisory)))
 
 
-def record_bytes(home: FloorPosition | None, advisory: AnyAdvisory) -> bytes:
+def record_bytes(home: FloorPoint | None, advisory: AnyAdvisory) -> bytes:
     """A revision as `read_record` reads it."""
     return json.dumps({"home": home, "advisory": advisory.model_dump(mode="json")}).encode()
 
@@ -68,5 +68,5 @@ def read_record(seq: int, subject: str, data: bytes) -> StreamRecord:
     if kind == "answer":
         return StreamRecord(seq, key, answer=Acknowledgement.model_validate_json(data))
     document = json.loads(data)
-    home = FloorPosition(*document["home"]) if document["home"] else None
+    home = FloorPoint(*document["home"]) if document["home"] else None
     return StreamRecord(seq, key, home, ADVISORY.validate_python(document["advisory"]))

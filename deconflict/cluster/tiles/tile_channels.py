@@ -13,9 +13,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from deconflict.cluster.tiles.tiles import FloorPosition, Grid, Tile
+from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.settings.site import Conflict
-from ingest.batch import Batch, Bools, Floats, Ints
+from ingest.batch import Batch, Bools, Floats, FloorPoint, Ints
 
 GONE = "gone"
 """The channel of forgotten robots, which all engines receive."""
@@ -135,7 +135,7 @@ class ChannelSorter:
             self._forget(uuid)
             if 0 <= floor < len(batch.floors):  # engines refuse and count a floor that is not listed
                 datum = batch.floors[floor]
-                tile = self._last[uuid] = self.grid.root(FloorPosition(datum, x_m, y_m))
+                tile = self._last[uuid] = self.grid.root(FloorPoint(datum, x_m, y_m))
                 west, south, east, north = spans[row]
                 self._spans[uuid] = TileSpan(datum, range(west, east + 1), range(south, north + 1))
                 channels |= {channel(tile), *([wide_channel(datum)] if is_wide else [])}

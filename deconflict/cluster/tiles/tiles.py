@@ -11,18 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ingest.batch import Bools, Floats
+from ingest.batch import Bools, Floats, FloorPoint
 
 QUARTERS = "0123"
 """South-west, south-east, north-west, north-east."""
-
-
-class FloorPosition(NamedTuple):
-    """A point on a floor, metres in the floor's frame."""
-
-    datum: str
-    x_m: float
-    y_m: float
 
 
 class Tile(NamedTuple):
@@ -66,7 +58,7 @@ class Grid:
 
     side_m: float
 
-    def root(self, place: FloorPosition) -> Tile:
+    def root(self, place: FloorPoint) -> Tile:
         """The tile of the grid that holds a place."""
         return Tile(place.datum, floor(place.x_m / self.side_m), floor(place.y_m / self.side_m))
 
@@ -78,7 +70,7 @@ class Grid:
             south_m += side_m * (quarter >> 1)
         return Square(west_m, south_m, side_m)
 
-    def chain(self, place: FloorPosition, depth: int) -> Iterator[Tile]:
+    def chain(self, place: FloorPoint, depth: int) -> Iterator[Tile]:
         """The tile of the grid that contains a place, then the quarter that does, and so on."""
         tile = self.root(place)
         yield tile
@@ -88,7 +80,7 @@ class Grid:
             tile = tile._replace(path=tile.path + QUARTERS[east + 2 * north])
             yield tile
 
-    def roots_near(self, place: FloorPosition, reach_m: float) -> set[Tile]:
+    def roots_near(self, place: FloorPoint, reach_m: float) -> set[Tile]:
         """The tiles of the grid within a reach of a place."""
         spans = [
             range(floor((at_m - reach_m) / self.side_m), floor((at_m + reach_m) / self.side_m) + 1)
@@ -107,11 +99,11 @@ class Area:
         for tile in sorted(self.tiles):
             self._squares.setdefault(tile.datum, []).append(grid.square(tile))
 
-    def tile_of(self, place: FloorPosition) -> Tile | None:
+    def tile_of(self, place: FloorPoint) -> Tile | None:
         """The tile of the area that contains a place; None if none does."""
         return next((tile for tile in self.grid.chain(place, self._depth) if tile in self.tiles), None)
 
-    def __contains__(self, place: FloorPosition) -> bool:
+    def __contains__(self, place: FloorPoint) -> bool:
         return self.tile_of(place) is not None
 
     def within(self, datum: str, low: Floats, high: Floats, reach_m: Floats | float) -> Bools:
@@ -128,6 +120,6 @@ class Area:
         found = set()
         for datum, squares in self._squares.items():
             for west_m, south_m, side_m in squares:
-                middle = FloorPosition(datum, west_m + side_m / 2, south_m + side_m / 2)
+                middle = FloorPoint(datum, west_m + side_m / 2, south_m + side_m / 2)
                 found |= self.grid.roots_near(middle, side_m / 2 + reach_m)
         return found

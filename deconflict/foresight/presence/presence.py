@@ -28,14 +28,13 @@ from deconflict.foresight.presence.silence_outcomes import (
     MAYBE_THERE,
     PROBABLY_LEFT,
     THERE,
-    FloorPoint,
     LastSeen,
     SilenceOutcomes,
     UsualExit,
 )
 from deconflict.runtime.learned_state import Part
 from deconflict.sweep.geometry.pose import pose_at
-from ingest.batch import Basis, Batch, Floats
+from ingest.batch import Basis, Batch, Floats, FloorPoint
 from ingest.measures.measures import Measures
 
 STAYS = frozenset(("charging", "disabled", "offline"))

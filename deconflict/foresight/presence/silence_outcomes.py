@@ -16,7 +16,7 @@ import numpy as np
 
 from deconflict.foresight.presence import silence_survival
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
-from ingest.batch import Floats
+from ingest.batch import Floats, FloorPoint
 
 PROBABLY_LEFT = 0.5
 """A robot has probably left if the probability that it is present is lower than this."""
@@ -63,14 +63,6 @@ AS_WELL = {
 }
 """By how a robot was last seen: the silences of which robots say something of its own silence at the same place. Many
 robots arrive at the exit by which they leave."""
-
-
-class FloorPoint(NamedTuple):
-    """A point on a floor."""
-
-    datum: str
-    x_m: float
-    y_m: float
 
 
 class Cell(NamedTuple):

@@ -40,8 +40,8 @@ class Bounds(NamedTuple):
     """The settings of a measurement."""
 
     clearance_m: float
-    margin_m: float
-    """An encounter is over once the two are apart by the clearance and this."""
+    apart_m: float
+    """An encounter is over once the two are farther apart than this."""
     horizon_s: float
 
 
@@ -99,16 +99,16 @@ def reach_m(
 
 
 @inner
-def _update_encounter(pair: Any, past_s: Floats, apart_m: Floats, row: int, within_m: float, margin_m: float) -> None:
-    """Set when a pair came within `within_m`, when it was last so near, and whether it has not yet drawn apart by more
-    than the margin since."""
+def _update_encounter(pair: Any, past_s: Floats, apart_m: Floats, row: int, bounds: Bounds) -> None:
+    """Set when a pair came within the clearance, when it was last so near, and whether it has not yet drawn apart
+    since."""
     began, looks = pair.in_encounter, past_s.shape[1]
     for look in range(looks):
-        if apart_m[row, look] <= within_m:
+        if apart_m[row, look] <= bounds.clearance_m:
             if not began:
                 pair.started_s, began = past_s[row, look], True
             pair.last_within_s = past_s[row, look]
-    pair.in_encounter = began and not within_m + margin_m < apart_m[row, looks - 1] < np.inf
+    pair.in_encounter = began and not bounds.apart_m < apart_m[row, looks - 1] < np.inf
 
 
 @inner
@@ -198,7 +198,7 @@ def measure_overlaps(
         for look in range(apart_m.shape[1]):
             if not is_same_floor[row, look]:
                 apart_m[row, look] = np.inf
-        _update_encounter(pair, past_s, apart_m, row, within_m, bounds.margin_m)
+        _update_encounter(pair, past_s, apart_m, row, bounds)
         robot_a, robot_b = robots[a[row]], robots[b[row]]
         silent_a_s = 0.0 if robot_a.rests else max(now_s - newest[a[row], 0], 0.0)
         silent_b_s = 0.0 if robot_b.rests else max(now_s - newest[b[row], 0], 0.0)

@@ -69,7 +69,7 @@ class ProbabilityEstimator:
     def __init__(
         self,
         clearance_m: float,
-        margin_m: float,
+        apart_m: float,
         horizon_s: float,
         measures: Measures,
         crowds: Mapping[str, int] = MappingProxyType({}),
@@ -83,7 +83,7 @@ class ProbabilityEstimator:
         self.degradation = DegradationDetector()
         self.start_times = StartTimes()
         self.learning = OutcomeLearning(horizon_s, measures)
-        self._bounds = Bounds(clearance_m, margin_m, horizon_s)
+        self._bounds = Bounds(clearance_m, apart_m, horizon_s)
         self._robots, self._pending = TrackedRobots(crowds), PendingForecasts()
         self._stated_ways = blank_records(0)
         self._finder, self._followers = InteractionFinder(), AdviceFollowers()

@@ -71,7 +71,7 @@ PAIR = np.dtype(
         ("uncertain_s", np.float64),  # when one last gave way, if it may have followed an order of its own fleet
         ("candidate_s", np.float64),  # when the pair was last a candidate
         ("watched", np.bool_),  # whether it is a candidate now
-        ("in_encounter", np.bool_),  # within the clearance, or not yet apart by the margin again
+        ("in_encounter", np.bool_),  # within the clearance, or not yet apart again
         ("gives_way", np.bool_),  # one robot gives way to the other now
         ("gave_way_s", np.float64),  # when one last gave way to the other, or stood and had to wait for it
         ("still", np.bool_),  # both stay where they stand, or one gave way lately: no alert is needed

@@ -1,8 +1,9 @@
 """The advisory stream: a WebSocket that follows the store from a given position (`docs/api.md`)."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
@@ -39,23 +40,16 @@ class AdvisoryStream:
         """Accept, and send every revision after `?after=`: first those in the store, then each new one."""
         live_from = self._publisher.last_seq
         await websocket.accept()
-        self._count(+1)
         try:
             after = websocket.query_params.get("after")
             seq = live_from if after is None else await self._position(after)
-            await until_either(self._send_lines(websocket, seq), disconnected(websocket))
+            await send_while_read(websocket, self._send_lines(websocket, seq), self._count, self._measures)
         except RefusedError as refusal:
             await self._close(websocket, refusal.code, refusal.reason)
         except StreamEndedError:
             await self._close(websocket, AFTER_BEYOND_LAST, "the numbers begin anew; get /advisories afresh")
         except StoreError:
             await self._close(websocket, STORE_FAILED, "the stored advisories can't be read; see /healthz")
-        except TimeoutError:
-            self._measures.count("deconflict_stream_dropped_total")
-        except WebSocketDisconnect:
-            pass
-        finally:
-            self._count(-1)
 
     async def _position(self, after: str) -> int:
         if not (after.isascii() and after.isdigit() and len(after) <= MOST_DIGITS):
@@ -84,7 +78,22 @@ class AdvisoryStream:
         self._measures.level("deconflict_stream_subscribers", {(): self._subscribers})
 
 
-async def disconnected(websocket: WebSocket) -> None:
+async def send_while_read(
+    websocket: WebSocket, sending: Coroutine[Any, Any, None], count: Callable[[int], None], measures: Measures
+) -> None:
+    """Send until the subscriber leaves or a send takes longer than the time limit. It counts as present meanwhile."""
+    count(+1)
+    try:
+        await until_either(sending, _disconnected(websocket))
+    except TimeoutError:
+        measures.count("deconflict_stream_dropped_total")
+    except WebSocketDisconnect:
+        pass
+    finally:
+        count(-1)
+
+
+async def _disconnected(websocket: WebSocket) -> None:
     """Wait until the subscriber disconnects. Its messages are ignored."""
     while (await websocket.receive())["type"] != "websocket.disconnect":
         pass

@@ -9,11 +9,10 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from fastapi import WebSocket, WebSocketDisconnect
+from fastapi import WebSocket
 
-from deconflict.operator.live.advisory_stream import disconnected
+from deconflict.operator.live.advisory_stream import send_while_read
 from deconflict.operator.live.floor_frames import FloorFrames
-from deconflict.runtime.first_of import until_either
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 
@@ -43,17 +42,9 @@ class LiveSocket:
         self._count(0)
 
     async def serve(self, websocket: WebSocket) -> None:
-        """Accept, and send frames until the page leaves or a send takes longer than the time limit."""
+        """Accept, and send frames until the page leaves or stops reading."""
         await websocket.accept()
-        self._count(+1)
-        try:
-            await until_either(self._send_frames(websocket), disconnected(websocket))
-        except TimeoutError:
-            self._measures.count("deconflict_stream_dropped_total")
-        except WebSocketDisconnect:
-            pass
-        finally:
-            self._count(-1)
+        await send_while_read(websocket, self._send_frames(websocket), self._count, self._measures)
 
     async def _send_frames(self, websocket: WebSocket) -> None:
         version, change = 0, -1

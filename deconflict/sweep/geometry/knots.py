@@ -67,8 +67,7 @@ SAME_S = 1e-6
 """If a forecast is cut at a time, a knot so soon after it is left out."""
 
 
-@inner
-def _is_sound(
+def is_sound(
     start: Ints,
     t_s: Floats,
     x_m: Floats,
@@ -95,19 +94,7 @@ def _is_sound(
     return True
 
 
-@kernel(numba.boolean(_INTS, *[_FLOATS] * 8))
-def _sound(
-    start: Ints,
-    t_s: Floats,
-    x_m: Floats,
-    y_m: Floats,
-    yaw_rad: Floats,
-    length_m: Floats,
-    width_m: Floats,
-    bottom_m: Floats,
-    top_m: Floats,
-) -> bool:
-    return _is_sound(start, t_s, x_m, y_m, yaw_rad, length_m, width_m, bottom_m, top_m)
+_is_sound, _sound = inner(is_sound), kernel(numba.boolean(_INTS, *[_FLOATS] * 8))(is_sound)
 
 
 def faults(forecasts: Forecasts) -> dict[int, str]:

@@ -21,13 +21,13 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import open_bus
 from deconflict.cluster.store_follower import StoreFollower
 from deconflict.cluster.tiles.tile_owners import OwnerTable
-from deconflict.cluster.tiles.tiles import FloorPosition
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.service import Role, runtime_directory
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Operator, Site
+from ingest.batch import FloorPoint
 from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_service import free_ports
@@ -226,4 +226,4 @@ async def lives(base: str) -> list[list[AnyAdvisory]]:
     return [[ADVISORY.validate_python(each) for each in life] for life in told]
 
 
-HOME = FloorPosition(HALL, 1.0, 2.0)
+HOME = FloorPoint(HALL, 1.0, 2.0)

@@ -9,10 +9,10 @@ from numpy.random import Generator
 from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
 from deconflict.cluster.tiles.tile_channels import ChannelSorter, reach_m
-from deconflict.cluster.tiles.tiles import FloorPosition, Grid, Tile
+from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict, Site
-from ingest.batch import Batch
+from ingest.batch import Batch, FloorPoint
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
@@ -96,7 +96,7 @@ class Shards:
     def cover(self, datums: Sequence[str], half_m: float, owner: Callable[[Tile], int]) -> None:
         """Give every leaf of a square about the middle of each floor an owner."""
         for datum in datums:
-            for root in self.grid.roots_near(FloorPosition(datum, 0.0, 0.0), half_m):
+            for root in self.grid.roots_near(FloorPoint(datum, 0.0, 0.0), half_m):
                 self.owners |= {leaf: owner(leaf) for leaf in self._leaves(root)}
         self.allot()
 

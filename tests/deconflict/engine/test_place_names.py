@@ -1,7 +1,8 @@
 import pytest
 
-from deconflict.engine.place_names import MapPoint, PlaceNames
+from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.shared_places import Resource, Zone
+from ingest.batch import FloorPoint
 from ingest.settings import Datum, ReferencePoint
 
 HALL = Datum(
@@ -29,19 +30,19 @@ PLACE_NAMES = PlaceNames((HALL, ABROAD), (DOCK, AISLE))
 
 
 DESCRIBED = [
-    (MapPoint("hall", 22.0, 1.0), "in Aisle 4 on Ground hall"),
-    (MapPoint("hall", 31.0, 3.0), "at Dock 1 on Ground hall"),
-    (MapPoint("hall", 3.0, 4.0), "5 m from Column A1 on Ground hall"),
-    (MapPoint("hall", 0.5, 0.5), "at Column A1 on Ground hall"),
-    (MapPoint("hall", 30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
-    (MapPoint("abroad", 48.0, 11.0), "near (48.0, 11.0) on Yard"),
-    (MapPoint("hall", 0.0, -40.0), "near (0.0, -40.0) on Ground hall"),
-    (MapPoint("nowhere", 1.0, 2.0), "near (1.0, 2.0) on nowhere"),
+    (FloorPoint("hall", 22.0, 1.0), "in Aisle 4 on Ground hall"),
+    (FloorPoint("hall", 31.0, 3.0), "at Dock 1 on Ground hall"),
+    (FloorPoint("hall", 3.0, 4.0), "5 m from Column A1 on Ground hall"),
+    (FloorPoint("hall", 0.5, 0.5), "at Column A1 on Ground hall"),
+    (FloorPoint("hall", 30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
+    (FloorPoint("abroad", 48.0, 11.0), "near (48.0, 11.0) on Yard"),
+    (FloorPoint("hall", 0.0, -40.0), "near (0.0, -40.0) on Ground hall"),
+    (FloorPoint("nowhere", 1.0, 2.0), "near (1.0, 2.0) on nowhere"),
 ]
 
 
 @pytest.mark.parametrize(("point", "phrase"), DESCRIBED)
-def test_a_point_is_described_by_the_place_around_it_or_the_nearest_mark(point: MapPoint, phrase: str) -> None:
+def test_a_point_is_described_by_the_place_around_it_or_the_nearest_mark(point: FloorPoint, phrase: str) -> None:
     assert PLACE_NAMES.describe([point]) == [phrase]
 
 

@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deconflict.cluster.tiles.tile_owners import Loads, OwnerTable, revised_table
-from deconflict.cluster.tiles.tiles import Area, FloorPosition, Grid, Tile
+from deconflict.cluster.tiles.tiles import Area, Grid, Tile
+from ingest.batch import FloorPoint
 
 SIDE_M, HOT_PER_S = 64.0, 100.0
 ROOTS = [Tile("hall", column, 0) for column in range(4)]
@@ -83,6 +84,6 @@ def test_every_place_has_one_owner_that_is_alive(history: list[tuple[set[str], f
         assert set(table.owners.values()) <= members
         assert table.global_engine in members
         for x_m in (0.0, 31.9, 32.0, 63.9, 130.0):
-            owners = [member for member in members if FloorPosition("hall", x_m, 16.0) in Area(grid, table.of(member))]
+            owners = [member for member in members if FloorPoint("hall", x_m, 16.0) in Area(grid, table.of(member))]
             assert len(owners) == 1
     assert OwnerTable.of_document(table.document()) == table

@@ -7,11 +7,11 @@ from deconflict.foresight.presence.silence_outcomes import (
     MAYBE_LEFT,
     MAYBE_THERE,
     THERE,
-    FloorPoint,
     LastSeen,
     SilenceOutcomes,
 )
 from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
+from ingest.batch import FloorPoint
 
 DOOR = FloorPoint("hall", 40.0, 5.0)
 GRACE_S = 5.0

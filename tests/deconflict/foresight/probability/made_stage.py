@@ -40,7 +40,7 @@ class Walk:
 class Stage:
     walks: dict[str, Walk]
     foresight: ProbabilityEstimator = field(
-        default_factory=lambda: ProbabilityEstimator(CLEARANCE_M, 0.1, 10.0, Measures())
+        default_factory=lambda: ProbabilityEstimator(CLEARANCE_M, CLEARANCE_M + 0.1, 10.0, Measures())
     )
 
     def run(self, until_s: int) -> list[dict[Pair, float]]:

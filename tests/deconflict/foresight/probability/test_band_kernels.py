@@ -21,7 +21,7 @@ from deconflict.foresight.probability.pair_table import PAIR
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from ingest.batch import Floats
 
-NOW_S, HORIZON_S, WITHIN_M, MARGIN_M = 1000.0, 10.0, 0.3, 0.1
+NOW_S, HORIZON_S, WITHIN_M, APART_M = 1000.0, 10.0, 0.3, 0.4
 AHEAD_S = np.arange(11.0)
 ROBOTS, PAIRS, PAST = 8, 40, 5
 
@@ -66,7 +66,7 @@ def test_measured_overlaps_equal_those_computed_pair_by_pair() -> None:
     known_m = np.where(is_same_floor, apart_m, inf)
     unused = np.zeros_like(apart_m)
     poses = RelativePoses(past_s, unused, unused, unused, unused, is_same_floor, speed_mps)
-    where, bounds = (poses, apart_m, bands_m, robots, newest), Bounds(WITHIN_M, MARGIN_M, HORIZON_S)
+    where, bounds = (poses, apart_m, bands_m, robots, newest), Bounds(WITHIN_M, APART_M, HORIZON_S)
     sds = measure_overlaps(pairs, rows, a, b, swept_rows, swept_m, swept_s, contact_s, *where, AHEAD_S, NOW_S, bounds)
     for n, row in enumerate(rows.tolist()):
         at_s, apart = (NOW_S + AHEAD_S).tolist(), known_m[n, PAST:].tolist()
@@ -90,7 +90,7 @@ def test_measured_overlaps_equal_those_computed_pair_by_pair() -> None:
         began = bool(len(below)) and not before["in_encounter"][row]
         assert pairs["started_s"][row] == (past_s[n, below[0]] if began else -inf)
         assert pairs["last_within_s"][row] == (past_s[n, below[-1]] if len(below) else -inf)
-        drew_apart = WITHIN_M + MARGIN_M < known_m[n, PAST - 1] < inf
+        drew_apart = APART_M < known_m[n, PAST - 1] < inf
         assert pairs["in_encounter"][row] == ((before["in_encounter"][row] or began) and not drew_apart)
     others = np.setdiff1d(np.arange(len(pairs)), rows)
     for name in PAIR.names or ():
