@@ -65,7 +65,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     replay_command.set_defaults(run=_replay)
 
-    conform_command = commands.add_parser("conform", help="count each vendor's departures from the standard")
+    conform_command = commands.add_parser("conform", help="count each vendor's deviations from the standard")
     _add_logs(conform_command, "+")
     conform_command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the counts to this file")
     conform_command.set_defaults(run=_conform)
@@ -74,7 +74,12 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
     command.add_argument("logs", nargs=count, type=Path, metavar="LOG", help="a file, or a directory of logs")
-    command.add_argument("--site", type=Path, metavar="SITE.toml")
+    command.add_argument(
+        "--site",
+        type=Path,
+        metavar="SITE.toml",
+        help="the site file with which the log was recorded",
+    )
     command.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help="override a setting of the site"
     )
@@ -110,6 +115,7 @@ def _replay(args: argparse.Namespace) -> int:
         run = replay if args.scheduler is None else _on_cluster(args.scheduler, files)
         result = run(reader, events, settings, clearances_m, on_line=on_line, on_batch=on_batch, start=start)
     _check_order(reader, args.logs, result)
+    _check_site(args, reader)
     if args.html:
         title = f"Replay of {', '.join(log.name for log in args.logs)}"
         _write(args.html, html_report.page(result, title))
@@ -138,6 +144,7 @@ def _conform(args: argparse.Namespace) -> int:
     with _with_progress(reader, logs) as events:
         result = conformance_counts.conform(reader, events, settings)
     _check_order(reader, args.logs, result)
+    _check_site(args, reader)
     sys.stdout.write(conformance_counts.page(result))
     if args.json:
         _write(args.json, _text(result))
@@ -255,6 +262,14 @@ def _check_order(reader: LogReader, logs: Iterable[Path], result: dict[str, Any]
             log.info("%s; each was read in the order of the log", late)
         else:
             log.warning("%s, too late for most of them to be scored: sort the lines by `received`", late)
+
+
+def _check_site(args: argparse.Namespace, reader: LogReader) -> None:
+    """Warn if the service's own log is read without a site file."""
+    if reader.own and args.site is None and not _head(args):
+        log.warning(
+            "no site file is given: with --site SITE.toml its maps and places are used, as when it was recorded"
+        )
 
 
 def _named(logs: Iterable[Path]) -> str:
