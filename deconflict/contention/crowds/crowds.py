@@ -40,6 +40,8 @@ class Crowds:
 
     def __init__(self, live: LiveRobots) -> None:
         self._live = live
+        self._some_overlap = False
+        """Whether any robot overlapped at the last step."""
         self._found_s: dict[str, float] = {}
         """By robot, when it was last found in a crowd."""
         self._numbers: dict[str, int] = {}
@@ -48,8 +50,7 @@ class Crowds:
 
     def step(self, now_s: float) -> dict[str, bool]:
         """The robots that have come to a crowd (True) or left one since the last step."""
-        live = self._live
-        slots = np.flatnonzero(overlapping(live.at, live.sizes_m, live.vendor))
+        live, slots = self._live, self._overlapping()
         for heap in _heaps(live, slots) if len(slots) >= FEWEST else ():
             if len(heap) >= FEWEST:
                 self._found_s |= dict.fromkeys((live.uuids[slot] for slot in heap.tolist()), now_s)
@@ -62,6 +63,15 @@ class Crowds:
         self._numbers.clear()
         self._numbers.update((uuid, 1 + int(live.vendor[live.robots[uuid].slot])) for uuid in self._found_s)
         return changed
+
+    def _overlapping(self) -> Ints:
+        """The slots of overlapping robots. Those that reported are looked at; all are if some overlap."""
+        live, robots = self._live, self._live.take_changed()
+        found = robots[overlapping(robots, live.at, live.sizes_m, live.vendor)]
+        if len(found) or self._some_overlap:
+            found = np.flatnonzero(overlapping(np.arange(len(live.at)), live.at, live.sizes_m, live.vendor))
+        self._some_overlap = len(found) > 0
+        return found
 
     def standing(self) -> Iterator[Crowd]:
         """The crowds, by vendor and floor."""

@@ -70,9 +70,9 @@ def _overlaps(slot: int, at: Floats, sizes_m: Floats, vendor: Ints, last: Ints, 
     return False
 
 
-@kernel(numba.boolean[::1](*[_MATRIX] * 2, _INTS))
-def overlapping(at: Floats, sizes_m: Floats, vendor: Ints) -> Bools:
-    """(slots,) which robots overlap with others of their vendor, on their floor and at their height.
+@kernel(numba.boolean[::1](_INTS, *[_MATRIX] * 2, _INTS))
+def overlapping(robots: Ints, at: Floats, sizes_m: Floats, vendor: Ints) -> Bools:
+    """(n,) which of the slots `robots` (n,) overlap with others of their vendor, on their floor and at their height.
 
     `at` (slots, 5) is x_m, y_m, floor, bottom_m and top_m; nan for a free slot. `sizes_m` (slots, 2) is length and
     width, `vendor` (slots,) a number.
@@ -80,12 +80,12 @@ def overlapping(at: Floats, sizes_m: Floats, vendor: Ints) -> Bools:
     places = 4
     while places < 2 * len(at):
         places *= 2
-    last, before, overlaps = np.full(places, -1), np.empty(len(at), np.int64), np.zeros(len(at), np.bool_)
+    last, before, overlaps = np.full(places, -1), np.empty(len(at), np.int64), np.zeros(len(robots), np.bool_)
     for slot in range(len(at)):
         if _is_located(at[slot]):
             x, y = _cell(at[slot, 0], at[slot, 1])
             place = _place(x, y, int(at[slot, 2]), vendor[slot], places)
             before[slot], last[place] = last[place], slot
-    for slot in range(len(at)):
-        overlaps[slot] = _is_located(at[slot]) and _overlaps(slot, at, sizes_m, vendor, last, before)
+    for row, slot in enumerate(robots):
+        overlaps[row] = _is_located(at[slot]) and _overlaps(slot, at, sizes_m, vendor, last, before)
     return overlaps

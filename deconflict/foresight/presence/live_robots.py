@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from deconflict.sweep.robot_slots import RobotSlots
-from ingest.batch import Basis, Batch, Floats, Forecasts, Ints
+from ingest.batch import Basis, Batch, Bools, Floats, Forecasts, Ints
 from ingest.kernels import kernel
 
 _BASES = tuple(Basis)
@@ -104,6 +104,8 @@ class LiveRobots:
     """(slots, 2) length and width as reported."""
     vendor: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     """(slots,) the number of the vendor."""
+    _is_changed: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
+    """(slots,) whether a robot has come or reported since the last `take_changed`."""
     _slots: RobotSlots = field(default_factory=RobotSlots)
     _vendor_numbers: dict[str, int] = field(default_factory=dict)
 
@@ -127,6 +129,7 @@ class LiveRobots:
         places = [column[first] for column in (forecasts.x_m, forecasts.y_m, forecasts.floor)]
         self.at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
         self.sizes_m[slots, 0], self.sizes_m[slots, 1] = forecasts.length_m, forecasts.width_m
+        self._is_changed[slots] = True
         numbers = self._vendor_numbers
         self.vendor[slots] = [numbers.setdefault(vendor, len(numbers)) for vendor in batch.vendors]
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))
@@ -138,6 +141,13 @@ class LiveRobots:
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
             self.sizes_m = np.concatenate([self.sizes_m, np.zeros((more, 2))])
             self.vendor = np.concatenate([self.vendor, np.zeros(more, np.int64)])
+            self._is_changed = np.concatenate([self._is_changed, np.zeros(more, np.bool_)])
+
+    def take_changed(self) -> Ints:
+        """(n,) the slots of the robots that have come or reported since the last call."""
+        changed = np.flatnonzero(self._is_changed)
+        self._is_changed[changed] = False
+        return changed
 
     def remove(self, uuids: Iterable[str]) -> None:
         """Forget robots. Unknown ones are ignored."""

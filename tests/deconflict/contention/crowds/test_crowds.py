@@ -47,6 +47,12 @@ def test_fewer_than_nine_robots_are_no_crowd() -> None:
     assert stage.says({}) == {}
 
 
+def test_the_first_robots_of_a_crowd_are_found_with_the_others() -> None:
+    stage, robots = Stage(), heap(12)
+    assert stage.says({"M-0": robots.pop("M-0")}) == {}
+    assert stage.says(robots).keys() == uuids(heap(12))
+
+
 def test_heaps_far_from_each_other_are_no_crowd_unless_one_of_them_is() -> None:
     stage = Stage()
     few = heap(6) | heap(6, 50.0, name="N") | heap(6, 0.0, LOFT, name="O")

@@ -18,7 +18,8 @@ def at(x_m: Floats, y_m: Floats) -> Floats:
 
 
 def found(places: Floats, length_m: float = 1.0, width_m: float = 0.5, vendor: Ints = ONE_VENDOR) -> Bools:
-    return overlapping(places, np.tile([length_m, width_m], (len(places), 1)), vendor[: len(places)])
+    sizes_m = np.tile([length_m, width_m], (len(places), 1))
+    return overlapping(np.arange(len(places)), places, sizes_m, vendor[: len(places)])
 
 
 @pytest.mark.parametrize("there", [(0.0, 0.0), (-7.99, 2.01), (1e6, -1e6)])
@@ -54,7 +55,7 @@ def test_robots_of_other_vendors_floors_and_heights_are_not_compared() -> None:
 
 def test_a_large_robot_does_not_count_as_many() -> None:
     sizes_m = np.array([[0.4, 0.4], [8.0, 8.0]])
-    assert not overlapping(at(np.zeros(2), np.zeros(2)), sizes_m, ONE_VENDOR[:2]).any()
+    assert not overlapping(np.arange(2), at(np.zeros(2), np.zeros(2)), sizes_m, ONE_VENDOR[:2]).any()
     assert not found(at(np.zeros(20), np.zeros(20)), 2 * LARGEST_M, 1.0).any()
 
 
@@ -79,6 +80,8 @@ def test_the_cells_find_what_a_look_at_all_pairs_finds(seed: int) -> None:
     places[:, 4] = places[:, 3] + rng.choice([0.5, 5.0], n)
     sizes_m, vendor = rng.uniform(0.3, rng.choice([1.0, 5.0]), (n, 2)), rng.integers(0, 3, n)
     expected = np.array(brute_force(places, sizes_m, vendor)) & (places[:, 2] >= 0)
-    result = overlapping(places, sizes_m, vendor)
+    result = overlapping(np.arange(n), places, sizes_m, vendor)
     assert result.tolist() == expected.tolist()
+    some = rng.permutation(n)[:50]
+    assert overlapping(some, places, sizes_m, vendor).tolist() == expected[some].tolist()
     assert 0 < result.sum() < n
