@@ -1,5 +1,6 @@
 """Advisories as published, from raised to cleared: conflicts, contentions, deadlocks, blockages, claims and crowds."""
 
+import operator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -70,14 +71,16 @@ class Slot(Published):
 class Recommendation(Published):
     """The advice that resolves the advisory at the least cost. A site service may follow it or not."""
 
-    holds: tuple[Hold, ...] = ()
-    slots: tuple[Slot, ...] = Field(default=(), description="in the advised order")
+    holds: tuple[Hold, ...] = Field(default=(), description="at most 20, those of the advisory's own robots first")
+    slots: tuple[Slot, ...] = Field(default=(), description="in the advised order, at most 16")
     cost_s: float = Field(ge=0, description="sum of the waits, weighted by priority")
     bound_s: float = Field(ge=0, description="lower bound: no advice costs less")
     first_come_cost_s: float | None = Field(default=None, ge=0, description="cost of first come, first served")
     expected_saving_s: float = Field(default=0.0, description="compared with first come, first served, or with a stop")
     proven_optimal: bool
     note: str = Field(default="", description="further information for a person, such as that no hold helps")
+    more_holds: int = Field(default=0, exclude_if=operator.not_, description="holds left out; absent if none is")
+    more_slots: int = Field(default=0, exclude_if=operator.not_, description="slots left out; absent if none is")
 
 
 class Wait(Published):
@@ -105,7 +108,7 @@ class Advisory(Published):
     seq: int = Field(default=0, ge=0, description="number of this revision in the stream; 0 before it is stored")
     state: AdvisoryState
     severity: Severity
-    robots: tuple[Robot, ...] = Field(description="UUIDs, in ascending order")
+    robots: tuple[Robot, ...] = Field(description="UUIDs, in ascending order, at most 20")
     names: tuple[str, ...] = Field(description="names of the robots for people, in the same order")
     vendors: tuple[str, ...] = Field(description="vendors of the robots, in the same order")
     raised_at: datetime
@@ -118,6 +121,9 @@ class Advisory(Published):
     summary: str = Field(description="one sentence for a person")
     recommendation: Recommendation | None = None
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest acknowledgement")
+    more_robots: int = Field(
+        default=0, exclude_if=operator.not_, description="robots left out, of every list; absent if none is"
+    )
     safety_rated: Literal[False] = False
 
     def next_revision(self, **fields: Any) -> Self:
@@ -181,7 +187,8 @@ class ContentionAdvisory(PlacedAdvisory):
     queue_length: int = Field(ge=0, description="longest expected queue")
     wait_s: float = Field(ge=0, description="longest expected wait")
     resources: tuple[str, ...] = Field(
-        default=(), description="ids of all chargers that will be full, with the resource; empty for one place"
+        default=(),
+        description="ids of all chargers that will be full, with the resource, at most 20; empty for one place",
     )
     expected: int = Field(
         default=0, ge=0, description="robots of the demand that are expected only because of their batteries"
@@ -199,7 +206,8 @@ class DeadlockAdvisory(PlacedAdvisory):
 
     kind: Literal["deadlock"] = "deadlock"
     cycle: tuple[Wait, ...] = Field(
-        min_length=1, description="the ring of waits; the holder of each is the waiter of the next"
+        min_length=1,
+        description="the ring of waits, at most the first 20; the holder of each is the waiter of the next",
     )
 
 
@@ -209,7 +217,7 @@ class BlockageAdvisory(PlacedAdvisory):
     kind: Literal["blockage"] = "blockage"
     blocker: Robot
     since_at: datetime
-    holds_up: tuple[Robot, ...] = Field(description="the robots that it will delay, soonest first")
+    holds_up: tuple[Robot, ...] = Field(description="the robots that it will delay, soonest first, at most 19")
 
 
 class ClaimAdvisory(Advisory):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from deconflict.advice.delay_windows import STEP_S, DelayWindows, HoldWindow, NearbyRobots
+from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advice.hold_problem import WEIGHT, HoldProblem, Plan, PlannedRobots
 from deconflict.advice.hold_search import FoundPlan, HoldSearch, hold_model
 from deconflict.advice.solver import solve
@@ -82,7 +83,7 @@ def _no_recommendation(problem: HoldProblem) -> Recommendation:
     """No holds, and a note that says who blocks whom."""
     if problem.allowed and not problem.hopeless:
         names = [problem.planned[robot].name for robot in _blocking_robots(problem)]
-        note = f"no hold works for {_listed(names)}: one of them needs another route"
+        note = f"no hold works for {listed(names)}: one of them needs another route"
     else:
         note = _needs_another_route(problem)
     return Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note=note)
@@ -105,8 +106,10 @@ def _may_have_plan(problem: HoldProblem, robots: Sequence[str]) -> bool:
 
 
 def _needs_another_route(problem: HoldProblem) -> str:
-    names = [tuple(problem.planned[robot].name for robot in pair) for pair in sorted(set(problem.hopeless))]
-    return "; ".join(f"no hold keeps {a} and {b} apart: one of them needs another route" for a, b in names)
+    pairs = sorted(set(problem.hopeless))
+    names = [tuple(problem.planned[robot].name for robot in pair) for pair in pairs[:MOST_NAMED]]
+    notes = [f"no hold keeps {a} and {b} apart: one of them needs another route" for a, b in names]
+    return "; ".join([*notes, *["so do others"] * (len(pairs) > MOST_NAMED)])
 
 
 def _ranks(burdens_s: Mapping[str, float], vendors: Sequence[str]) -> dict[str, int]:
@@ -118,10 +121,6 @@ def _ranks(burdens_s: Mapping[str, float], vendors: Sequence[str]) -> dict[str, 
 
 def _held_robots(advice: Recommendation | None) -> frozenset[str]:
     return frozenset(hold.robot for hold in advice.holds) if advice else frozenset()
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _seconds(cost: int) -> float:

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from math import inf
 from operator import attrgetter
 
+from deconflict.advice.document_limits import limited_advice
 from deconflict.advisories import conflict_wording, revision_rules
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
@@ -154,7 +155,7 @@ class ConflictLifecycle:
 
         If nobody has to wait any more, the advice from before stands until the advisory is cleared.
         """
-        watched = self.pairs.get(pair)
+        watched, advice = self.pairs.get(pair), limited_advice(advice, pair)
         before = watched.advisory if watched else None
         if watched is None or before is None or not revision_rules.advice_differs(before.recommendation, advice):
             return None

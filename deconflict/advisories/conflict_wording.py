@@ -6,6 +6,7 @@ from hashlib import sha1
 from typing import NamedTuple, TypedDict
 from uuid import UUID
 
+from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.conflict_scene import Party
 from deconflict.advisory import (
@@ -102,7 +103,7 @@ def raised(
         state=AdvisoryState.RAISED,
         encounter=ordinal,
         robots=pair,
-        names=(a.name, b.name),
+        names=(short_text(a.name, MOST_NAME_BYTES), short_text(b.name, MOST_NAME_BYTES)),
         vendors=(a.vendor, b.vendor),
         raised_at=fields["updated_at"],
         **fields,
@@ -165,7 +166,7 @@ def with_holds(summary: str, advice: Recommendation | None, robots: Sequence[str
         return summary
     name_of = dict(zip(robots, names, strict=True))
     waits = [f"{name_of[hold.robot]} should wait {hold.hold_s:g} s" for hold in advice.holds if hold.robot in name_of]
-    return "; ".join([summary, *(waits or ([advice.note] if advice.note else []))])
+    return short_text("; ".join([summary, *(waits or ([advice.note] if advice.note else []))]), MOST_SUMMARY_BYTES)
 
 
 def _interval(prediction: Prediction) -> tuple[float, float] | None:
@@ -184,7 +185,7 @@ def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place_
         what = f"{b.subject} reaches {_obstacle(a)}"
     else:
         what = f"{a.subject} and {b.subject} {_VERBS[met.encounter_class]}"
-    return f"{what} in {time_s:.0f} s, {place_name}"
+    return short_text(f"{what} in {time_s:.0f} s, {place_name}", MOST_SUMMARY_BYTES)
 
 
 def _obstacle(party: Party) -> str:

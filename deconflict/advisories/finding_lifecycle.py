@@ -16,6 +16,15 @@ from math import hypot
 from typing import Any, NamedTuple
 from uuid import uuid5
 
+from deconflict.advice.document_limits import (
+    MOST_NAME_BYTES,
+    MOST_PLACES,
+    MOST_ROBOTS,
+    MOST_SUMMARY_BYTES,
+    MOST_WAITS,
+    limited_advice,
+    short_text,
+)
 from deconflict.advisories.conflict_wording import ADVISORIES
 from deconflict.advisories.severity import rises
 from deconflict.advisory import (
@@ -43,6 +52,9 @@ CROWD_MOVED_M = 5.0
 """A crowd that has moved further is worth a revision."""
 RESTORED_S = 15.0
 """A restored advisory is cleared if it is not found again within this time."""
+
+MOST_OF = {"cycle": MOST_WAITS, "holds_up": MOST_ROBOTS - 1, "resources": MOST_PLACES}
+"""Most entries of the lists in a finding's evidence."""
 
 FindingAdvisory = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory | CrowdAdvisory
 """Every kind of advisory but conflicts."""
@@ -128,7 +140,7 @@ class FindingLifecycle:
             self._is_first_look = False
             for watched in self._watched.values():
                 watched.found_s = now_s + RESTORED_S - self._clear_after_s
-        found = {finding.key: finding for finding in findings}
+        found = {finding.key: finding for finding in map(_limited, findings)}
         revisions: list[FindingAdvisory] = []
         for key in sorted(found.keys() | self._watched.keys()):
             watched = self._watched.setdefault(key, _WatchedFinding())
@@ -163,7 +175,7 @@ def finding_key(advisory: FindingAdvisory) -> str:
         return f"{advisory.kind} {about_claim(advisory.owner, advisory.claimant)}"
     if isinstance(advisory, CrowdAdvisory):
         return f"{advisory.kind} {about_crowd(advisory.vendor, advisory.location.datum)}"
-    about = advisory.blocker if isinstance(advisory, BlockageAdvisory) else " ".join(advisory.robots)
+    about = advisory.blocker if isinstance(advisory, BlockageAdvisory) else " ".join(advisory.robots[:MOST_ROBOTS])
     return f"{advisory.kind} {about}"
 
 
@@ -175,6 +187,25 @@ def about_claim(owner: str, claimant: str) -> str:
 def about_crowd(vendor: str, datum: str) -> str:
     """The `Finding.about` of a crowd."""
     return json.dumps([vendor, datum])
+
+
+def _limited(finding: Finding) -> Finding:
+    """The finding within the limits of a document. A blockage keeps its blocker."""
+    kept = {name: finding.evidence[name][:most] for name, most in MOST_OF.items() if name in finding.evidence}
+    robots = finding.robots[:MOST_ROBOTS]
+    if finding.kind == "blockage":
+        robots = tuple(sorted((finding.evidence["blocker"], *kept["holds_up"])))
+    more = {"more_robots": len(finding.robots) - len(robots)}
+    if "resources" in kept:
+        more["more_resources"] = len(finding.evidence["resources"]) - len(kept["resources"])
+    if "resource_name" in finding.evidence:
+        kept["resource_name"] = short_text(finding.evidence["resource_name"], MOST_NAME_BYTES)
+    return finding._replace(
+        about=" ".join(robots) if finding.kind == "deadlock" else finding.about,
+        robots=robots,
+        evidence=finding.evidence | kept | more,
+        recommendation=finding.recommendation and limited_advice(finding.recommendation, robots),
+    )
 
 
 def _raised(finding: Finding, now_s: float, name_vendor: NameVendor) -> FindingAdvisory:
@@ -209,13 +240,13 @@ def _fields(finding: Finding, now_s: float, name_vendor: NameVendor) -> dict[str
     return {
         "severity": finding.severity,
         "robots": finding.robots,
-        "names": tuple(name for name, _ in parties),
+        "names": tuple(short_text(name, MOST_NAME_BYTES) for name, _ in parties),
         "vendors": tuple(vendor for _, vendor in parties),
         "updated_at": moment(now_s),
         "predicted_at": moment(finding.predicted_s),
         "time_to_conflict_s": _time_left_s(finding, now_s),
         "location": finding.location,
-        "summary": finding.summary(),
+        "summary": short_text(finding.summary(), MOST_SUMMARY_BYTES),
         "recommendation": finding.recommendation,
         **finding.evidence,
     }

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from deconflict.advice.document_limits import MOST_NAMED
 from deconflict.advisories.finding_lifecycle import Finding
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
@@ -91,7 +92,7 @@ def _advised(
 
 def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str, RobotView], now_s: float) -> Finding:
     """Chargers that will probably be full, for robots that have not announced that they come."""
-    first, label = pool.chargers[0], " and ".join(geometry.label(charger) for charger in pool.chargers)
+    first, label = pool.chargers[0], _joined([geometry.label(charger) for charger in pool.chargers])
     expected = [need.robot for need in pool.needs]
     demand = len(pool.announced) + len(expected)
     levels = ", ".join(f"{robots[need.robot].name} {need.level_pct:.0f} %" for need in pool.needs[:4])
@@ -149,7 +150,7 @@ def deadlock(
     first = ring[0]
     who = _names(robots, [link.waiter for link in ring])
     where = sorted({geometry.label(link.where) for link in ring if link.where != "path"})
-    place = f" at {' and '.join(where)}" if where else ""
+    place = f" at {_joined(where)}" if where else ""
     zone = next((link.where for link in ring if link.where != "path"), None)
     waiter = robots[first.waiter]
     left_s = begins_s - now_s
@@ -221,6 +222,11 @@ def _names(robots: Mapping[str, RobotView], uuids: Sequence[str]) -> str:
     if len(uuids) > 4:
         shown = [*shown[:3], f"{len(uuids) - 3} others"]
     return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+def _joined(labels: Sequence[str]) -> str:
+    """The labels of places, at most `MOST_NAMED`."""
+    return " and ".join([*labels[:MOST_NAMED], *["others"] * (len(labels) > MOST_NAMED)])
 
 
 def _when(left_s: float) -> str:
