@@ -109,7 +109,7 @@ def on_floor(seed: int, seconds: float) -> Iterator[Figures]:
             "meetings": len(meetings),
             "told_of": len(warned),
             "with_broken": sum(meeting.silent in broken for meeting in meetings),
-            "with_broken_told_of": sum(one.silent in broken for one in warned),
+            "with_broken_told_of": sum(meeting.silent in broken for meeting in warned),
         }
 
 
@@ -160,11 +160,11 @@ class Tracks:
     def comes_to_stand(self, uuid: str) -> list[float]:
         """Times at which it has stood for about 1.5 s."""
         found, since = [], self._of[uuid][0]
-        for one in self._of[uuid][1:]:
-            if hypot(one[1] - since[1], one[2] - since[2]) > STANDS_M:
-                since = one
-            elif STANDS_S[0] <= one[0] - since[0] < STANDS_S[1]:
-                found.append(one[0] + 0.15)
+        for each in self._of[uuid][1:]:
+            if hypot(each[1] - since[1], each[2] - since[2]) > STANDS_M:
+                since = each
+            elif STANDS_S[0] <= each[0] - since[0] < STANDS_S[1]:
+                found.append(each[0] + 0.15)
         return found
 
 

@@ -127,10 +127,10 @@ def main() -> None:
     arguments.add_argument("--table", type=Path, help="write the tables here too")
     args = arguments.parse_args()
     rows, offered = soak(args.robots, args.minutes)
-    told = table(rows, offered)
-    print(told)
+    text = table(rows, offered)
+    print(text)
     if args.table:
-        args.table.write_text(told)
+        args.table.write_text(text)
     if args.json:
         document: dict[str, Any] = {"rows": [asdict(row) for row in rows], "load": offered}
         args.json.write_text(json.dumps(document, indent=2) + "\n")

@@ -18,5 +18,5 @@ def test_no_licence_is_unknown_and_none_asks_for_the_source_of_this() -> None:
     licences = {name: licence(name) for name in needed()}
     assert "unknown" not in licences.values()
     assert not [
-        name for name, told in licences.items() if any(word in told for word in CONTAGIOUS) and "LGPL" not in told
+        name for name, key in licences.items() if any(keyword in key for keyword in CONTAGIOUS) and "LGPL" not in key
     ]

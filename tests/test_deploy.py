@@ -42,9 +42,9 @@ def test_a_reload_asks_the_service_to_read_its_site_file_again() -> None:
 
 
 def test_the_unit_waits_for_what_the_service_says_and_watches_that_it_goes_on() -> None:
-    told = dict(re.findall(r"^(Type|NotifyAccess|WatchdogSec|Restart)=(.+)$", UNIT.read_text(), re.M))
-    assert float(told.pop("WatchdogSec")) > 3 * STOP_TIMEOUT_S, "the service may take so long to end its roles"
-    assert told == {"Type": "notify", "NotifyAccess": "main", "Restart": "always"}
+    found = dict(re.findall(r"^(Type|NotifyAccess|WatchdogSec|Restart)=(.+)$", UNIT.read_text(), re.M))
+    assert float(found.pop("WatchdogSec")) > 3 * STOP_TIMEOUT_S, "the service may take so long to end its roles"
+    assert found == {"Type": "notify", "NotifyAccess": "main", "Restart": "always"}
 
 
 def test_the_command_of_the_unit_exists() -> None:
@@ -56,16 +56,19 @@ def test_the_command_of_the_unit_exists() -> None:
 def steps() -> list[tuple[str, str]]:
     """The instructions of the container file, each with what it is given."""
     joined = CONTAINER.read_text().replace("\\\n", "")
-    return [(word, " ".join(given.split())) for word, _, given in (line.partition(" ") for line in joined.splitlines())]
+    return [
+        (keyword, " ".join(given.split()))
+        for keyword, _, given in (line.partition(" ") for line in joined.splitlines())
+    ]
 
 
 def given(instruction: str) -> str:
-    return next(given for word, given in reversed(steps()) if word == instruction)
+    return next(given for keyword, given in reversed(steps()) if keyword == instruction)
 
 
 def test_the_container_is_installed_as_the_readme_says_and_runs_the_same_command_as_the_unit() -> None:
     assert "pip install -c constraints.txt ." in (ROOT / "README.md").read_text()
-    (install,) = (step for word, step in steps() if word == "RUN" and "pip" in step)
+    (install,) = (step for keyword, step in steps() if keyword == "RUN" and "pip" in step)
     assert install.endswith("/bin/pip install --no-cache-dir --constraint constraints.txt .")
     command = [*json.loads(given("ENTRYPOINT")), *json.loads(given("CMD"))]
     unit = re.search(r"^ExecStart=\S+/deconflict (.+)$", UNIT.read_text(), re.M)
@@ -76,8 +79,8 @@ def test_the_container_is_installed_as_the_readme_says_and_runs_the_same_command
 
 
 def test_the_container_runs_as_a_user_of_its_own_and_ends_as_it_should() -> None:
-    words = [word for word, _ in steps()]
-    made = next(step for word, step in steps() if word == "RUN" and "useradd" in step)
+    words = [keyword for keyword, _ in steps()]
+    made = next(step for keyword, step in steps() if keyword == "RUN" and "useradd" in step)
     assert given("USER") == made.split(" && ")[0].split()[-1]
     assert words.index("USER") < words.index("ENTRYPOINT")
     assert given("STOPSIGNAL") == "SIGTERM"

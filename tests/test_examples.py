@@ -44,7 +44,11 @@ def place_of(place: Path) -> int:
 def taken_up(service: Served) -> list[AnyAdvisory]:
     """Each revision with which an advisory was taken up."""
     all_of_it = service.store.after(0, 1000)
-    return [one for one in all_of_it if one.acknowledgement and one.acknowledgement.name == "site service"]
+    return [
+        advisory
+        for advisory in all_of_it
+        if advisory.acknowledgement and advisory.acknowledgement.name == "site service"
+    ]
 
 
 async def test_the_site_service_takes_up_each_advisory_once_though_it_is_killed(tmp_path: Path) -> None:
@@ -64,8 +68,8 @@ async def test_the_site_service_takes_up_each_advisory_once_though_it_is_killed(
         await until(lambda: place_of(place) == service.store.last_seq())
         again.kill()
         await asyncio.to_thread(again.wait)
-        assert {one.id for one in taken_up(service)} == {"advisory-1", "advisory-2", "advisory-4"}
-    for one in (running, again):
-        assert one.stderr
-        assert b"Traceback" not in one.stderr.read()
-        one.stderr.close()
+        assert {advisory.id for advisory in taken_up(service)} == {"advisory-1", "advisory-2", "advisory-4"}
+    for service_process in (running, again):
+        assert service_process.stderr
+        assert b"Traceback" not in service_process.stderr.read()
+        service_process.stderr.close()

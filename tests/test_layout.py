@@ -8,7 +8,7 @@ import ast
 import subprocess
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -168,9 +168,9 @@ def test_no_file_name_stands_twice_in_the_product() -> None:
     assert {name for name, count in names.items() if count > 1} <= REPEATED_NAMES | {"settings"}
 
 
-def sources() -> Iterator[tuple[str, str]]:
-    """Path and source of each file of the product."""
-    for path in chain.from_iterable(map(files, PACKAGES)):
+def sources(folders: Iterable[str] = PACKAGES) -> Iterator[tuple[str, str]]:
+    """Path and source of each file in these folders."""
+    for path in chain.from_iterable(map(files, folders)):
         yield str(path.relative_to(ROOT)), path.read_text()
 
 
@@ -222,10 +222,11 @@ def test_a_long_kernel_has_the_reason_for_its_length_at_the_top_of_its_file() ->
 
 def test_variables_are_named_for_what_they_hold() -> None:
     riddles = [
-        f"{path}:{node.lineno}: {node.id}"
-        for path, source in sources()
+        f"{path}:{node.lineno}: {ast.unparse(node)}"
+        for path, source in (*sources(), *sources(("tests", "benchmarks", "examples")))
         for node in nodes(source)
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in RIDDLES
+        if (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in RIDDLES)
+        or (isinstance(node, ast.arg) and node.arg in RIDDLES)
         if path != JSON_KEYS
     ]
     assert not riddles, "\n".join(riddles)
@@ -281,5 +282,5 @@ def test_a_role_that_needs_no_engine_starts_without_what_takes_seconds_to_import
     """A role that died is back the sooner."""
     slow = {"numba", "ortools", "pandas", "scipy"}
     asked = f"import sys, deconflict.__main__; print(*sorted({slow} & set(sys.modules)))"
-    told = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert told.stdout.split() == []
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.split() == []

@@ -56,11 +56,11 @@ def default_of(section: type[settings.Section], key: str) -> str:
 @pytest.mark.parametrize("heading", sorted(SECTIONS))
 def test_every_key_of_a_section_is_there_with_its_default_and_a_meaning(heading: str) -> None:
     section = SECTIONS[heading]
-    told = rows(heading)
-    assert {key: default for key, (default, _) in told.items()} == {
+    found = rows(heading)
+    assert {key: default for key, (default, _) in found.items()} == {
         key: default_of(section, key) for key in section.model_fields
     }
-    assert all(meaning for _, meaning in told.values())
+    assert all(meaning for _, meaning in found.values())
 
 
 def test_every_section_of_the_site_is_there() -> None:

@@ -67,12 +67,12 @@ class Subscriber:
 
     def told(self, start_s: float, pairs: int, since_s: float, until_s: float) -> tuple[int, int]:
         """How many of the meetings between two times were told of, and how many there were."""
-        told = meetings = 0
+        number = meetings = 0
         for pair in range(pairs):
             for t_s in meetings_s(pair, since_s - start_s, until_s - start_s):
                 at_s, meetings = start_s + t_s, meetings + 1
-                told += any(begin <= at_s - AHEAD_S and end >= at_s - AHEAD_S for begin, end in self.open_s[pair])
-        return told, meetings
+                number += any(begin <= at_s - AHEAD_S and end >= at_s - AHEAD_S for begin, end in self.open_s[pair])
+        return number, meetings
 
 
 @dataclass

@@ -116,10 +116,10 @@ def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints,
 
 
 @inner
-def _near(one: Any, other: Any) -> bool:
+def _near(box: Any, other: Any) -> bool:
     """Whether two boxes, or two reaches, overlap in the plane."""
     return bool(
-        (one.west <= other.east) & (other.west <= one.east) & (one.south <= other.north) & (other.south <= one.north)
+        (box.west <= other.east) & (other.west <= box.east) & (box.south <= other.north) & (other.south <= box.north)
     )
 
 
@@ -251,9 +251,9 @@ def _sorted_by_rank(slots: Ints, ranks: Ints, rows: Ints) -> Ints:
 
 
 @inner
-def _heights_overlap(one: Any, other: Any) -> bool:
+def _heights_overlap(robot: Any, other: Any) -> bool:
     """Whether neither robot passes above the other."""
-    return bool(one.bottom <= other.top and other.bottom <= one.top)
+    return bool(robot.bottom <= other.top and other.bottom <= robot.top)
 
 
 @kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], numba.int64[::1]))

@@ -59,12 +59,12 @@ def still_valid(intervals: ContactIntervals, is_changed: Bools, first_slab: int)
 
 
 @inner
-def _is_before(one: Any, other: Any, ranks: Ints) -> bool:
-    if one.a != other.a:
-        return bool(ranks[one.a] < ranks[other.a])
-    if one.b != other.b:
-        return bool(ranks[one.b] < ranks[other.b])
-    return bool(one.slab < other.slab)
+def _is_before(interval: Any, other: Any, ranks: Ints) -> bool:
+    if interval.a != other.a:
+        return bool(ranks[interval.a] < ranks[other.a])
+    if interval.b != other.b:
+        return bool(ranks[interval.b] < ranks[other.b])
+    return bool(interval.slab < other.slab)
 
 
 @kernel(_INTERVALS(_INTERVALS, _INTERVALS, _INTS))

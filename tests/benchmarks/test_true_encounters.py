@@ -15,13 +15,13 @@ def test_encounters_are_of_envelopes_within_the_clearance() -> None:
     world = World(layout_for(24), participants(24), np.random.default_rng(4))
     found = true_encounters(world, 120.0, CLEARANCE_M)
     assert found
-    for one in found:
-        assert 0.0 <= one.separation_m <= CLEARANCE_M
-        assert one.start_s <= one.last_s <= world.t_s
+    for encounter in found:
+        assert 0.0 <= encounter.separation_m <= CLEARANCE_M
+        assert encounter.start_s <= encounter.last_s <= world.t_s
     by_pair: dict[tuple[int, int], float] = {}
-    for one in found:
-        assert one.start_s > by_pair.get(one.robots, -1.0) + 1.0
-        by_pair[one.robots] = one.last_s
+    for encounter in found:
+        assert encounter.start_s > by_pair.get(encounter.robots, -1.0) + 1.0
+        by_pair[encounter.robots] = encounter.last_s
 
 
 def test_near_pairs_by_hand() -> None:

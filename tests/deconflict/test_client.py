@@ -29,76 +29,76 @@ def client(service: Served, token: str | None = None) -> Client:
     return Client(service.http, token=token, backoff_s=(0.02, 0.1))
 
 
-async def first(one: Client, after: int, count: int) -> list[AnyAdvisory]:
-    told: list[AnyAdvisory] = []
-    async with asyncio.timeout(PATIENCE_S), aclosing(one.follow(after)) as following:
+async def first(subscriber: Client, after: int, count: int) -> list[AnyAdvisory]:
+    advisories: list[AnyAdvisory] = []
+    async with asyncio.timeout(PATIENCE_S), aclosing(subscriber.follow(after)) as following:
         async for advisory in following:
-            told.append(advisory)
-            if len(told) == count:
+            advisories.append(advisory)
+            if len(advisories) == count:
                 break
-    return told
+    return advisories
 
 
 async def test_the_client_gets_open_advisories_and_every_later_revision_without_a_gap(tmp_path: Path) -> None:
-    async with served(tmp_path) as service, client(service) as one:
+    async with served(tmp_path) as service, client(service) as subscriber:
         published = await service.publish(made(1), made(2), cleared(2))
-        listing = await one.open()
+        listing = await subscriber.open()
         assert (listing.seq, listing.advisories, listing.more) == (3, [published[0]], False)
-        assert await first(one, 1, 2) == published[1:]
+        assert await first(subscriber, 1, 2) == published[1:]
         later = await service.publish(made(3))
-        assert await first(one, listing.seq, 1) == later
-        assert await one.revisions("advisory-2") == published[1:]
+        assert await first(subscriber, listing.seq, 1) == later
+        assert await subscriber.revisions("advisory-2") == published[1:]
 
 
 async def test_the_client_gets_the_state_of_each_vendor(tmp_path: Path) -> None:
-    async with served(tmp_path) as service, client(service) as one:
-        (acme,) = await one.vendors()
+    async with served(tmp_path) as service, client(service) as subscriber:
+        (acme,) = await subscriber.vendors()
         assert (acme.name, acme.messages, acme.grade, acme.flags) == ("Acme", 7, None, [])
         service.sources.down.add("receiver")
         with pytest.raises(ClientError, match="503"):
-            await one.vendors()
+            await subscriber.vendors()
 
 
 async def test_an_acknowledgement_comes_back_in_the_stream(tmp_path: Path) -> None:
-    async with served(tmp_path) as service, client(service) as one:
+    async with served(tmp_path) as service, client(service) as subscriber:
         await service.publish(made(1))
-        answered = await one.acknowledge("advisory-1", name="Kim", reason="A-7 is called back")
+        answered = await subscriber.acknowledge("advisory-1", name="Kim", reason="A-7 is called back")
         assert answered.acknowledgement
         assert (answered.acknowledgement.name, answered.seq) == ("Kim", 2)
-        assert (await first(one, 1, 1))[0] == answered
+        assert (await first(subscriber, 1, 1))[0] == answered
         with pytest.raises(NoSuchAdvisoryError, match="no advisory 'advisory-9' is stored"):
-            await one.acknowledge("advisory-9", name="Kim", reason="none")
+            await subscriber.acknowledge("advisory-9", name="Kim", reason="none")
         with pytest.raises(ClientError, match="422"):
-            await one.acknowledge("advisory-1", name="", reason="none")
+            await subscriber.acknowledge("advisory-1", name="", reason="none")
 
 
 async def test_a_lost_stream_is_resumed(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as probe:
         address = f"127.0.0.1:{probe.getsockname()[1]}"
-    told: list[int] = []
+    numbers: list[int] = []
 
     async def follow() -> None:
-        async with Client(f"http://{address}", backoff_s=(0.02, 0.1)) as one:
-            async for advisory in one.follow(0):
-                told.append(advisory.seq)  # noqa: PERF401 - it never ends
+        async with Client(f"http://{address}", backoff_s=(0.02, 0.1)) as subscriber:
+            async for advisory in subscriber.follow(0):
+                numbers.append(advisory.seq)  # noqa: PERF401 - it never ends
 
     following = asyncio.create_task(follow())
     for last in (2, 4):
         async with served(tmp_path, at=address) as service:
             await service.publish(made(last), cleared(last))
             async with asyncio.timeout(PATIENCE_S):
-                while told[-1:] != [last]:
+                while numbers[-1:] != [last]:
                     await asyncio.sleep(0.01)
     following.cancel()
     with suppress(asyncio.CancelledError):
         await following
-    assert told == [1, 2, 3, 4]
+    assert numbers == [1, 2, 3, 4]
 
 
 async def test_a_position_beyond_the_store_is_an_error_without_a_wait(tmp_path: Path) -> None:
-    async with served(tmp_path) as service, client(service) as one:
+    async with served(tmp_path) as service, client(service) as subscriber:
         with pytest.raises(PositionLostError, match="beyond the last seq 0"):
-            await first(one, 7, 1)
+            await first(subscriber, 7, 1)
 
 
 async def test_a_missing_permission_is_an_error(tmp_path: Path) -> None:
@@ -141,9 +141,9 @@ async def test_only_a_service_with_a_certificate_of_the_given_authority_is_trust
 
 
 async def test_an_unreachable_service_is_an_error() -> None:
-    async with Client("http://127.0.0.1:1") as one:
+    async with Client("http://127.0.0.1:1") as subscriber:
         with pytest.raises(httpx.ConnectError):
-            await one.open()
+            await subscriber.open()
 
 
 def test_the_client_loads_no_server_code() -> None:

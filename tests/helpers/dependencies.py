@@ -44,15 +44,15 @@ The tested versions contain these fixes.
 def pinned() -> dict[str, str]:
     """Package to version, of `constraints.txt`."""
     lines = (ROOT / "constraints.txt").read_text().splitlines()
-    told = (line.split(";")[0].strip().split("==") for line in lines if "==" in line and not line.startswith("#"))
-    return {canonicalize_name(name): version for name, version in told}
+    parts = (line.split(";")[0].strip().split("==") for line in lines if "==" in line and not line.startswith("#"))
+    return {canonicalize_name(name): version for name, version in parts}
 
 
 def needed() -> dict[str, set[str]]:
     """Every package that an installation brings, and which ask for it."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     found: dict[str, set[str]] = {}
-    waiting = [(Requirement(one), project["name"]) for one in project["dependencies"]]
+    waiting = [(Requirement(dependency), project["name"]) for dependency in project["dependencies"]]
     while waiting:
         wanted, by = waiting.pop()
         name = canonicalize_name(wanted.name)
@@ -62,7 +62,7 @@ def needed() -> dict[str, set[str]]:
         if seen and not wanted.extras:
             continue
         asked = map(Requirement, distribution(name).requires or [])
-        waiting += [(one, name) for one in asked if _applies(one, extras)]
+        waiting += [(requirement, name) for requirement in asked if _applies(requirement, extras)]
     return found
 
 
@@ -72,11 +72,11 @@ def _applies(requirement: Requirement, extras: set[str]) -> bool:
 
 def licence(name: str) -> str:
     """As the package's own metadata has it."""
-    told = distribution(name).metadata.json
-    if told.get("license_expression"):
-        return str(told["license_expression"])
-    classifiers = [one.split(" :: ")[-1] for one in told.get("classifier", []) if one.startswith("License ::")]
-    short = re.sub(r"\s+", " ", str(told.get("license", "")).strip())
+    fields = distribution(name).metadata.json
+    if fields.get("license_expression"):
+        return str(fields["license_expression"])
+    classifiers = [name.split(" :: ")[-1] for name in fields.get("classifier", []) if name.startswith("License ::")]
+    short = re.sub(r"\s+", " ", str(fields.get("license", "")).strip())
     return (
         ", ".join(classifier for classifier in classifiers if classifier != "OSI Approved") or short[:60] or "unknown"
     )

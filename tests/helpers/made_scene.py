@@ -33,7 +33,10 @@ class MadeScene(ConflictScene):
 
     def encounters(self, pairs: Sequence[Pair], contact_s: Floats) -> Encounters:
         met = map(self.encounter, pairs, contact_s.tolist())
-        rows = [(one.x_m, one.y_m, CLASSES.index(one.encounter_class), one.floor) for one in met]
+        rows = [
+            (encounter.x_m, encounter.y_m, CLASSES.index(encounter.encounter_class), encounter.floor)
+            for encounter in met
+        ]
         return np.array(rows, ENCOUNTER)
 
     def separation_m(self, pair: Pair, now_s: float) -> float | None:

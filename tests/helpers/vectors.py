@@ -256,9 +256,9 @@ def _where() -> Iterator[Vector]:
     yield turned("a right turn", yaw_rad=-0.5, angle={"x": 0, "y": 0, "z": -sin(0.25), "w": angle(0.5)["w"]})
     two = [at(T + 1, planarDatumUUID=""), at(T + 2, planarDatumUUID=LOFT)]
     yield Vector("a point without a datum", said(path=two), ("datum-empty",), reads={"path.datums": ("", LOFT)})
-    one = [at(T + 1, planarDatum=HALL.upper())]
+    documents = [at(T + 1, planarDatum=HALL.upper())]
     yield Vector(
-        "the key of a location", said(path=one), ("datum-key", "datum-upper-case"), reads={"path.datums": (HALL,)}
+        "the key of a location", said(path=documents), ("datum-key", "datum-upper-case"), reads={"path.datums": (HALL,)}
     )
 
 

@@ -42,8 +42,8 @@ def test_a_step_is_told_once_and_never_taken_over_at_once(
         host.passes(0.1)
         assert clock() == pytest.approx(before_s + 0.1 * tick, abs=0.1 * tick * SLEW + 1e-6)
     assert clock.off_s == pytest.approx(step_s, rel=0.01)
-    (told,) = caplog.records
-    assert f"set by {step_s:+.1f} s" in told.getMessage()
+    (log_record,) = caplog.records
+    assert f"set by {step_s:+.1f} s" in log_record.getMessage()
 
 
 def test_it_leans_towards_the_host_until_it_is_there_and_never_goes_back(host: Host, clock: SteadyClock) -> None:

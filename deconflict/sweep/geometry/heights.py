@@ -21,9 +21,9 @@ class HasHeights(Protocol):
 T = TypeVar("T", bound=HasHeights)
 
 
-def heights_overlap(one: HasHeights, other: HasHeights) -> bool:
+def heights_overlap(robot: HasHeights, other: HasHeights) -> bool:
     """Whether neither passes above the other, by the rule of the sweep."""
-    return one.bottom_m <= other.top_m and other.bottom_m <= one.top_m
+    return robot.bottom_m <= other.top_m and other.bottom_m <= robot.top_m
 
 
 def heights_overlap_each(bottom_m: Floats, top_m: Floats, other_bottom_m: Floats, other_top_m: Floats) -> Bools:

@@ -43,7 +43,7 @@ def test_updated_groups_are_the_same_as_groups_built_anew(seed: int) -> None:
         anew.update(now_s, conflicts, conflicts)
         assert as_sets(kept) == as_sets(anew)
         sizes |= {len(group.pairs) for group in anew.all.values()}
-        ahead = {pair for pair, one in conflicts.items() if one.predicted_at > moment(now_s)}
+        ahead = {pair for pair, advisory in conflicts.items() if advisory.predicted_at > moment(now_s)}
         assert {pair for pairs in kept.all for pair in pairs} == ahead
     assert len(sizes) > 3
 

@@ -52,10 +52,10 @@ def test_a_held_robot_stands_and_then_follows_its_forecast_late() -> None:
     hold_s = [0.0, 0.5, 3.0, 7.5, 0.0, 15.0]
     robots, knots = late(Forecasts.joined(forecasts), hold_s)
     assert robots["appears"].tolist() == [LEAVES_S] * 6
-    for one, forecast, hold in zip(robots, forecasts, hold_s, strict=True):
+    for each, forecast, hold in zip(robots, forecasts, hold_s, strict=True):
         for t in np.linspace(LEAVES_S, LEAVES_S + HORIZON_S + hold, 50):
             x, y, yaw = said(forecast, max(LEAVES_S, t - hold))
-            then = pose(one, knots, t)
+            then = pose(each, knots, t)
             assert then[:2] == pytest.approx((x, y), abs=1e-5)
             assert (then[2] - yaw + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=1e-5)
 
@@ -63,11 +63,11 @@ def test_a_held_robot_stands_and_then_follows_its_forecast_late() -> None:
 @pytest.mark.parametrize(("short_s", "stands"), [(SHORT_S / 2, False), (SHORT_S * 2, True)])
 def test_a_forecast_that_ends_shortly_before_the_horizon_is_extrapolated(short_s: float, stands: bool) -> None:
     forecast = wandering(HORIZON_S - short_s)
-    (one,), knots = late(forecast, [2.0])
+    (found,), knots = late(forecast, [2.0])
     end_s, after_s = float(forecast.t_s[-1]) + 2.0, 5.0
     speed = (forecast.x_m[-1] - forecast.x_m[-2]) / (forecast.t_s[-1] - forecast.t_s[-2])
     goes_m = 0.0 if stands else speed * after_s
-    assert pose(one, knots, end_s + after_s)[0] == pytest.approx(forecast.x_m[-1] + goes_m, abs=1e-4)
+    assert pose(found, knots, end_s + after_s)[0] == pytest.approx(forecast.x_m[-1] + goes_m, abs=1e-4)
 
 
 def test_a_robot_that_cannot_be_swept_meets_nobody() -> None:

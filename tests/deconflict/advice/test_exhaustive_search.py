@@ -40,14 +40,16 @@ def fits(choice: HoldChoice, plan: tuple[int, ...]) -> bool:
 
 
 def score(choice: HoldChoice, plan: tuple[int, ...]) -> int:
-    return sum(step * one + held * (one > 0) for step, held, one in zip(choice.step, choice.held, plan, strict=True))
+    return sum(
+        step * number + held * (number > 0) for step, held, number in zip(choice.step, choice.held, plan, strict=True)
+    )
 
 
 def plans(choice: HoldChoice, budget: int) -> list[tuple[int, tuple[int, ...]]]:
     """The score of each plan, the lowest and then the first in order before others."""
     every = product(*(range(longest + 1) for longest in choice.longest.tolist()))
-    within = (one for one in every if fits(choice, one) and sum(np.multiply(choice.weight, one)) <= budget)
-    return sorted((score(choice, one), one) for one in within)
+    within = (plan for plan in every if fits(choice, plan) and sum(np.multiply(choice.weight, plan)) <= budget)
+    return sorted((score(choice, plan), plan) for plan in within)
 
 
 def tries(choice: HoldChoice, budget: int) -> int:

@@ -60,7 +60,7 @@ def cheapest_s(movers: list[SeenRobot], window: HoldWindow) -> float | None:
     """The least weighted waiting over every choice of holds, each swept as it is; None where none is clear."""
 
     def cost(holds: tuple[float, ...]) -> float:
-        return sum(one.priority * hold_s for one, hold_s in zip(movers, holds, strict=True))
+        return sum(seen_robot.priority * hold_s for seen_robot, hold_s in zip(movers, holds, strict=True))
 
     grid = [k * STEP_S for k in range(window.steps + 1)]
     choices = sorted(product(*(grid if mover.holdable else [0.0] for mover in movers)), key=cost)

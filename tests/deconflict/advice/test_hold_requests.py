@@ -71,11 +71,11 @@ def test_a_robot_that_ignores_advice_keeps_its_advisory() -> None:
 def test_the_summary_says_who_should_wait_through_every_revision() -> None:
     advisory, _ = until_advised(floor := crossing())
     later = floor.run(12, advisory.updated_at.timestamp() - NOW_S + 0.25)
-    for one in [advisory, *later]:
-        assert one.recommendation
-        if one.state is AdvisoryState.UPDATED and one.recommendation.holds:
-            (hold,) = one.recommendation.holds
-            assert one.summary.endswith(f"should wait {hold.hold_s:g} s")
+    for revision in [advisory, *later]:
+        assert revision.recommendation
+        if revision.state is AdvisoryState.UPDATED and revision.recommendation.holds:
+            (hold,) = revision.recommendation.holds
+            assert revision.summary.endswith(f"should wait {hold.hold_s:g} s")
 
 
 def test_an_answer_from_a_thread_is_given_at_the_same_event_time() -> None:
@@ -151,9 +151,9 @@ def test_a_late_answer_delays_nothing_and_is_counted() -> None:
         free.set()
         wait([pool.submit(lambda: None)])
         after = floor.run(9, 8)
-    assert any(one.state is AdvisoryState.RAISED for one in late)
-    assert all(one.recommendation is None for one in late)
-    assert any(one.recommendation for one in after)
+    assert any(advisory.state is AdvisoryState.RAISED for advisory in late)
+    assert all(advisory.recommendation is None for advisory in late)
+    assert any(advisory.recommendation for advisory in after)
 
 
 class Slow:

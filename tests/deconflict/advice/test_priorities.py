@@ -50,10 +50,10 @@ def test_a_later_robot_goes_first_if_its_priority_is_higher(priority: float, fir
         "B": Script([(0, 30, 10)], [(40, 0, 0)], state=lambda _: "waitingExternalEvent"),
         "C": Script([(0, 30, 20)], [(45, 0, 0)], state=lambda _: "waitingExternalEvent", vendor="Basalt"),
     }
-    (one,) = raised(Scene(floor, robots).run(4), "contention")
-    assert isinstance(one, ContentionAdvisory)
-    assert one.recommendation
-    assert one.recommendation.slots[0].robot == robot(first)
+    (advisory,) = raised(Scene(floor, robots).run(4), "contention")
+    assert isinstance(advisory, ContentionAdvisory)
+    assert advisory.recommendation
+    assert advisory.recommendation.slots[0].robot == robot(first)
 
 
 def test_priority_is_the_models_then_the_vendors_then_the_usual_one() -> None:

@@ -93,21 +93,21 @@ class Histories(RuleBasedStateMachine):
         self.store.close()
         self.store = Store(Path(self.folder.name))
         self.lifecycle = ConflictLifecycle(SETTINGS, ABSENT_AFTER_S, self.store.encounters())
-        self.lifecycle.restore(one for one in self.store.open() if one.kind == "conflict")
+        self.lifecycle.restore(advisory for advisory in self.store.open() if advisory.kind == "conflict")
 
     @precondition(lambda self: self.store.open())
     @rule(data=st.data(), name=st.sampled_from(("Kim", "Lee")))
     def is_acknowledged(self, data: st.DataObject, name: str) -> None:
-        one = data.draw(st.sampled_from(self.store.open()))
-        self.answers[one.id] = name
+        advisory = data.draw(st.sampled_from(self.store.open()))
+        self.answers[advisory.id] = name
         self.store.acknowledge(
-            one.id, Acknowledgement(name=name, reason="seen", at=datetime.fromtimestamp(self.now_s, UTC))
+            advisory.id, Acknowledgement(name=name, reason="seen", at=datetime.fromtimestamp(self.now_s, UTC))
         )
 
     @invariant()
     def what_runs_is_what_is_stored_as_open(self) -> None:
         running = {advisory.id: advisory.revision for advisory in self.lifecycle.advisories.values()}
-        assert running == {one.id: one.revision for one in self.store.open()}
+        assert running == {advisory.id: advisory.revision for advisory in self.store.open()}
         assert len({advisory.robots for advisory in self.lifecycle.advisories.values()}) == len(running), (
             "two are open on one pair"
         )
@@ -116,22 +116,22 @@ class Histories(RuleBasedStateMachine):
     def every_story_is_whole(self) -> None:
         stories: dict[str, list[AnyAdvisory]] = {}
         every = self.store.after(0, 100_000)
-        assert [one.seq for one in every] == list(range(1, len(every) + 1))
-        for one in every:
-            stories.setdefault(one.id, []).append(one)
+        assert [revision.seq for revision in every] == list(range(1, len(every) + 1))
+        for advisory in every:
+            stories.setdefault(advisory.id, []).append(advisory)
         ordinals = [(story[0].robots, getattr(story[0], "encounter", 0)) for story in stories.values()]
         assert len(set(ordinals)) == len(ordinals), "two encounters of a pair have one number"
         for story in stories.values():
             self._is_whole(story)
 
     def _is_whole(self, story: list[AnyAdvisory]) -> None:
-        decided = list({one.revision: one for one in reversed(story)}.values())[::-1]
-        states = [one.state for one in decided]
-        assert [one.revision for one in decided] == list(range(1, len(decided) + 1))
+        decided = list({advisory.revision: advisory for advisory in reversed(story)}.values())[::-1]
+        states = [advisory.state for advisory in decided]
+        assert [advisory.revision for advisory in decided] == list(range(1, len(decided) + 1))
         assert states[0] is AdvisoryState.RAISED
         assert all(state is AdvisoryState.UPDATED for state in states[1:-1])
         assert AdvisoryState.RAISED not in states[1:]
-        assert len({(one.robots, one.raised_at) for one in story}) == 1
+        assert len({(advisory.robots, advisory.raised_at) for advisory in story}) == 1
         assert all(a.updated_at <= b.updated_at for a, b in pairwise(story))
         answer = story[-1].acknowledgement
         assert (answer.name if answer else None) == self.answers.get(story[0].id), "an answer is lost"

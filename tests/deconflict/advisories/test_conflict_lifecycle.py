@@ -80,8 +80,8 @@ class Story(MadeScene):
         still: bool = False,
     ) -> list[ConflictAdvisory]:
         self.apart_m = start_m
-        one = Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh, probability, still=still)
-        return self._step([one], fresh)
+        prediction = Prediction(PAIR, self.now_s + 1 + in_s, separation_m, start_m, fresh, probability, still=still)
+        return self._step([prediction], fresh)
 
     def _step(self, predictions: list[Prediction], updated: bool) -> list[ConflictAdvisory]:
         self.now_s += 1.0
@@ -97,8 +97,8 @@ class Story(MadeScene):
 def test_an_unpredicted_conflict_is_updated_in_its_probability_until_it_is_cleared() -> None:
     story = Story()
     raised = story.raised(12)
-    told = [story.quiet() for _ in range(2)]
-    assert [[(one.state, one.probability, one.severity) for one in each] for each in told] == [
+    by_step = [story.quiet() for _ in range(2)]
+    assert [[(advisory.state, advisory.probability, advisory.severity) for advisory in each] for each in by_step] == [
         [(AdvisoryState.UPDATED, UNLIKELY, raised.severity)],
         [],
     ]
@@ -110,8 +110,8 @@ def test_a_conflict_that_has_begun_is_updated_in_its_probability() -> None:
     story = Story()
     story.raised(3)
     story.predicted(0)
-    told = [story.predicted(-1, start_m=0.35, probability=probability) for probability in (0.95, 0.3, 0.3, 0.1)]
-    assert [[(one.time_to_conflict_s, one.probability) for one in each] for each in told] == [
+    by_step = [story.predicted(-1, start_m=0.35, probability=probability) for probability in (0.95, 0.3, 0.3, 0.1)]
+    assert [[(advisory.time_to_conflict_s, advisory.probability) for advisory in each] for each in by_step] == [
         [],
         [(0.0, 0.3)],
         [],
@@ -139,7 +139,7 @@ def test_a_conflict_that_had_begun_and_will_begin_again_is_updated_without_a_new
 
 def clear(story: Story) -> None:
     """Neither robot reports until the advisory is cleared."""
-    while not any(one.state is AdvisoryState.CLEARED for one in story.quiet(updated=False)):
+    while not any(advisory.state is AdvisoryState.CLEARED for advisory in story.quiet(updated=False)):
         pass
 
 
@@ -226,9 +226,9 @@ def test_hovering_at_the_clearance_is_one_encounter() -> None:
 def test_severity_rises_as_the_conflict_nears_and_is_updated_at_once() -> None:
     story = Story()
     assert story.raised().severity is Severity.CAUTION
-    told = [one for in_s in (6, 5, 4, 3, 2, 1) for one in story.predicted(in_s)]
-    assert [one.severity for one in told] == [Severity.WARNING, Severity.CRITICAL]
-    assert [one.revision for one in told] == [2, 3]
+    advisories = [advisory for in_s in (6, 5, 4, 3, 2, 1) for advisory in story.predicted(in_s)]
+    assert [advisory.severity for advisory in advisories] == [Severity.WARNING, Severity.CRITICAL]
+    assert [advisory.revision for advisory in advisories] == [2, 3]
 
 
 def test_a_shallow_conflict_is_one_level_less_severe() -> None:
@@ -258,9 +258,9 @@ def test_a_changed_prediction_is_an_update(in_s: float, x_m: float, separation_m
 def test_an_advisory_clears_when_not_predicted_for_long_enough() -> None:
     story = Story()
     first = story.raised()
-    told = [story.quiet() for _ in range(3)]
-    assert [[one.state for one in each] for each in told[:2]] == [[AdvisoryState.UPDATED], []]
-    (cleared,) = told[2]
+    by_step = [story.quiet() for _ in range(3)]
+    assert [[advisory.state for advisory in each] for each in by_step[:2]] == [[AdvisoryState.UPDATED], []]
+    (cleared,) = by_step[2]
     assert (cleared.id, cleared.state, cleared.cleared_because) == (
         first.id,
         AdvisoryState.CLEARED,
@@ -274,7 +274,7 @@ def test_a_prediction_that_comes_back_keeps_the_advisory() -> None:
     story = Story()
     story.raised(12)
     faded, *back = [*story.quiet(), *story.quiet(), *story.predicted(8.2, fresh=False)]
-    assert [(one.id, one.state, one.probability) for one in (faded, *back)] == [
+    assert [(advisory.id, advisory.state, advisory.probability) for advisory in (faded, *back)] == [
         (faded.id, AdvisoryState.UPDATED, UNLIKELY),
         (faded.id, AdvisoryState.UPDATED, 1.0),
     ]
@@ -286,7 +286,7 @@ def test_an_advisory_stays_until_the_two_have_drawn_apart() -> None:
     story.raised()
     story.predicted(0, start_m=0.1)
     story.apart_m = 0.35
-    (faded,) = [one for _ in range(6) for one in story.quiet()]
+    (faded,) = [advisory for _ in range(6) for advisory in story.quiet()]
     assert (faded.state, faded.probability) == (AdvisoryState.UPDATED, UNLIKELY)
     story.apart_m = 0.45
     (cleared,) = story.quiet()
@@ -296,9 +296,13 @@ def test_an_advisory_stays_until_the_two_have_drawn_apart() -> None:
 def test_an_advisory_that_becomes_unlikely_stands_for_a_while() -> None:
     story = Story()
     story.raised(12)
-    told = [story.predicted(10, probability=0.0) for _ in range(3)]
-    assert [[one.cleared_because for one in each] for each in told] == [[None], [], ["no longer predicted"]]
-    assert told[0][0].probability == UNLIKELY
+    by_step = [story.predicted(10, probability=0.0) for _ in range(3)]
+    assert [[advisory.cleared_because for advisory in each] for each in by_step] == [
+        [None],
+        [],
+        ["no longer predicted"],
+    ]
+    assert by_step[0][0].probability == UNLIKELY
 
 
 def test_a_pair_that_touches_as_it_begins_does_not_alert() -> None:
@@ -312,8 +316,8 @@ def test_having_met_before_the_advisory_is_not_having_passed_each_other() -> Non
     story.predicted(0, separation_m=0.2, start_m=0.2)
     story.raised()
     story.apart_m = 5.0
-    told = [one for _ in range(4) for one in story.quiet()]
-    assert [one.cleared_because for one in told] == [None, "no longer predicted"]
+    advisories = [advisory for _ in range(4) for advisory in story.quiet()]
+    assert [advisory.cleared_because for advisory in advisories] == [None, "no longer predicted"]
 
 
 def test_a_second_encounter_is_a_new_advisory_with_the_next_ordinal() -> None:
@@ -333,14 +337,23 @@ def test_two_that_met_and_both_stand_are_cleared_and_not_raised_again_when_they_
     for uuid, party in story.floor.items():
         story.floor[uuid] = Party(party.name, party.vendor, "stationary", standing=True)
     revisions = [story.predicted(0, separation_m=0.1, start_m=0.1, still=True) for _ in range(6)]
-    assert [[one.cleared_because for one in each] for each in revisions] == [[], [], [], ["both stand still"], [], []]
-    assert [one for _ in range(4) for one in story.predicted(0, separation_m=0.1, start_m=0.1)] == []
+    assert [[advisory.cleared_because for advisory in each] for each in revisions] == [
+        [],
+        [],
+        [],
+        ["both stand still"],
+        [],
+        [],
+    ]
+    assert [advisory for _ in range(4) for advisory in story.predicted(0, separation_m=0.1, start_m=0.1)] == []
 
 
 def test_two_of_which_one_gives_way_are_cleared_and_say_so() -> None:
     story = Story()
     story.raised()
-    revisions = [one for _ in range(5) for one in story.predicted(0, separation_m=0.6, start_m=0.6, still=True)]
+    revisions = [
+        advisory for _ in range(5) for advisory in story.predicted(0, separation_m=0.6, start_m=0.6, still=True)
+    ]
     assert [revision.cleared_because for revision in revisions if revision.cleared_because] == [
         "one gave way to the other"
     ]
@@ -348,7 +361,7 @@ def test_two_of_which_one_gives_way_are_cleared_and_say_so() -> None:
 
 def test_two_that_stand_raise_nothing_however_likely() -> None:
     story = Story()
-    assert [one for _ in range(6) for one in story.predicted(1.5, still=True)] == []
+    assert [advisory for _ in range(6) for advisory in story.predicted(1.5, still=True)] == []
 
 
 def test_a_pair_within_the_clearance_that_is_unlikely_to_touch_raises_nothing() -> None:
@@ -368,7 +381,7 @@ def test_a_restored_advisory_waits_for_its_robots_and_keeps_its_id() -> None:
     later = Story(lifecycle=ConflictLifecycle(SETTINGS, ABSENT_AFTER_S, {PAIR: 1}), now_s=1100.0)
     later.lifecycle.restore([first])
     known, later.floor = later.floor, {}
-    assert [one for _ in range(50) for one in later.quiet()] == []
+    assert [advisory for _ in range(50) for advisory in later.quiet()] == []
     later.floor = known
     (update,) = later.predicted(4)
     assert (update.id, update.revision, update.encounter) == (first.id, 2, 1)
@@ -377,8 +390,8 @@ def test_a_restored_advisory_waits_for_its_robots_and_keeps_its_id() -> None:
 def test_a_restored_advisory_whose_robots_never_return_is_cleared_in_time() -> None:
     later = Story(lifecycle=ConflictLifecycle(SETTINGS, ABSENT_AFTER_S), now_s=1100.0, floor={})
     later.lifecycle.restore([Story().raised()])
-    told = [one for _ in range(70) for one in later.quiet(updated=False)]
-    assert [one.state for one in told] == [AdvisoryState.CLEARED]
+    advisories = [advisory for _ in range(70) for advisory in later.quiet(updated=False)]
+    assert [advisory.state for advisory in advisories] == [AdvisoryState.CLEARED]
 
 
 def test_pairs_no_longer_of_interest_are_forgotten() -> None:
@@ -392,7 +405,7 @@ def test_pairs_no_longer_of_interest_are_forgotten() -> None:
 def test_the_same_predictions_give_the_same_advisories() -> None:
     def tell() -> list[ConflictAdvisory]:
         story = Story()
-        return [one for in_s in (9, 8, 6, 3, 2, 1) for one in story.predicted(in_s)]
+        return [advisory for in_s in (9, 8, 6, 3, 2, 1) for advisory in story.predicted(in_s)]
 
     assert tell() == tell()
     assert hypot(tell()[0].location.x, tell()[0].location.y) == pytest.approx(5.0)
@@ -406,8 +419,10 @@ def test_raising_needs_a_probability_and_a_higher_one_if_the_forecasts_miss(
     probability: float, separation_m: float, raises: bool
 ) -> None:
     story = Story()
-    told = [one for in_s in (8, 7, 6) for one in story.predicted(in_s, separation_m, probability=probability)]
-    assert [one.state for one in told] == [AdvisoryState.RAISED] * raises
+    advisories = [
+        advisory for in_s in (8, 7, 6) for advisory in story.predicted(in_s, separation_m, probability=probability)
+    ]
+    assert [advisory.state for advisory in advisories] == [AdvisoryState.RAISED] * raises
 
 
 def test_an_advisory_stands_until_its_conflict_is_unlikely() -> None:
@@ -415,10 +430,12 @@ def test_an_advisory_stands_until_its_conflict_is_unlikely() -> None:
     story.raised()
     held = SETTINGS.raise_probability * HELD_SHARE
     assert all(
-        one.state is AdvisoryState.UPDATED for n in range(5) for one in story.predicted(6 - n / 2, probability=held)
+        advisory.state is AdvisoryState.UPDATED
+        for n in range(5)
+        for advisory in story.predicted(6 - n / 2, probability=held)
     )
-    told = [one for n in range(5) for one in story.predicted(4 - n / 2, probability=held - 0.01)]
-    assert [one.cleared_because for one in told] == ["no longer predicted"]
+    advisories = [advisory for n in range(5) for advisory in story.predicted(4 - n / 2, probability=held - 0.01)]
+    assert [advisory.cleared_because for advisory in advisories] == ["no longer predicted"]
 
 
 def test_an_unsure_conflict_is_one_level_less_severe() -> None:

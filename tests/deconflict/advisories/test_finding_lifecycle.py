@@ -31,14 +31,14 @@ def name_vendor(uuid: str) -> tuple[str, str]:
 
 def run(lifecycle: FindingLifecycle, *looks: Finding | None, from_s: float = 0.0) -> list[FindingAdvisory]:
     """One look a second."""
-    told: list[FindingAdvisory] = []
-    for second, one in enumerate(looks):
-        told += lifecycle.revise(NOW_S + from_s + second, [one] if one else [], name_vendor)
-    return told
+    advisories: list[FindingAdvisory] = []
+    for second, made_finding in enumerate(looks):
+        advisories += lifecycle.revise(NOW_S + from_s + second, [made_finding] if made_finding else [], name_vendor)
+    return advisories
 
 
-def states(told: list[FindingAdvisory]) -> list[str]:
-    return [one.state.value for one in told]
+def states(advisories: list[FindingAdvisory]) -> list[str]:
+    return [advisory.state.value for advisory in advisories]
 
 
 def test_one_look_of_three_is_not_enough() -> None:
@@ -46,11 +46,11 @@ def test_one_look_of_three_is_not_enough() -> None:
 
 
 def test_two_looks_of_three_raise_it_and_its_absence_clears_it() -> None:
-    told = run(FindingLifecycle(3.0), finding(), None, finding(), finding(), None, None, None, None)
-    assert states(told) == ["raised", "cleared"]
-    assert told[0].id == told[1].id
-    assert told[1].updated_at.timestamp() - NOW_S == 6
-    assert told[0].names == ("A", "B")
+    advisories = run(FindingLifecycle(3.0), finding(), None, finding(), finding(), None, None, None, None)
+    assert states(advisories) == ["raised", "cleared"]
+    assert advisories[0].id == advisories[1].id
+    assert advisories[1].updated_at.timestamp() - NOW_S == 6
+    assert advisories[0].names == ("A", "B")
 
 
 def test_a_flicker_clears_nothing() -> None:
@@ -61,15 +61,15 @@ def test_a_flicker_clears_nothing() -> None:
 
 @pytest.mark.parametrize(("wait_s", "updates"), [(31.0, 0), (35.0, 0), (37.0, 1)])
 def test_a_wait_is_updated_when_it_has_changed_enough(wait_s: float, updates: int) -> None:
-    told = run(FindingLifecycle(3.0), finding(), finding(), *[finding(wait_s)] * 6)
-    assert states(told) == ["raised"] + ["updated"] * updates
+    advisories = run(FindingLifecycle(3.0), finding(), finding(), *[finding(wait_s)] * 6)
+    assert states(advisories) == ["raised"] + ["updated"] * updates
 
 
 def test_updates_keep_a_gap_unless_severity_rises() -> None:
     waits = [finding(30.0 + 20 * step) for step in range(24)]
-    told = run(FindingLifecycle(3.0), *waits)
-    gaps = [b.updated_at.timestamp() - a.updated_at.timestamp() for a, b in pairwise(told)]
-    assert len(told) > 3
+    advisories = run(FindingLifecycle(3.0), *waits)
+    gaps = [b.updated_at.timestamp() - a.updated_at.timestamp() for a, b in pairwise(advisories)]
+    assert len(advisories) > 3
     assert min(gaps) >= UPDATE_GAP_S
     assert states(run(FindingLifecycle(3.0), finding(), finding(), finding(severity=Severity.WARNING))) == [
         "raised",
@@ -79,14 +79,14 @@ def test_updates_keep_a_gap_unless_severity_rises() -> None:
 
 def test_a_restored_advisory_keeps_its_id() -> None:
     (before,) = run(FindingLifecycle(3.0), finding(), finding())
-    told = run(FindingLifecycle(3.0, [before]), None, None, finding(60.0), from_s=10.0)
-    assert isinstance(told[0], ContentionAdvisory)
-    assert [(one.id, one.revision) for one in told] == [(before.id, 2)]
-    assert told[0].wait_s == 60.0
+    advisories = run(FindingLifecycle(3.0, [before]), None, None, finding(60.0), from_s=10.0)
+    assert isinstance(advisories[0], ContentionAdvisory)
+    assert [(advisory.id, advisory.revision) for advisory in advisories] == [(before.id, 2)]
+    assert advisories[0].wait_s == 60.0
 
 
 def test_a_restored_advisory_that_is_not_found_again_is_cleared_in_time() -> None:
     (before,) = run(FindingLifecycle(3.0), finding(), finding())
-    told = run(FindingLifecycle(3.0, [before]), *[None] * 20, from_s=100.0)
-    assert states(told) == ["cleared"]
-    assert told[0].updated_at.timestamp() == NOW_S + 100 + RESTORED_S
+    advisories = run(FindingLifecycle(3.0, [before]), *[None] * 20, from_s=100.0)
+    assert states(advisories) == ["cleared"]
+    assert advisories[0].updated_at.timestamp() == NOW_S + 100 + RESTORED_S

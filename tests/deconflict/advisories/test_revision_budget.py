@@ -28,11 +28,13 @@ def predicted(pairs: tuple[Pair, ...]) -> list[Prediction]:
 def test_the_conflicts_of_two_vendors_beyond_the_budget_wait_and_those_of_others_do_not() -> None:
     lifecycle, scene = ConflictLifecycle(Conflict(evident_probability=0.5), 60.0), Vendors()
     predictions = in_columns(sorted(predicted(CROWD + OTHERS)))
-    raised = {one.robots for one in lifecycle.revise(NOW_S, predictions, set(), scene)}
+    raised = {advisory.robots for advisory in lifecycle.revise(NOW_S, predictions, set(), scene)}
     assert raised == {*CROWD[-MOST_REVISIONS:], *OTHERS}
     assert lifecycle.deferred == {"a": MOST_REVISIONS, "b": MOST_REVISIONS}
     later = lifecycle.revise(NOW_S + 0.1, predictions, set(), scene)
-    assert {(one.robots, one.encounter) for one in later} == {(pair, 1) for pair in CROWD[:-MOST_REVISIONS]}
+    assert {(advisory.robots, advisory.encounter) for advisory in later} == {
+        (pair, 1) for pair in CROWD[:-MOST_REVISIONS]
+    }
     assert not lifecycle.deferred
 
 

@@ -118,22 +118,24 @@ class Floor(MadeScene):
         return float(self.rng.choice([0.07, 0.3, 0.5, 0.7, 0.95]))
 
     def _prediction(self, pair: Pair, fresh: bool, shift: float) -> Prediction:
-        one = self.meetings[pair]
+        meeting = self.meetings[pair]
         if self.rng.random() < 0.01:
-            one.separation_m = float(self.rng.choice([0.0, 0.1, 0.25]))
-        start_m = 0.3 * max(one.contact_s - self.now_s, 0.0) + one.separation_m + float(self.rng.uniform(0, 0.15))
-        probability = float(np.clip(one.probability + shift, 0, 1))
-        return Prediction(pair, max(one.contact_s, self.now_s), one.separation_m, start_m, fresh, probability)
+            meeting.separation_m = float(self.rng.choice([0.0, 0.1, 0.25]))
+        start_m = (
+            0.3 * max(meeting.contact_s - self.now_s, 0.0) + meeting.separation_m + float(self.rng.uniform(0, 0.15))
+        )
+        probability = float(np.clip(meeting.probability + shift, 0, 1))
+        return Prediction(pair, max(meeting.contact_s, self.now_s), meeting.separation_m, start_m, fresh, probability)
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_predictions_that_are_left_alone_would_have_made_no_revision(seed: int) -> None:
     floor, lifecycle, thorough = Floor(seed), ConflictLifecycle(SETTINGS, 60.0), ThoroughLifecycle(SETTINGS, 60.0)
-    told: list[ConflictAdvisory] = []
+    advisories: list[ConflictAdvisory] = []
     for _ in range(PASSES):
         found, heard = floor.tick()
         now = lifecycle.revise(floor.now_s, in_columns(found), heard, floor)
         assert now == thorough.revise(floor.now_s, in_columns(found), heard, floor)
-        told += now
-    assert len({one.state for one in told}) == 3
-    assert len(told) > 2 * len(PAIRS)
+        advisories += now
+    assert len({advisory.state for advisory in advisories}) == 3
+    assert len(advisories) > 2 * len(PAIRS)

@@ -68,12 +68,12 @@ async def buses(broker: Broker, count: int, keep_days: float = 1.0) -> AsyncIter
     """So many connections to a server, which ends with them."""
     opened = [Bus(Cluster(nats=(broker.address,)), keep_days) for _ in range(count)]
     try:
-        for one in opened:
-            assert await open_bus(one, asyncio.Event())
+        for bus in opened:
+            assert await open_bus(bus, asyncio.Event())
         yield opened
     finally:
-        for one in opened:
-            await one.close()
+        for bus in opened:
+            await bus.close()
         broker.kill()
 
 
@@ -152,7 +152,7 @@ async def face(machines: Machines, data: Path) -> AsyncIterator[OperatorRole]:
         stop, site = asyncio.Event(), machines.site()
         operator = OperatorRole(site, Path(runtime), data, render)
         follower = StoreFollower(site, machines.settings, Path(runtime))
-        tasks = [asyncio.create_task(one) for one in (operator.run(stop), follower.run(stop))]
+        tasks = [asyncio.create_task(coroutine) for coroutine in (operator.run(stop), follower.run(stop))]
         try:
             await operator.ready.wait()
             yield operator
@@ -222,8 +222,8 @@ async def lives(base: str) -> list[list[AnyAdvisory]]:
     """Every revision of each advisory, in order."""
     async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         listed = (await client.get(f"{base}/advisories?state=all&limit=1000")).json()["advisories"]
-        told = [(await client.get(f"{base}/advisories/{each['id']}")).json()["advisories"] for each in listed]
-    return [[ADVISORY.validate_python(each) for each in life] for life in told]
+        document = [(await client.get(f"{base}/advisories/{each['id']}")).json()["advisories"] for each in listed]
+    return [[ADVISORY.validate_python(each) for each in life] for life in document]
 
 
 HOME = FloorPoint(HALL, 1.0, 2.0)

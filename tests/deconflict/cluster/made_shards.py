@@ -55,16 +55,16 @@ class Ingests:
                 self._report(self.fleets[number % 2], name, tick / TICKS)
         return [fleet.next_batch(NOW_S + tick / TICKS) for fleet in self.fleets]
 
-    def _report(self, one: Fleet, name: str, t: float) -> None:
+    def _report(self, receiving_fleet: Fleet, name: str, t: float) -> None:
         line = Connection(1)
         if t < 1:
-            one.receive(identity(name, NOW_S + t), NOW_S + t, line)
+            receiving_fleet.receive(identity(name, NOW_S + t), NOW_S + t, line)
         x, y, yaw = self.courses[name](t)
         path = points(*((NOW_S + t + i, *self.courses[name](t + i)) for i in range(1, 11)))
         datum = self.datums.get(name, HALL)
         location = {"x": x, "y": y, "angle": path[0]["angle"], "planarDatum": datum}
-        said: dict[str, Any] = {"path": path, "location": location}
-        one.receive(status(name, NOW_S + t, yaw_rad=yaw, **said), NOW_S + t, line)
+        document: dict[str, Any] = {"path": path, "location": location}
+        receiving_fleet.receive(status(name, NOW_S + t, yaw_rad=yaw, **document), NOW_S + t, line)
 
 
 class Single:
@@ -76,8 +76,8 @@ class Single:
     def step(self, tick: int, batches: Iterable[Batch]) -> list[ConflictAdvisory]:
         for batch in batches:
             self.engine.receive(batch)
-        told = self.engine.step(NOW_S + tick / TICKS)
-        return [one for one in told if isinstance(one, ConflictAdvisory)]
+        advisories = self.engine.step(NOW_S + tick / TICKS)
+        return [advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory)]
 
 
 class Shards:
@@ -90,7 +90,7 @@ class Shards:
         ]
         self._sorters = [ChannelSorter(grid, SITE.conflict, REACH_M) for _ in range(2)]
         self.owners: dict[Tile, int] = {}
-        self.told: list[ShardRevision] = []
+        self.revisions: list[ShardRevision] = []
         self.rows = self.heard = 0
 
     def cover(self, datums: Sequence[str], half_m: float, owner: Callable[[Tile], int]) -> None:
@@ -116,19 +116,19 @@ class Shards:
             for sorter, batch in zip(self._sorters, batches, strict=True)
             for parcel in sorter.sort(batch).items()
         ]
-        told = []
+        shard_revisions = []
         for shard in self.shards:
             heard = shard.channels()
-            mine = [Batch.from_bytes(batch.to_bytes()) for one, batch in parcels if one in heard]
+            mine = [Batch.from_bytes(batch.to_bytes()) for name, batch in parcels if name in heard]
             self.rows, self.heard = self.rows + sum(map(len, batches)), self.heard + sum(map(len, mine))
             shard.receive(mine)
-            told += shard.step(NOW_S + tick / TICKS)
-        told = [] if lost else told
+            shard_revisions += shard.step(NOW_S + tick / TICKS)
+        shard_revisions = [] if lost else shard_revisions
         for shard in self.shards:
-            for one in told:
-                shard.adopt(one)
-        self.told += told
-        return told
+            for shard_revision in shard_revisions:
+                shard.adopt(shard_revision)
+        self.revisions += shard_revisions
+        return shard_revisions
 
 
 def crossing(rng: Generator, half_m: tuple[float, float]) -> Course:

@@ -62,6 +62,6 @@ async def test_no_advisory_is_lost_or_doubled_if_an_engine_is_killed(tmp_path: P
         assert sorted(each.seq for life in every for each in life) == list(range(1, whole["seq"] + 1))
         async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             answer = {"name": "Ada", "reason": "seen"}
-            told = await client.post(f"{base}/advisories/{every[0][0].id}/acknowledgement", json=answer)
-        assert (told.status_code, told.json()["seq"]) == (201, whole["seq"] + 1)
-        assert told.json()["acknowledgement"]["name"] == "Ada"
+            response = await client.post(f"{base}/advisories/{every[0][0].id}/acknowledgement", json=answer)
+        assert (response.status_code, response.json()["seq"]) == (201, whole["seq"] + 1)
+        assert response.json()["acknowledgement"]["name"] == "Ada"

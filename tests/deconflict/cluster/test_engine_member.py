@@ -43,10 +43,10 @@ async def measured(machines: Machines, member: EngineMember, name: str) -> dict[
     await bus.open()
     async with asyncio.timeout(300):
         while True:
-            said: dict[str, Any] = bus.state.members().get(member.name, {})
-            if told := joined_values(said.get("measures", ())).get(name):
+            document: dict[str, Any] = bus.state.members().get(member.name, {})
+            if values := joined_values(document.get("measures", ())).get(name):
                 await bus.close()
-                return told
+                return values
             await asyncio.sleep(0.2)
 
 
@@ -76,7 +76,7 @@ async def test_a_running_engine_applies_a_changed_site_file(tmp_path: Path) -> N
         write(tmp_path / SITE_FILE, Site.model_dump_json(changed))
         listed = await until(base, "/advisories", lambda listed: listed["advisories"])
         driving.cancel()
-    assert {one["clearance_m"] for one in listed["advisories"]} == {1.6}
+    assert {advisory["clearance_m"] for advisory in listed["advisories"]} == {1.6}
 
 
 async def test_each_channel_is_subscribed_once_though_one_of_a_group_is_refused(

@@ -43,9 +43,9 @@ async def report(url: str, name: str) -> None:
 def sized(**lengths_m: float) -> Callable[[dict[str, Any]], bool]:
     """Whether these robots are somewhere and known by name, and how long they are."""
 
-    def found(told: dict[str, Any]) -> bool:
-        known = [one for one in told.get("robots", ()) if one["identified"] and one["envelope"]]
-        return {one["name"]: one["envelope"]["length_m"] for one in known} == {
+    def found(document: dict[str, Any]) -> bool:
+        known = [row for row in document.get("robots", ()) if row["identified"] and row["envelope"]]
+        return {row["name"]: row["envelope"]["length_m"] for row in known} == {
             f"Alder {name}": length_m for name, length_m in lengths_m.items()
         }
 
@@ -65,8 +65,8 @@ async def test_an_identity_report_to_one_ingest_applies_to_statuses_at_another(
         await until(*robots, sized(A=1.0, B=1.0))
         await say(west, identity("A", time.time(), baseRobotEnvelope=LARGE))
         await until(*robots, sized(A=2.0, B=1.0))
-        for one in reporting:
-            one.cancel()
+        for task in reporting:
+            task.cancel()
     again = fleet_of(machines.site(), Measures())
     recover(again, segments(tmp_path / "east" / "log"), time.time())
     assert sized(A=2.0, B=1.0)({"robots": documents(again, time.time())})
@@ -77,18 +77,18 @@ async def test_ingests_of_one_machine_share_a_port(tmp_path: Path) -> None:
     async with cluster(tmp_path, share_port=True) as (machines, operator), AsyncExitStack() as stack:
         (port,) = free_ports(1)
         heard: list[set[str]] = []
-        for one in ("first", "second"):
-            role = await stack.enter_async_context(ingest(machines, tmp_path / one, port))
+        for key in ("first", "second"):
+            role = await stack.enter_async_context(ingest(machines, tmp_path / key, port))
             assert role == f"ws://127.0.0.1:{port}"
         async with asyncio.TaskGroup() as saying:
             for name in names:
                 now_s = time.time()
                 saying.create_task(say(f"ws://127.0.0.1:{port}", identity(name, now_s), status(name, now_s)))
         base, every = f"http://127.0.0.1:{operator.port}", {robot(name) for name in names}
-        await until(base, "/robots", lambda told: {one["uuid"] for one in told.get("robots", ())} == every)
-    for one in ("first", "second"):
+        await until(base, "/robots", lambda each: {row["uuid"] for row in each.get("robots", ())} == every)
+    for key in ("first", "second"):
         fleet = fleet_of(machines.site(), Measures())
-        recover(fleet, segments(tmp_path / one / "log"), time.time())
+        recover(fleet, segments(tmp_path / key / "log"), time.time())
         heard.append(set(fleet.robots))
     assert heard[0] | heard[1] == every
     assert not heard[0] & heard[1]
@@ -111,8 +111,8 @@ async def test_the_first_vendor_to_identify_a_robot_keeps_it(tmp_path: Path) -> 
         await until(*robots, sized(B=1.0, C=1.0))
         reporting.append(asyncio.create_task(report(south, "A")))
         await until(*robots, sized(A=1.0, B=1.0, C=1.0))
-        for one in (beside, *reporting):
-            one.cancel()
+        for task in (beside, *reporting):
+            task.cancel()
 
 
 async def test_a_robot_that_was_forgotten_and_comes_back_is_known_again(

@@ -27,18 +27,20 @@ async def test_an_operator_face_shows_the_robots_of_every_ingest(tmp_path: Path)
     async with cluster(tmp_path) as (machines, operator), AsyncExitStack() as stack:
         base = f"http://127.0.0.1:{operator.port}"
         urls = [await stack.enter_async_context(ingest(machines, tmp_path / name)) for name in ("west", "east")]
-        told = zip(urls, ({"A": lambda _: (1.0, 2.0, 0.0)}, {"B": lambda _: (9.0, 2.0, 0.0)}), strict=True)
-        driving = [asyncio.create_task(drive(url, courses, 300, time.time())) for url, courses in told]
+        rows = zip(urls, ({"A": lambda _: (1.0, 2.0, 0.0)}, {"B": lambda _: (9.0, 2.0, 0.0)}), strict=True)
+        driving = [asyncio.create_task(drive(url, courses, 300, time.time())) for url, courses in rows]
         both = {robot("A"), robot("B")}
-        listed = await until(base, "/robots", lambda told: {one["uuid"] for one in told.get("robots", ())} == both)
-        assert {one["presence"] for one in listed["robots"]} == {"present"}
+        listed = await until(base, "/robots", lambda each: {row["uuid"] for row in each.get("robots", ())} == both)
+        assert {row["presence"] for row in listed["robots"]} == {"present"}
         await until(
-            base, "/vendors", lambda told: [(one["name"], one["robots"]) for one in told["vendors"]] == [("Alder", 2)]
+            base,
+            "/vendors",
+            lambda row: [(vendor["name"], vendor["robots"]) for vendor in row["vendors"]] == [("Alder", 2)],
         )
         async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             assert "deconflict_messages_total" in (await client.get(f"{base}/metrics")).text
-            one = await client.get(f"{base}/robots/{robot('B')}")
-        assert one.json()["uuid"] == robot("B")
+            response = await client.get(f"{base}/robots/{robot('B')}")
+        assert response.json()["uuid"] == robot("B")
         seen: dict[str, set[float]] = {}
         async with connect(f"ws://127.0.0.1:{operator.port}/live") as page, asyncio.timeout(300):
             while seen.keys() != both or min(map(len, seen.values())) < 2:
@@ -71,12 +73,12 @@ async def test_health_shows_a_missing_ingest_and_then_a_missing_server(tmp_path:
         async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             for path in ("/robots", "/quarantine"):
                 answer = await client.get(base + path)
-                told = {"detail": "the ingest does not answer; try again shortly, or see /healthz", "role": "ingest"}
-                assert (answer.status_code, answer.json()) == (503, told)
+                fields = {"detail": "the ingest does not answer; try again shortly, or see /healthz", "role": "ingest"}
+                assert (answer.status_code, answer.json()) == (503, fields)
             assert 'deconflict_role_up{role="ingest"} 0.0' in (await client.get(f"{base}/metrics")).text
         machines.broker.kill()
         await until(base, "/healthz", roles(nats="down", ingest="down"))
-        assert "NATS server" in (await until(base, "/robots", lambda told: told["role"] != "ingest"))["detail"]
+        assert "NATS server" in (await until(base, "/robots", lambda row: row["role"] != "ingest"))["detail"]
 
 
 def roles(**wanted: str) -> Callable[[dict[str, Any]], bool]:

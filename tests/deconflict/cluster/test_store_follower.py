@@ -27,11 +27,11 @@ OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000
 async def stored(machines: Machines, data: Path, wanted: list[AnyAdvisory]) -> None:
     """Wait until a face that goes on with these data has exactly these advisories."""
     async with face(machines, data) as operator:
-        states = [(one.id, one.state) for one in reversed(wanted)]
+        states = [(advisory.id, advisory.state) for advisory in reversed(wanted)]
         await until(
             f"http://127.0.0.1:{operator.port}",
             "/advisories?state=all",
-            lambda listed: [(one["id"], one["state"]) for one in listed["advisories"]] == states,
+            lambda listed: [(advisory["id"], advisory["state"]) for advisory in listed["advisories"]] == states,
         )
 
 
@@ -52,8 +52,8 @@ async def test_an_operator_face_whose_server_lost_its_store_restarts_and_keeps_t
         writer = StreamWriter(bus.revisions, Measures())
         async with face(machines, data) as operator:
             base = f"http://127.0.0.1:{operator.port}"
-            for one in (made(1), cleared(1), made(2)):
-                assert await writer.write(HOME, one) is None
+            for revision in (made(1), cleared(1), made(2)):
+                assert await writer.write(HOME, revision) is None
             await until(base, "/advisories", lambda listed: listed["seq"] == 3)
             async with Client(base) as client:
                 following = client.follow(after=2)
@@ -82,7 +82,7 @@ async def test_stored_numbers_of_a_single_machine_are_not_those_of_a_stream(tmp_
             assert await writer.write(HOME, cleared(number)) is None
         async with face(machines, data):
             aside = await set_aside(data)
-        assert [one.id for one in aside.open()] == ["advisory-2"]
+        assert [advisory.id for advisory in aside.open()] == ["advisory-2"]
         aside.close()
         await stored(machines, data, [cleared(number) for number in range(3, 8)])
 
@@ -121,8 +121,8 @@ async def test_a_position_shows_whether_a_stream_continues_from_it(tmp_path: Pat
     broker = Broker(tmp_path / "nats")
     async with buses(broker, 1) as (bus,):
         writer = StreamWriter(bus.revisions, Measures())
-        for one in (made(1), made(1, revision=2), cleared(1, revision=3)):
-            assert await writer.write(HOME, one) is None
+        for advisory in (made(1), made(1, revision=2), cleared(1, revision=3)):
+            assert await writer.write(HOME, advisory) is None
         seen = [
             StreamPosition(0, "", 0),
             StreamPosition(2, "advisory-1", 2),
@@ -142,4 +142,4 @@ async def test_a_position_shows_whether_a_stream_continues_from_it(tmp_path: Pat
 
 
 async def going_on(bus: Bus, seen: list[StreamPosition]) -> list[bool]:
-    return [await bus.revisions.continues_from(one) for one in seen]
+    return [await bus.revisions.continues_from(stream_position) for stream_position in seen]

@@ -98,9 +98,9 @@ class Script:
             extra["destinations"] = points(*ahead)
         if state == "navigating":
             extra["path"] = points(*((start_s + t + i, *self.at(t + i, self.means)) for i in range(1, 11)))
-        said = status(name, start_s + t, x, y, yaw, **extra)
+        message = status(name, start_s + t, x, y, yaw, **extra)
         height = b'"z": %g, "planarDatum"' % self.z_m
-        return said.replace(HALL.encode(), self.datum.encode()).replace(b'"planarDatum"', height)
+        return message.replace(HALL.encode(), self.datum.encode()).replace(b'"planarDatum"', height)
 
 
 @dataclass
@@ -109,14 +109,14 @@ class Scene:
 
     site: Site
     robots: dict[str, Script]
-    told: list[AnyAdvisory] = field(default_factory=list)
+    advisories: list[AnyAdvisory] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         frames = FrameRegistry(self.site.datums, self.site.vendors)
         self.fleet = Fleet(VendorRegistry(()), frames, self.site.reading, Measures(), Quarantine())
         self.engine = Engine(self.site)
-        for name, one in self.robots.items():
-            self.fleet.receive(identity(name, NOW_S, manufacturerName=one.vendor), NOW_S, LINE)
+        for name, script in self.robots.items():
+            self.fleet.receive(identity(name, NOW_S, manufacturerName=script.vendor), NOW_S, LINE)
 
     def run(self, until_s: float, from_s: float = 0.0) -> list[AnyAdvisory]:
         """The revisions of this stretch that are not of conflicts."""
@@ -124,20 +124,20 @@ class Scene:
         for tick in range(round(from_s * 4), round(until_s * 4)):
             t = tick / 4
             if tick % 4 == 0:
-                for name, one in self.robots.items():
-                    self.fleet.receive(one.says(name, t), NOW_S + t, LINE)
+                for name, script in self.robots.items():
+                    self.fleet.receive(script.says(name, t), NOW_S + t, LINE)
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
-            fresh += [one for one in self.engine.step(NOW_S + t) if one.kind != "conflict"]
-        self.told += fresh
+            fresh += [advisory for advisory in self.engine.step(NOW_S + t) if advisory.kind != "conflict"]
+        self.advisories += fresh
         return fresh
 
 
-def raised(told: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
-    return [one for one in told if one.kind == kind and one.state is AdvisoryState.RAISED]
+def raised(advisories: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
+    return [advisory for advisory in advisories if advisory.kind == kind and advisory.state is AdvisoryState.RAISED]
 
 
-def cleared(told: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
-    return [one for one in told if one.kind == kind and one.state is AdvisoryState.CLEARED]
+def cleared(advisories: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
+    return [advisory for advisory in advisories if advisory.kind == kind and advisory.state is AdvisoryState.CLEARED]
 
 
 def after_s(advisory: AnyAdvisory) -> float:

@@ -79,9 +79,9 @@ def test_a_queue_leaves_out_robots_that_pass_above_it() -> None:
         "D": Script([(0, 0, 40), (40, 0, 0)], [(40, 0, 0)], z_m=ABOVE_M),
     }
     scene = Scene(site(resource("d1", 0, 0, service_s=60.0, capacity=1)), robots)
-    (one,) = raised(scene.run(3), "contention")
-    assert isinstance(one, ContentionAdvisory)
-    assert set(one.robots) == {robot("A"), robot("B")}
-    assert one.demand == 2
-    assert one.recommendation
-    assert [slot.robot for slot in one.recommendation.slots] == [robot("B")]
+    (advisory,) = raised(scene.run(3), "contention")
+    assert isinstance(advisory, ContentionAdvisory)
+    assert set(advisory.robots) == {robot("A"), robot("B")}
+    assert advisory.demand == 2
+    assert advisory.recommendation
+    assert [slot.robot for slot in advisory.recommendation.slots] == [robot("B")]

@@ -27,57 +27,57 @@ def waits(*_: float) -> str:
     return "waitingExternalEvent"
 
 
-def standing(x: float, y: float, *destinations: tuple[float, float, float], **told: Any) -> Script:
-    return Script([(0, x, y)], destinations, state=waits, **told)
+def standing(x: float, y: float, *destinations: tuple[float, float, float], **fields: Any) -> Script:
+    return Script([(0, x, y)], destinations, state=waits, **fields)
 
 
-def ring(told: DeadlockAdvisory) -> list[tuple[str, str]]:
-    return [(one.waiter, one.holder) for one in told.cycle]
+def ring(advisory: DeadlockAdvisory) -> list[tuple[str, str]]:
+    return [(wait.waiter, wait.holder) for wait in advisory.cycle]
 
 
 def test_two_that_enter_an_aisle_from_both_ends_lock_each_other_ahead_of_time() -> None:
     east = Script([(0, -16, 0), (40, 24, 0)])
     west = Script([(0, 20, 0), (40, -20, 0)], vendor="Corvid")
     scene = Scene(site(aisle("lane", -8, 12)), {"A": east, "B": west})
-    told = scene.run(12)
-    (one,) = raised(told, "deadlock")
-    assert isinstance(one, DeadlockAdvisory)
-    assert one.robots == tuple(sorted((robot("A"), robot("B"))))
-    assert {link.where for link in one.cycle} == {"lane"}
-    assert sorted(ring(one)) == sorted([(robot("A"), robot("B")), (robot("B"), robot("A"))])
+    advisories = scene.run(12)
+    (advisory,) = raised(advisories, "deadlock")
+    assert isinstance(advisory, DeadlockAdvisory)
+    assert advisory.robots == tuple(sorted((robot("A"), robot("B"))))
+    assert {link.where for link in advisory.cycle} == {"lane"}
+    assert sorted(ring(advisory)) == sorted([(robot("A"), robot("B")), (robot("B"), robot("A"))])
     # nose to nose where their middles are a metre apart, 17.5 s on
-    assert one.predicted_at.timestamp() - NOW_S == pytest.approx(17.5, abs=0.7)
-    assert one.time_to_conflict_s > 5
-    assert one.recommendation
-    first, second = one.recommendation.slots
+    assert advisory.predicted_at.timestamp() - NOW_S == pytest.approx(17.5, abs=0.7)
+    assert advisory.time_to_conflict_s > 5
+    assert advisory.recommendation
+    first, second = advisory.recommendation.slots
     assert first.wait_s == 0
     assert second.start_at >= first.end_at
     assert second.wait_s == pytest.approx(24, abs=3), "for as long as the first is in the lane of 20 m, and a little"
-    assert f"should wait {second.wait_s:.0f} s before lane" in one.summary
+    assert f"should wait {second.wait_s:.0f} s before lane" in advisory.summary
 
 
 def test_waiting_at_the_aisles_end_as_advised_ends_the_deadlock_at_the_promised_cost() -> None:
     east, west = Script([(0, -16, 0), (40, 24, 0)]), Script([(0, 22, 0), (40, -18, 0)])
     scene = Scene(site(aisle("lane", -8, 12)), {"A": east, "B": west})
-    (one,) = raised(scene.run(6), "deadlock")
-    assert one.recommendation
-    second = one.recommendation.slots[1]
+    (advisory,) = raised(scene.run(6), "deadlock")
+    assert advisory.recommendation
+    second = advisory.recommendation.slots[1]
     assert second.robot == robot("B")
     enters_s = second.start_at.timestamp() - NOW_S
     assert enters_s - second.wait_s == pytest.approx(9.25, abs=0.5), "when B would have come to the lane"
     scene.robots["B"] = Script(
         [(6, 16, 0), (9, 14, 3), (enters_s - 2, 14, 3), (enters_s, 12.5, 0), (enters_s + 30, -17.5, 0)]
     )
-    told = scene.run(enters_s + 25, from_s=6)
-    assert [each.id for each in cleared(told, "deadlock")] == [one.id]
-    assert raised(told, "deadlock") == []
+    advisories = scene.run(enters_s + 25, from_s=6)
+    assert [each.id for each in cleared(advisories, "deadlock")] == [advisory.id]
+    assert raised(advisories, "deadlock") == []
 
 
 def test_of_two_in_an_aisle_the_one_less_far_in_should_back_out() -> None:
     robots = {"A": Script([(0, -16, 0), (40, 24, 0)]), "B": Script([(0, 16, 0), (40, -24, 0)])}
     scene = Scene(site(aisle("lane", -8, 12)), robots)
-    (one,) = raised(scene.run(8), "deadlock")
-    last = [each for each in scene.run(12, from_s=8) if each.id == one.id][-1]
+    (advisory,) = raised(scene.run(8), "deadlock")
+    last = [each for each in scene.run(12, from_s=8) if each.id == advisory.id][-1]
     assert last.recommendation
     assert re.search(r"Alder A should back out of lane, [0-3] m$", last.summary)
     first, second = last.recommendation.slots
@@ -99,7 +99,7 @@ def test_two_that_keep_right_in_a_wide_aisle_do_not_lock() -> None:
     wide = aisle("lane", -8, 12).model_copy(update={"polygon": box(2, 0, 20, 3)})
     east, west = Script([(0, -16, -0.6), (40, 24, -0.6)]), Script([(0, 20, 0.6), (40, -20, 0.6)])
     assert raised(Scene(site(wide), {"A": east, "B": west}).run(30), "deadlock") == []
-    narrow = [Script([(t, x, y / 3) for t, x, y in one.knots]) for one in (east, west)]
+    narrow = [Script([(t, x, y / 3) for t, x, y in script.knots]) for script in (east, west)]
     assert raised(Scene(site(wide), dict(zip("AB", narrow, strict=True))).run(12), "deadlock")
 
 
@@ -114,38 +114,38 @@ def test_a_robot_that_stops_in_an_aisle_before_the_other_does_not_lock() -> None
 def test_two_that_will_swap_docks_have_an_advisory_a_minute_ahead() -> None:
     docks = site(resource("d1", 0, 0), resource("d2", 20, 0))
     scene = Scene(docks, {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0))})
-    told = scene.run(5)
-    (one,) = raised(told, "deadlock")
-    assert isinstance(one, DeadlockAdvisory)
-    assert {link.where for link in one.cycle} == {"d1", "d2"}
+    advisories = scene.run(5)
+    (advisory,) = raised(advisories, "deadlock")
+    assert isinstance(advisory, DeadlockAdvisory)
+    assert {link.where for link in advisory.cycle} == {"d1", "d2"}
     # they set out 20 s before they mean to arrive
-    assert one.time_to_conflict_s == pytest.approx(60, abs=3)
-    assert one.severity == "caution"
-    assert one.recommendation
-    assert "one of them has to go elsewhere" in one.recommendation.note
+    assert advisory.time_to_conflict_s == pytest.approx(60, abs=3)
+    assert advisory.severity == "caution"
+    assert advisory.recommendation
+    assert "one of them has to go elsewhere" in advisory.recommendation.note
 
 
 def test_one_of_two_that_swap_is_advised_to_go_to_the_nearest_free_place_first() -> None:
     parking = [resource(name, x, y, kind="parking") for name, x, y in (("p1", 10, -8), ("p2", 10, 5), ("p3", 10, 1))]
     docks = site(resource("d1", 0, 0), resource("d2", 20, 0), *parking)
     robots = {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0)), "C": standing(10, 1)}
-    (one,) = raised(Scene(docks, robots).run(5), "deadlock")
-    assert one.recommendation
-    stay, *slots = one.recommendation.slots
+    (advisory,) = raised(Scene(docks, robots).run(5), "deadlock")
+    assert advisory.recommendation
+    stay, *slots = advisory.recommendation.slots
     assert stay.resource == "p2", "p3 is taken, p1 is farther"
     other = slots[0]
     assert [slot.robot for slot in slots] == [other.robot, stay.robot]
     assert {stay.robot, other.robot} == {robot("A"), robot("B")}
     # it has 22.4 m to go instead of 20; the other one sets out 2 s after it
-    assert one.recommendation.cost_s == pytest.approx(2.36 + 2.0, abs=0.1)
-    assert "should go to p2 first, which costs 4 s in all" in one.summary
+    assert advisory.recommendation.cost_s == pytest.approx(2.36 + 2.0, abs=0.1)
+    assert "should go to p2 first, which costs 4 s in all" in advisory.summary
 
 
 def test_two_that_swap_places_outside_resources_have_an_advisory_too() -> None:
     scene = Scene(site(), {"A": standing(0, 0, (80, 20, 0)), "B": standing(20, 0, (80, 0, 0))})
-    (one,) = raised(scene.run(5), "deadlock")
-    assert isinstance(one, DeadlockAdvisory)
-    assert {link.where for link in one.cycle} == {"path"}
+    (advisory,) = raised(scene.run(5), "deadlock")
+    assert isinstance(advisory, DeadlockAdvisory)
+    assert {link.where for link in advisory.cycle} == {"path"}
 
 
 def test_a_ring_of_three_docks_is_named_in_order() -> None:
@@ -153,9 +153,9 @@ def test_a_ring_of_three_docks_is_named_in_order() -> None:
     docks = site(*(resource(f"d{row}", *place) for row, place in enumerate(places)))
     goals = [*places[1:], places[0]]
     robots = {name: standing(*place, (60.0, *goal)) for name, place, goal in zip("ABC", places, goals, strict=True)}
-    (one,) = raised(Scene(docks, robots).run(5), "deadlock")
-    assert isinstance(one, DeadlockAdvisory)
-    links = ring(one)
+    (advisory,) = raised(Scene(docks, robots).run(5), "deadlock")
+    assert isinstance(advisory, DeadlockAdvisory)
+    links = ring(advisory)
     assert {waiter for waiter, _ in links} == {robot(name) for name in "ABC"}
     assert all(a[1] == b[0] for a, b in pairwise([*links, links[0]]))
     assert (robot("A"), robot("B")) in links
@@ -168,15 +168,15 @@ def test_a_chain_whose_last_robot_has_a_free_place_to_go_to_is_no_deadlock() -> 
 
 
 def test_a_contended_lift_with_a_free_twin_has_the_twin_advised() -> None:
-    (one,) = raised(two_lifts().run(5), "contention")
-    assert isinstance(one, ContentionAdvisory)
-    assert (one.resource, one.capacity, one.queue_length) == ("l1", 1, 1)
-    assert one.wait_s == pytest.approx(34, abs=4)
-    assert one.recommendation
-    (slot,) = one.recommendation.slots
+    (advisory,) = raised(two_lifts().run(5), "contention")
+    assert isinstance(advisory, ContentionAdvisory)
+    assert (advisory.resource, advisory.capacity, advisory.queue_length) == ("l1", 1, 1)
+    assert advisory.wait_s == pytest.approx(34, abs=4)
+    assert advisory.recommendation
+    (slot,) = advisory.recommendation.slots
     assert (slot.robot, slot.resource, slot.wait_s) == (robot("B"), "l2", 0.0)
-    assert one.recommendation.first_come_cost_s == pytest.approx(one.wait_s, abs=1)
-    assert one.summary.endswith("Alder B should take l2, which saves 34 s in all")
+    assert advisory.recommendation.first_come_cost_s == pytest.approx(advisory.wait_s, abs=1)
+    assert advisory.summary.endswith("Alder B should take l2, which saves 34 s in all")
 
 
 def two_lifts() -> Scene:
@@ -187,28 +187,28 @@ def two_lifts() -> Scene:
 
 def test_a_robot_that_follows_the_advice_waits_no_longer_than_promised() -> None:
     scene = two_lifts()
-    (one,) = raised(scene.run(5), "contention")
-    assert one.recommendation
-    (slot,) = one.recommendation.slots
+    (advisory,) = raised(scene.run(5), "contention")
+    assert advisory.recommendation
+    (slot,) = advisory.recommendation.slots
     scene.robots["B"] = Script([(5, 0, 25), (30, 8, 0), (60, 8, 0)], [(30, 8, 0)])
-    told = scene.run(45, from_s=5)
-    (over,) = cleared(told, "contention")
-    assert over.id == one.id
+    advisories = scene.run(45, from_s=5)
+    (over,) = cleared(advisories, "contention")
+    assert over.id == advisory.id
     assert over.updated_at.timestamp() - NOW_S < 12, "once it has told its new destination"
     assert slot.start_at.timestamp() - NOW_S == pytest.approx(30, abs=1)
     scene.engine.measures.as_document()
     occupied = scene.engine.measures.values["deconflict_resource_occupancy"]
     assert (occupied["l1",], occupied["l2",]) == (1, 1)
-    assert raised(told, "double_occupancy") == []
+    assert raised(advisories, "double_occupancy") == []
 
 
 def test_a_robot_that_ignores_the_advice_keeps_the_advisory_open_until_its_wait_is_over() -> None:
     scene = two_lifts()
     scene.robots["A"] = Script([(0, 0, 0), (58, 0, 0), (66, 0, -8)])
     scene.robots["B"] = Script([(0, 0, 30), (27, 0, 3), (68, 0, 3), (71, 0, 0)], [(30, 0, 0)])
-    told = scene.run(85)
-    assert len({one.id for one in told if one.kind == "contention"}) == 1
-    (over,) = cleared(told, "contention")
+    advisories = scene.run(85)
+    assert len({advisory.id for advisory in advisories if advisory.kind == "contention"}) == 1
+    (over,) = cleared(advisories, "contention")
     assert 40 < over.updated_at.timestamp() - NOW_S < 70
 
 
@@ -219,23 +219,25 @@ def test_a_queue_for_a_charger_has_an_advisory_with_length_and_wait_before_it_fo
         "B": standing(30, 10, (60, 0, 0)),
         "C": standing(30, 20, (70, 0, 0), vendor="Basalt"),
     }
-    (one,) = raised(Scene(site(charger), robots).run(5), "contention")
-    assert isinstance(one, ContentionAdvisory)
-    assert one.queue_length == 2
+    (advisory,) = raised(Scene(site(charger), robots).run(5), "contention")
+    assert isinstance(advisory, ContentionAdvisory)
+    assert advisory.queue_length == 2
     # A leaves at 100 s, B charges from 104 s to 204 s, C comes at 70 s
-    assert one.wait_s == pytest.approx(138, abs=4)
-    assert one.time_to_conflict_s == pytest.approx(60, abs=4)
-    assert "B and Basalt C will find Charger 1 taken in 5" in one.summary
-    assert ", give or take 1" in one.summary, "20 % either way of a minute, as long as nothing is known of the vendor"
-    assert set(one.robots) == {robot(name) for name in "ABC"}
+    assert advisory.wait_s == pytest.approx(138, abs=4)
+    assert advisory.time_to_conflict_s == pytest.approx(60, abs=4)
+    assert "B and Basalt C will find Charger 1 taken in 5" in advisory.summary
+    assert ", give or take 1" in advisory.summary, (
+        "20 % either way of a minute, as long as nothing is known of the vendor"
+    )
+    assert set(advisory.robots) == {robot(name) for name in "ABC"}
 
 
 def test_a_queue_that_dissolves_clears_its_advisory() -> None:
     charger = resource("c1", 0, 0, kind="charger", service_s=100.0)
     leaving = Script([(0, 0, 0), (10, 0, 0), (20, 0, -10)], state=lambda t: "charging" if t < 10 else "navigating")
     scene = Scene(site(charger), {"A": leaving, "B": standing(30, 10, (60, 0, 0))})
-    told = scene.run(30)
-    (begun,), (over,) = raised(told, "contention"), cleared(told, "contention")
+    advisories = scene.run(30)
+    (begun,), (over,) = raised(advisories, "contention"), cleared(advisories, "contention")
     assert begun.id == over.id
     assert over.cleared_because == "nobody is expected to wait long any more"
 
@@ -243,13 +245,13 @@ def test_a_queue_that_dissolves_clears_its_advisory() -> None:
 def test_a_dock_that_is_taken_is_double_occupancy_once_the_second_robot_is_in() -> None:
     dock = resource("d1", 0, 0, polygon=box(0, 0, 6, 6))
     scene = Scene(site(dock), {"A": standing(-1.5, 0), "B": Script([(0, 16, 0), (14, 2, 0)])})
-    told = scene.run(25)
-    (one,) = raised(told, "double_occupancy")
-    assert isinstance(one, ContentionAdvisory)
-    assert (one.demand, one.capacity) == (2, 1)
-    assert one.time_to_conflict_s == 0
-    assert 13 <= after_s(one) <= 17
-    (before,) = raised(told, "contention")
+    advisories = scene.run(25)
+    (advisory,) = raised(advisories, "double_occupancy")
+    assert isinstance(advisory, ContentionAdvisory)
+    assert (advisory.demand, advisory.capacity) == (2, 1)
+    assert advisory.time_to_conflict_s == 0
+    assert 13 <= after_s(advisory) <= 17
+    (before,) = raised(advisories, "contention")
     assert after_s(before) < 8, "that it will find the dock taken is told before"
     assert re.search(r"; Alder B should come \d+ s later$", before.summary)
 
@@ -261,17 +263,17 @@ def test_four_vendors_at_a_crossing_make_a_queue() -> None:
         name: Script([(0, 12 * dx, 12 * dy), (48, -12 * dx, -12 * dy)], vendor=f"Vendor {name}")
         for name, (dx, dy) in ways.items()
     }
-    told = Scene(site(crossing), robots).run(14)
-    (one,) = raised(told, "contention")
-    assert isinstance(one, ContentionAdvisory)
-    assert len(set(one.vendors)) == 4
-    assert one.queue_length >= 2
-    assert one.time_to_conflict_s > 2
-    assert one.recommendation
-    slots = one.recommendation.slots
+    advisories = Scene(site(crossing), robots).run(14)
+    (advisory,) = raised(advisories, "contention")
+    assert isinstance(advisory, ContentionAdvisory)
+    assert len(set(advisory.vendors)) == 4
+    assert advisory.queue_length >= 2
+    assert advisory.time_to_conflict_s > 2
+    assert advisory.recommendation
+    slots = advisory.recommendation.slots
     assert len(slots) == 4
     assert all(b.start_at >= a.end_at for a, b in pairwise(slots)), "one after the other"
-    assert one.recommendation.cost_s <= (one.recommendation.first_come_cost_s or 0)
+    assert advisory.recommendation.cost_s <= (advisory.recommendation.first_come_cost_s or 0)
 
 
 def test_a_blockage_names_the_blocker_and_all_robots_it_holds_up() -> None:
@@ -280,15 +282,15 @@ def test_a_blockage_names_the_blocker_and_all_robots_it_holds_up() -> None:
         "B": Script([(0, -30, 0), (28, -2, 0)], means=[(0, -30, 0), (60, 30, 0)]),
         "C": Script([(0, -34, 0), (30, -4, 0)], means=[(0, -34, 0), (60, 26, 0)]),
     }
-    told = Scene(site(), robots).run(40)
-    (one,) = raised(told, "blockage")
-    last = [each for each in told if each.id == one.id][-1]
+    advisories = Scene(site(), robots).run(40)
+    (advisory,) = raised(advisories, "blockage")
+    last = [each for each in advisories if each.id == advisory.id][-1]
     assert isinstance(last, BlockageAdvisory)
     assert last.blocker == robot("A")
     assert last.since_at.timestamp() == pytest.approx(NOW_S, abs=0.5)
     assert last.holds_up == (robot("B"), robot("C"))
-    assert 18 < after_s(one) < 24, "as soon as B's path reaches A"
-    assert "Alder A has stood for" in one.summary
+    assert 18 < after_s(advisory) < 24, "as soon as B's path reaches A"
+    assert "Alder A has stood for" in advisory.summary
 
 
 def test_a_robot_without_a_path_is_held_up_only_by_what_is_just_ahead() -> None:
@@ -296,9 +298,9 @@ def test_a_robot_without_a_path_is_held_up_only_by_what_is_just_ahead() -> None:
         return "manualOverride"
 
     robots = {"A": standing(0, 0), "B": Script([(0, -14, 0), (14, -1, 0)], state=walks)}
-    (one,) = raised(Scene(site(), robots).run(16), "blockage")
-    assert after_s(one) > 10
-    assert "waits for something around it" in one.summary
+    (advisory,) = raised(Scene(site(), robots).run(16), "blockage")
+    assert after_s(advisory) > 10
+    assert "waits for something around it" in advisory.summary
 
 
 def test_a_robot_that_has_arrived_is_held_up_by_nobody() -> None:
@@ -319,13 +321,13 @@ def test_two_that_stand_nose_to_nose_have_an_advisory_within_seconds() -> None:
         "A": Script([(0, -8, 0), (7.3, -0.7, 0)], state=lambda t: "navigating" if t < 9 else waits(), means=forth),
         "B": Script([(0, 8, 0), (7.3, 0.7, 0)], state=lambda t: "navigating" if t < 9 else waits(), means=back),
     }
-    told = Scene(site(), robots).run(20)
-    (one,) = raised(told, "deadlock")
-    assert isinstance(one, DeadlockAdvisory)
-    assert 8 <= after_s(one) <= 13
-    assert one.time_to_conflict_s == 0
-    assert one.severity == "critical"
-    assert raised(told, "blockage") == []
+    advisories = Scene(site(), robots).run(20)
+    (advisory,) = raised(advisories, "deadlock")
+    assert isinstance(advisory, DeadlockAdvisory)
+    assert 8 <= after_s(advisory) <= 13
+    assert advisory.time_to_conflict_s == 0
+    assert advisory.severity == "critical"
+    assert raised(advisories, "blockage") == []
 
 
 def test_a_queue_that_blocks_the_exit_of_what_it_waits_for_is_a_deadlock() -> None:
@@ -337,11 +339,11 @@ def test_a_queue_that_blocks_the_exit_of_what_it_waits_for_is_a_deadlock() -> No
         means=[(0, 0, 0), (20, 0, 0), (40, 20, 0)],
     )
     robots = {"A": leaving, "B": standing(2.2, 0, (40, 0, 0))}
-    told = Scene(site(charger), robots).run(32)
-    (one,) = raised(told, "deadlock")
-    assert isinstance(one, DeadlockAdvisory)
-    assert {link.where for link in one.cycle} == {"c1", "path"}
-    assert after_s(one) < 27
+    advisories = Scene(site(charger), robots).run(32)
+    (advisory,) = raised(advisories, "deadlock")
+    assert isinstance(advisory, DeadlockAdvisory)
+    assert {link.where for link in advisory.cycle} == {"c1", "path"}
+    assert after_s(advisory) < 27
 
 
 def test_arrivals_are_corrected_by_how_late_their_vendor_has_been() -> None:
@@ -362,7 +364,7 @@ def test_the_same_messages_and_ticks_give_the_same_advisories() -> None:
     def told() -> list[str]:
         charger = resource("c1", 0, 0, kind="charger", service_s=100.0)
         robots = {"A": standing(0, 0), "B": standing(30, 10, (60, 0, 0)), "C": standing(30, 20, (70, 0, 0))}
-        return [one.model_dump_json() for one in Scene(site(charger), robots).run(20)]
+        return [advisory.model_dump_json() for advisory in Scene(site(charger), robots).run(20)]
 
     assert told()
     assert told() == told()
@@ -373,6 +375,6 @@ def test_robots_in_a_crowd_block_nobody() -> None:
     crowd = {f"M-{n}": Script([(0, 0.1 * n, 0)], vendor="Mallory", state=lambda _: "idle") for n in range(12)}
     few = dict(list(crowd.items())[:3])
     assert raised(Scene(site(), passing | few).run(16), "blockage")
-    told = Scene(site(), passing | crowd).run(16)
-    assert raised(told, "blockage") == []
-    assert len(raised(told, "crowd")) == 1
+    advisories = Scene(site(), passing | crowd).run(16)
+    assert raised(advisories, "blockage") == []
+    assert len(raised(advisories, "crowd")) == 1

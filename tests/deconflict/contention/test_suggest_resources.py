@@ -29,19 +29,19 @@ def log(folder: Path) -> Path:
     path = folder / "log.jsonl"
     with path.open("w") as out:
         for t in range(560):
-            for name, one in robots.items():
-                said = [identity(name, NOW_S + t, manufacturerName=one.vendor)] if t == 0 else []
-                for message in (*said, one.says(name, t)):
+            for name, script in robots.items():
+                messages = [identity(name, NOW_S + t, manufacturerName=script.vendor)] if t == 0 else []
+                for message in (*messages, script.says(name, t)):
                     out.write(json.dumps({"received": stamp(NOW_S + t), "message": json.loads(message)}) + "\n")
     return path
 
 
 def test_a_place_where_several_vendors_stop_is_proposed_and_loads(tmp_path: Path) -> None:
-    told = suggested([log(tmp_path)], site())
-    assert "6 stops of Alder, Basalt, Corvid, 30 s in the middle" in told
-    assert len([load for load in tomllib.loads(told)["resources"] if 9 < load["polygon"][0][0] < 10]) == 1
+    text = suggested([log(tmp_path)], site())
+    assert "6 stops of Alder, Basalt, Corvid, 30 s in the middle" in text
+    assert len([load for load in tomllib.loads(text)["resources"] if 9 < load["polygon"][0][0] < 10]) == 1
     pasted = tmp_path / "site.toml"
-    pasted.write_text(f'[[datums]]\nid = "{HALL}"\nname = "Hall"\n\n{told}')
+    pasted.write_text(f'[[datums]]\nid = "{HALL}"\nname = "Hall"\n\n{text}')
     (found,) = [
         resource for resource in load(pasted).resources if resource.polygon[0][0] == pytest.approx(9.5, abs=0.11)
     ]
@@ -50,5 +50,5 @@ def test_a_place_where_several_vendors_stop_is_proposed_and_loads(tmp_path: Path
 
 @pytest.mark.parametrize("known", [site(resource("d1", 10, 0)), site(resource("d1", 10, 0), resource("d2", 60, 60))])
 def test_resources_of_the_site_file_are_not_proposed_again(known: Site, tmp_path: Path) -> None:
-    told = tomllib.loads(suggested([log(tmp_path)], known)).get("resources", [])
-    assert not [one for one in told if 9 < one["polygon"][0][0] < 10]
+    answer = tomllib.loads(suggested([log(tmp_path)], known)).get("resources", [])
+    assert not [row for row in answer if 9 < row["polygon"][0][0] < 10]

@@ -65,7 +65,7 @@ class Floor:
 
     def run(self, until_s: float, from_s: float = 0.0) -> list[ConflictAdvisory]:
         """The revisions of this stretch."""
-        told: list[ConflictAdvisory] = []
+        advisories: list[ConflictAdvisory] = []
         for tick in range(round(from_s * 4), round(until_s * 4)):
             t = tick / 4
             if tick % 4 == 0:
@@ -75,9 +75,9 @@ class Floor:
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             pending = self.pending.setdefault(tick, self.engine.pending())
             revisions = self.engine.step(NOW_S + t, self.effort, pending)
-            told += [revision for revision in revisions if isinstance(revision, ConflictAdvisory)]
-        self.advisories += told
-        return told
+            advisories += [revision for revision in revisions if isinstance(revision, ConflictAdvisory)]
+        self.advisories += advisories
+        return advisories
 
     def _report(self, name: str, t: float) -> None:
         course, datum = self.courses[name], self.datum.get(name, HALL)
@@ -86,5 +86,5 @@ class Floor:
         x, y, yaw = course(t)
         path = points(*((NOW_S + t + i, *course(t + i)) for i in range(1, 11)))
         location = {"x": x, "y": y, "angle": path[0]["angle"], "planarDatum": datum}
-        said: dict[str, Any] = {"path": path, "location": location}
-        self.fleet.receive(status(name, NOW_S + t, yaw_rad=yaw, **said), NOW_S + t, LINE)
+        document: dict[str, Any] = {"path": path, "location": location}
+        self.fleet.receive(status(name, NOW_S + t, yaw_rad=yaw, **document), NOW_S + t, LINE)

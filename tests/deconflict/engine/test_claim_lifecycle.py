@@ -35,14 +35,14 @@ class Service:
         return self.fleet.receive(raw, self.now_s, connection)
 
     def goes_on(self, for_s: float) -> list[ClaimAdvisory]:
-        told: list[AnyAdvisory] = []
+        advisories: list[AnyAdvisory] = []
         until_s = self.now_s + for_s
         while self.now_s < until_s:
             self.now_s += 0.5
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(self.now_s).to_bytes()))
-            told += self.engine.step(self.now_s)
-        assert all(ADVISORY.validate_json(one.model_dump_json()) == one for one in told)
-        return [one for one in told if isinstance(one, ClaimAdvisory)]
+            advisories += self.engine.step(self.now_s)
+        assert all(ADVISORY.validate_json(advisory.model_dump_json()) == advisory for advisory in advisories)
+        return [advisory for advisory in advisories if isinstance(advisory, ClaimAdvisory)]
 
 
 def test_a_foreign_claim_has_an_advisory_until_it_ends() -> None:
@@ -51,9 +51,9 @@ def test_a_foreign_claim_has_an_advisory_until_it_ends() -> None:
     service.said(status("A-1", NOW_S, 3.0, 4.0), ALDER)
     assert service.goes_on(5) == []
     assert service.said(status("A-1", service.now_s, 90.0, 90.0), MALLORY) == "uuid-of-another-vendor"
-    told = service.goes_on(HELD_S + 10)
-    assert [one.state for one in told] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
-    raised = told[0]
+    advisories = service.goes_on(HELD_S + 10)
+    assert [advisory.state for advisory in advisories] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
+    raised = advisories[0]
     assert (raised.kind, raised.owner, raised.claimant, raised.claimed) == ("foreign_claim", "Alder", "Mallory", 1)
     assert (raised.robots, raised.names, raised.vendors) == ((robot("A-1"),), ("Alder A-1",), ("Alder",))
     assert raised.location
@@ -69,30 +69,32 @@ def test_a_claim_of_a_robot_that_was_never_seen_has_no_location() -> None:
 
 
 def test_a_claim_of_many_robots_is_one_advisory_with_few_revisions() -> None:
-    service, told = Service(), []
+    service, advisories = Service(), []
     for i in range(60):
         service.said(status(f"A-{i % 40}", service.now_s), MALLORY)
-        told += service.goes_on(1)
-    assert len({one.id for one in told}) == 1
-    assert len(told) <= NAMED_ROBOTS + 3
-    assert (len(told[-1].robots), told[-1].claimed >= 20) == (NAMED_ROBOTS, True)
+        advisories += service.goes_on(1)
+    assert len({advisory.id for advisory in advisories}) == 1
+    assert len(advisories) <= NAMED_ROBOTS + 3
+    assert (len(advisories[-1].robots), advisories[-1].claimed >= 20) == (NAMED_ROBOTS, True)
     service.engine.measures.as_document()
     assert len(service.engine.measures.values["deconflict_advisories_open"]) == 1
 
 
 def test_a_robot_in_two_places_has_an_advisory_until_one_falls_silent() -> None:
-    service, told = Service(), []
+    service, advisories = Service(), []
     other = Connection(3, vendor="Alder")
     for i in range(12):
         service.said(status("A-1", service.now_s, 0.0 + i / 2), ALDER)
-        told += service.goes_on(0.5)
+        advisories += service.goes_on(0.5)
         service.said(status("A-1", service.now_s, 80.0), other)
-        told += service.goes_on(0.5)
-    assert [(one.kind, one.state.value, one.robots) for one in told] == [("two_places", "raised", (robot("A-1"),))]
+        advisories += service.goes_on(0.5)
+    assert [(advisory.kind, advisory.state.value, advisory.robots) for advisory in advisories] == [
+        ("two_places", "raised", (robot("A-1"),))
+    ]
     for i in range(int(HELD_S) + 10):
         service.said(status("A-1", service.now_s, 6.0 + i / 2), ALDER)
-        told += service.goes_on(1)
-    assert [one.state.value for one in told] == ["raised", "cleared"]
+        advisories += service.goes_on(1)
+    assert [advisory.state.value for advisory in advisories] == ["raised", "cleared"]
 
 
 def test_a_restored_claim_keeps_its_id() -> None:
@@ -101,5 +103,5 @@ def test_a_restored_claim_keeps_its_id() -> None:
     (before,) = service.goes_on(5)
     again = Service(service.now_s, Engine(SITE, [before]))
     again.said(status("A-1", again.now_s), MALLORY)
-    told = again.goes_on(HELD_S + 20)
-    assert [(one.id, one.state.value) for one in told] == [(before.id, "cleared")]
+    advisories = again.goes_on(HELD_S + 20)
+    assert [(advisory.id, advisory.state.value) for advisory in advisories] == [(before.id, "cleared")]

@@ -74,21 +74,21 @@ class Floor:
             for number, (name, (vendor, course)) in enumerate(self.courses.items()):
                 if (tick + number) % 5 == 0:
                     path = points(*((NOW_S + t + k, *course(t + k)) for k in range(1, 11)))
-                    said = status(name, NOW_S + t, *course(t), path=None if vendor == "Mallory" else path)
-                    self.fleet.receive(said, NOW_S + t, VENDORS[vendor])
+                    message = status(name, NOW_S + t, *course(t), path=None if vendor == "Mallory" else path)
+                    self.fleet.receive(message, NOW_S + t, VENDORS[vendor])
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             revisions = self.engine.step(NOW_S + t)
-            assert all(ADVISORY.validate_json(one.model_dump_json()) == one for one in revisions)
+            assert all(ADVISORY.validate_json(revision.model_dump_json()) == revision for revision in revisions)
             self.revisions += revisions
             self.most = max(self.most, len(revisions))
 
     def raised_s(self) -> dict[Pair, float]:
         """When the first advisory of each pair was raised, after the start."""
-        conflicts = (one for one in reversed(self.revisions) if isinstance(one, ConflictAdvisory))
-        return {one.robots: one.raised_at.timestamp() - NOW_S for one in conflicts}
+        conflicts = (advisory for advisory in reversed(self.revisions) if isinstance(advisory, ConflictAdvisory))
+        return {conflict.robots: conflict.raised_at.timestamp() - NOW_S for conflict in conflicts}
 
     def crowds(self) -> list[CrowdAdvisory]:
-        return [one for one in self.revisions if isinstance(one, CrowdAdvisory)]
+        return [revision for revision in self.revisions if isinstance(revision, CrowdAdvisory)]
 
 
 def assert_meetings_are_announced(floor: Floor) -> None:
@@ -105,7 +105,7 @@ def test_a_crowd_is_one_advisory_and_costs_no_other_warning(crowding: Callable[[
     assert_meetings_are_announced(floor)
     raised, *updated, cleared = floor.crowds()
     assert len(updated) <= 2
-    assert (raised.state, cleared.state, {one.id for one in floor.crowds()}) == ("raised", "cleared", {raised.id})
+    assert (raised.state, cleared.state, {crowd.id for crowd in floor.crowds()}) == ("raised", "cleared", {raised.id})
     assert (raised.vendor, raised.crowded, len(raised.robots), set(raised.vendors)) == (
         "Mallory",
         CROWDING,
@@ -124,20 +124,22 @@ def test_robots_that_meet_where_others_crowd_are_warned_of_each_other_and_of_few
     floor.run(10.0)
     assert_meetings_are_announced(floor)
     first = {robot("Alder-0"), robot("Corvid-0")}
-    mixed = [one for one in floor.engine.conflicts() if len(first.intersection(one.robots)) == 1]
+    mixed = [conflict for conflict in floor.engine.conflicts() if len(first.intersection(conflict.robots)) == 1]
     assert 0 < len(mixed) <= 12
-    assert not any(one.recommendation and one.recommendation.holds for one in mixed)
+    assert not any(advisory.recommendation and advisory.recommendation.holds for advisory in mixed)
 
 
 def test_conflicts_among_robots_end_when_a_crowd_grows_around_them() -> None:
     floor = Floor(criss_cross, 8)
     floor.run(6.0)
-    within = {one.id for one in floor.engine.conflicts() if set(one.vendors) == {"Mallory"}}
+    within = {conflict.id for conflict in floor.engine.conflicts() if set(conflict.vendors) == {"Mallory"}}
     assert within
     floor.courses |= {f"M-{n}": ("Mallory", criss_cross(n)) for n in range(8, 30)}
     for name in (f"M-{n}" for n in range(8, 30)):
         floor.fleet.receive(identity(name, NOW_S, manufacturerName="Mallory"), NOW_S, VENDORS["Mallory"])
     floor.run(8.0)
-    assert not [one for one in floor.engine.conflicts() if set(one.vendors) == {"Mallory"}]
-    ended = [one for one in floor.revisions if one.id in within and one.state == "cleared"]
-    assert {one.cleared_because for one in ended} >= {"both report from a place with many others of their vendors"}
+    assert not [conflict for conflict in floor.engine.conflicts() if set(conflict.vendors) == {"Mallory"}]
+    ended = [revision for revision in floor.revisions if revision.id in within and revision.state == "cleared"]
+    assert {advisory.cleared_because for advisory in ended} >= {
+        "both report from a place with many others of their vendors"
+    }

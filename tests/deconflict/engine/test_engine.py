@@ -19,11 +19,11 @@ def states(advisories: list[ConflictAdvisory]) -> list[AdvisoryState]:
 
 def test_two_that_cross_have_one_advisory_from_raised_to_cleared() -> None:
     floor = Floor({"A": eastward(x=-12.0), "B": northward(y=-12.0)})
-    told = floor.run(30)
-    assert states(told) == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
-    assert {one.id for one in told} == {told[0].id}
-    assert [one.revision for one in told] == list(range(1, len(told) + 1))
-    first = told[0]
+    advisories = floor.run(30)
+    assert states(advisories) == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
+    assert {advisory.id for advisory in advisories} == {advisories[0].id}
+    assert [advisory.revision for advisory in advisories] == list(range(1, len(advisories) + 1))
+    first = advisories[0]
     assert first.encounter_class is EncounterClass.CROSSING
     assert first.min_separation_m == 0
     assert first.robots == tuple(sorted((robot("A"), robot("B"))))
@@ -38,10 +38,10 @@ def test_two_that_pass_with_room_have_none() -> None:
 
 
 def test_two_that_pass_within_the_clearance_have_their_separation_in_the_advisory() -> None:
-    told = Floor({"A": eastward(), "B": eastward(-1.0, 15.0, 0.7)}).run(25)
-    assert states(told) == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
-    assert told[0].min_separation_m == pytest.approx(0.2, abs=2e-3)
-    assert told[0].encounter_class is EncounterClass.HEAD_ON
+    advisories = Floor({"A": eastward(), "B": eastward(-1.0, 15.0, 0.7)}).run(25)
+    assert states(advisories) == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
+    assert advisories[0].min_separation_m == pytest.approx(0.2, abs=2e-3)
+    assert advisories[0].encounter_class is EncounterClass.HEAD_ON
 
 
 def test_two_that_begin_close_and_draw_apart_do_not_alert() -> None:
@@ -56,9 +56,9 @@ def test_a_silent_robot_stays_an_obstacle_and_grows() -> None:
     floor = Floor({"A": standing(0.0)}, silent_from_s={"A": 1.0})
     floor.run(400)
     floor.courses["B"] = eastward(-1.0, 412.0, 0.9)
-    told = floor.run(420, from_s=400)
-    assert AdvisoryState.RAISED in states(told)
-    assert told[0].encounter_class is EncounterClass.STATIONARY_OBSTACLE
+    advisories = floor.run(420, from_s=400)
+    assert AdvisoryState.RAISED in states(advisories)
+    assert advisories[0].encounter_class is EncounterClass.STATIONARY_OBSTACLE
 
 
 def test_a_robot_that_reports_does_not_grow() -> None:
@@ -84,7 +84,7 @@ def test_an_engine_that_restarts_goes_on_with_the_same_advisory() -> None:
     floor.engine = Engine(SITE, [before[-1]], {before[-1].robots: 1})
     floor.engine.receive(floor.fleet.next_batch(NOW_S + 6, everything=True))
     after = floor.run(30, from_s=6)
-    assert {one.id for one in before + after} == {before[0].id}
+    assert {advisory.id for advisory in before + after} == {before[0].id}
     assert states(after) == [AdvisoryState.CLEARED]
 
 
@@ -93,21 +93,21 @@ def test_an_engine_for_a_changed_site_goes_on_with_what_is_open_and_learned() ->
     before = floor.run(6)
     wider = SITE.model_copy(update={"conflict": Conflict(clearance_m=0.5)})
     renewed = floor.engine.renewed(wider)
-    knows, knew, new = (str(one.learned()["ledger"]) for one in (renewed, floor.engine, Engine(wider)))
+    knows, knew, new = (str(engine.learned()["ledger"]) for engine in (renewed, floor.engine, Engine(wider)))
     assert knows == knew != new
     floor.engine = renewed
     floor.engine.receive(floor.fleet.next_batch(NOW_S + 6, everything=True))
     after = floor.run(30, from_s=6)
-    assert {one.id for one in before + after} == {before[0].id}
+    assert {advisory.id for advisory in before + after} == {before[0].id}
     assert after[-1].state is AdvisoryState.CLEARED
-    assert {one.clearance_m for one in after[:-1]} <= {0.3, 0.5}
+    assert {advisory.clearance_m for advisory in after[:-1]} <= {0.3, 0.5}
 
 
 def test_the_same_messages_and_ticks_give_the_same_advisories() -> None:
     def told() -> list[str]:
         courses = {f"R{i}": eastward(1.0, -3.0 * i, 0.4 * i) for i in range(5)}
         courses |= {f"S{i}": northward(0.8, 3.0 * i, -2.0 * i) for i in range(5)}
-        return [one.model_dump_json() for one in Floor(courses).run(25)]
+        return [advisory.model_dump_json() for advisory in Floor(courses).run(25)]
 
     assert told()
     assert told() == told()

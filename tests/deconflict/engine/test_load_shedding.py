@@ -82,9 +82,9 @@ def test_less_effort_misses_no_near_conflict_and_full_effort_finds_all_again() -
     for second in range(8):
         n = 60
         keys, forecasts = [f"r{i:02d}" for i in range(n)], straight(n, random)
-        told = list(range(n)) if second == 0 else sorted(random.choice(n, 20, replace=False).tolist())
-        for one in (whole, short):
-            one.update([keys[row] for row in told], forecasts.take(told))
+        result = list(range(n)) if second == 0 else sorted(random.choice(n, 20, replace=False).tolist())
+        for sweeper in (whole, short):
+            sweeper.update([keys[row] for row in result], forecasts.take(result))
         now_s, reach_s = second + 0.3, 5.0 if second % 4 else np.inf
         exact, found = whole.find_conflicts(now_s), short.find_conflicts(now_s, reach_s, COARSE_M)
         near = exact.contact_s <= now_s + reach_s
@@ -101,20 +101,23 @@ def test_separations_are_coarse_only_at_less_effort() -> None:
     turns = straight(2, np.random.default_rng(5))
     pose = {"x_m": np.zeros(4), "y_m": np.array([0.0, 0.0, 1.9, 1.9]), "yaw_rad": np.array([0.0, 0.0, 0.3, 3.1])}
     turns = replace(turns, **pose, t_s=np.array([0.0, 0.9, 0.0, 0.9]), length_m=np.full(2, 2.0))
-    told = []
+    values = []
     for accuracy_m in (1e-3, COARSE_M):
         sweeper = Sweeper(clearance_m=1.5, horizon_s=10.0)
         sweeper.update(["a", "b"], turns)
-        told.append(sweeper.find_conflicts(0.0, accuracy_m=accuracy_m).separation_m.item())
-    assert told[0] < told[1] <= told[0] + COARSE_M
+        values.append(sweeper.find_conflicts(0.0, accuracy_m=accuracy_m).separation_m.item())
+    assert values[0] < values[1] <= values[0] + COARSE_M
 
 
 @pytest.mark.parametrize("effort", Effort)
 def test_a_conflict_has_an_advisory_in_time_at_any_effort(effort: Effort) -> None:
-    told = at_effort(effort)
-    assert [one.state for one in (told[0], told[-1])] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
+    advisories = at_effort(effort)
+    assert [advisory.state for advisory in (advisories[0], advisories[-1])] == [
+        AdvisoryState.RAISED,
+        AdvisoryState.CLEARED,
+    ]
     least_s, most_s = (8.0, 10.0) if effort < Effort.NEAR else (SITE.conflict.urgent_s, SITE.conflict.warning_s)
-    assert least_s < told[0].time_to_conflict_s <= most_s
+    assert least_s < advisories[0].time_to_conflict_s <= most_s
 
 
 def at_effort(effort: Effort) -> list[ConflictAdvisory]:
@@ -128,7 +131,7 @@ def test_an_open_advisory_on_a_far_conflict_stands_while_far_conflicts_are_left_
     assert before[-1].predicted_at.timestamp() > NOW_S + 12 + SITE.conflict.warning_s
     floor.effort = Effort.NEAR
     assert floor.run(13, from_s=12) == []
-    assert {one.id for one in floor.run(32, from_s=13)} == {before[0].id}
+    assert {advisory.id for advisory in floor.run(32, from_s=13)} == {before[0].id}
 
 
 def test_queues_are_looked_at_less_often_at_the_least_effort() -> None:

@@ -81,8 +81,8 @@ def test_the_engine_measures_the_drift_of_a_frame_by_robots_that_dock() -> None:
     for row in range(MARK_RESTS + FEWEST_RESTS):
         x_m = 1.0 if row < MARK_RESTS else 1.4
         away = points((t_s + 5, 8.0, 8.0, 0.0))
-        for said in (status("A-1", t_s, 5.0, 8.0, path=away), status("A-1", t_s + 20, x_m, 1.0)):
-            fleet.receive(said, t_s, line)
+        for message in (status("A-1", t_s, 5.0, 8.0, path=away), status("A-1", t_s + 20, x_m, 1.0)):
+            fleet.receive(message, t_s, line)
             engine.receive(fleet.next_batch(t_s))
             engine.step(t_s)
             t_s += 20
@@ -93,11 +93,11 @@ def test_the_engine_measures_the_drift_of_a_frame_by_robots_that_dock() -> None:
 def test_marks_are_kept_over_a_restart_except_of_docks_that_were_removed() -> None:
     drift, _ = with_marks()
     resumed, smaller = MapDrift.at(DOCKS), MapDrift.at(DOCKS[:1])
-    for one in (resumed, smaller):
-        one.resume(drift.learned())
-    for one in (drift, resumed, smaller):
+    for map_drift in (resumed, smaller):
+        map_drift.resume(drift.learned())
+    for map_drift in (drift, resumed, smaller):
         for _ in range(FEWEST_RESTS):
-            rest_at(one, 1, 0.5, 0.0)
+            rest_at(map_drift, 1, 0.5, 0.0)
     assert resumed.drift_m() == drift.drift_m()
     assert drift.drift_m()["Acme",] == pytest.approx(0.5, abs=0.1)
     assert smaller.drift_m() == {}
@@ -105,30 +105,30 @@ def test_marks_are_kept_over_a_restart_except_of_docks_that_were_removed() -> No
 
 def test_a_frame_that_moves_is_reported_with_its_time_until_it_is_back() -> None:
     drift, rng = with_marks()
-    told = []
+    changes = []
     for row in range(150):
         shift_m = 0.4 if 60 <= row < 100 else 0.0
         rest_at(drift, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + 300 * row)
-        told.append(drift.changed().get("Acme"))
-    assert not any(told[:60])
-    change = told[99]
+        changes.append(drift.changed().get("Acme"))
+    assert not any(changes[:60])
+    change = changes[99]
     assert change
     assert change.by == pytest.approx(0.4, abs=0.05)
     assert abs(change.since_s - (NOW_S + 300 * 60)) <= 900
-    assert told[-1] is None
+    assert changes[-1] is None
 
 
 def test_a_frame_that_stays_moved_for_a_day_gets_new_marks() -> None:
     drift, rng = with_marks()
-    told, every_s = [], 600.0
+    found, every_s = [], 600.0
     for row in range(60 + int(ADOPTED_S / every_s) + 6 * MARK_RESTS):
         shift_m = 0.4 if row >= 60 else 0.0
         rest_at(drift, row % 3, shift_m + rng.gauss(0, 0.05), rng.gauss(0, 0.05), at_s=NOW_S + every_s * row)
-        told.append((drift.drift_m().get(("Acme",), 0.0), drift.changed()))
-    assert told[100][0] > 0.3
-    assert told[100][1]
-    assert told[-1][0] < 0.1
-    assert not told[-1][1]
+        found.append((drift.drift_m().get(("Acme",), 0.0), drift.changed()))
+    assert found[100][0] > 0.3
+    assert found[100][1]
+    assert found[-1][0] < 0.1
+    assert not found[-1][1]
 
 
 def test_the_engine_measures_since_when_a_frame_has_moved() -> None:
@@ -139,11 +139,11 @@ def test_the_engine_measures_since_when_a_frame_has_moved() -> None:
     for row in range(moved_at + LEARNED):
         t_s, x_m = NOW_S + 40 * row, 1.0 if row < moved_at else 1.4
         away = points((t_s + 5, 8.0, 8.0, 0.0))
-        for said, at_s in (
+        for message, at_s in (
             (status("A-1", t_s, 5.0, 8.0, path=away), t_s),
             (status("A-1", t_s + 20, x_m, 1.0), t_s + 20),
         ):
-            fleet.receive(said, at_s, line)
+            fleet.receive(message, at_s, line)
             engine.receive(fleet.next_batch(at_s))
             engine.step(at_s)
     engine.measures.as_document()

@@ -36,5 +36,5 @@ class Stage:
 def test_a_pair_triggers_once_until_it_has_drawn_apart() -> None:
     stage = Stage(NearMissTrigger(0.3, 0.4), Sweeper(clearance_m=0.5))
     triggered = [stage.at(gap_m) for gap_m in (1.0, 0.45, 0.25, 0.0, 0.35, 0.2, 0.45, 0.25)]
-    assert [bool(one) for one in triggered] == [False, False, True, False, False, False, False, True]
+    assert [bool(each) for each in triggered] == [False, False, True, False, False, False, False, True]
     assert triggered[2] == [("a", "b")]

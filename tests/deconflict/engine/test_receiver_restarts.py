@@ -82,8 +82,8 @@ class Receiver:
     def _stand(self, name: str, t: float, floor: str) -> None:
         location = {"x": 0.0, "y": 0.0, "angle": angle(0.0), "planarDatum": floor}
         stop = {**points((NOW_S + 60.0, 1.0, 0.0, 0.0))[0], "planarDatumUUID": floor}
-        said: dict[str, Any] = {"operationalState": "idle", "location": location, "destinations": [stop]}
-        self.fleet.receive(status(name, NOW_S + t, **said), NOW_S + t, LINE)
+        document: dict[str, Any] = {"operationalState": "idle", "location": location, "destinations": [stop]}
+        self.fleet.receive(status(name, NOW_S + t, **document), NOW_S + t, LINE)
 
     def _drive(self, name: str, t: float, floor: str) -> None:
         """Drive along x, to arrive at the middle of the floor some time after the restart."""
@@ -94,8 +94,12 @@ class Receiver:
 
 
 def raised(advisories: Sequence[AnyAdvisory]) -> set[tuple[str, frozenset[str]]]:
-    conflicts = [one for one in advisories if isinstance(one, ConflictAdvisory) and one.state is AdvisoryState.RAISED]
-    return {(one.location.datum, frozenset(one.robots)) for one in conflicts}
+    conflicts = [
+        advisory
+        for advisory in advisories
+        if isinstance(advisory, ConflictAdvisory) and advisory.state is AdvisoryState.RAISED
+    ]
+    return {(conflict.location.datum, frozenset(conflict.robots)) for conflict in conflicts}
 
 
 @pytest.mark.parametrize("order", ORDERS, ids=lambda order: " ".join(floor[-2:] for floor in order))

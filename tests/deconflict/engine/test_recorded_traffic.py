@@ -43,12 +43,12 @@ async def test_recorded_traffic_gives_advisories(tmp_path: Path) -> None:
                 if since_s < 0 or since_s >= STRETCH_S[0]:
                     await asyncio.sleep(max(since_s - STRETCH_S[0] - (time.time() - began_s), 0))
                     await socket.send(event.raw)
-        told = "/advisories?state=all&kind=conflict"
-        answer = await service.until(told, lambda answer: len(answer["advisories"]) > 0)
+        text = "/advisories?state=all&kind=conflict"
+        answer = await service.until(text, lambda answer: len(answer["advisories"]) > 0)
         robots = (await service.get("/robots")).json()["robots"]
-    assert {one["state"] for one in answer["advisories"]} <= set(AdvisoryState)
-    raised = [one for one in answer["advisories"] if one["state"] == AdvisoryState.RAISED]
-    assert all(0 <= one["min_separation_m"] <= 0.5 or one["probability"] >= SURE for one in raised)
+    assert {advisory["state"] for advisory in answer["advisories"]} <= set(AdvisoryState)
+    raised = [advisory for advisory in answer["advisories"] if advisory["state"] == AdvisoryState.RAISED]
+    assert all(0 <= row["min_separation_m"] <= 0.5 or row["probability"] >= SURE for row in raised)
     # the stamps are years old: the senders' clocks are seen to be off, and corrected
     assert all(robot["clock"]["offset_s"] > 1e8 for robot in robots if robot["status"])
     assert all(robot["age_s"] < 60 for robot in robots)

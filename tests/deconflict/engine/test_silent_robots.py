@@ -26,21 +26,25 @@ class Judged(Watch):
         super().__post_init__()
         self.engine = Engine(SITE, learned=Engine(SITE).learned() | self.learned if self.learned else None)
         self.live, self.presence, self.measures = self.engine.live, self.engine.presence, self.engine.measures
-        self.told: list[AnyAdvisory] = []
+        self.advisories: list[AnyAdvisory] = []
 
     def take(self, batch: Batch) -> None:
         self.engine.receive(batch)
 
     def tick(self, everything: bool = False) -> PresenceChanges:
         self.take(self.fleet.next_batch(NOW_S + self.now_s, everything))
-        self.told += self.engine.step(NOW_S + self.now_s)
+        self.advisories += self.engine.step(NOW_S + self.now_s)
         return PresenceChanges()
 
     def conflicts(self, state: AdvisoryState | None = None) -> list[ConflictAdvisory]:
-        return [one for one in self.told if isinstance(one, ConflictAdvisory) and state in (None, one.state)]
+        return [
+            advisory
+            for advisory in self.advisories
+            if isinstance(advisory, ConflictAdvisory) and state in (None, advisory.state)
+        ]
 
     def blockages(self) -> list[AnyAdvisory]:
-        return [one for one in self.told if one.kind == "blockage"]
+        return [advisory for advisory in self.advisories if advisory.kind == "blockage"]
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +119,8 @@ def followed(beside_m: float, path_s: int) -> tuple[Judged, dict[str, float]]:
         floor.tick()
         floor.wait(1.0)
     floor.wait(20.0)
-    told = floor.measures.values["deconflict_probability_outcomes_total"]
-    return floor, {outcome: count for (outcome,), count in told.items()}
+    values = floor.measures.values["deconflict_probability_outcomes_total"]
+    return floor, {outcome: count for (outcome,), count in values.items()}
 
 
 def test_a_pair_was_kept_apart_where_one_was_silent_and_driven_through_and_is_unknown_otherwise() -> None:
@@ -154,8 +158,8 @@ def test_an_advisory_says_so_as_soon_as_its_robot_falls_silent() -> None:
         floor.wait(1.0)
     first, *others = floor.conflicts()
     assert "silent for" not in first.summary
-    (told,) = [other for other in others if other.summary.count("Alder silent, silent for 5 s,")][:1]
-    assert told.state is AdvisoryState.UPDATED
+    (advisory,) = [other for other in others if other.summary.count("Alder silent, silent for 5 s,")][:1]
+    assert advisory.state is AdvisoryState.UPDATED
     assert len({conflict.id for conflict in floor.conflicts()}) == 1
 
 
@@ -201,11 +205,11 @@ class Watched(Watch):
         super().__post_init__()
         empty = GlobalJudge(SITE).learned()
         self.judge = GlobalJudge(SITE, learned=empty | self.learned if self.learned else None)
-        self.told: list[AnyAdvisory] = []
+        self.advisories: list[AnyAdvisory] = []
 
     def tick(self, everything: bool = False) -> PresenceChanges:
         self.judge.receive([self.fleet.next_batch(NOW_S + self.now_s, everything)])
-        self.told += self.judge.advance(NOW_S + self.now_s)
+        self.advisories += self.judge.advance(NOW_S + self.now_s)
         return PresenceChanges()
 
 
@@ -213,7 +217,7 @@ def test_the_global_judge_of_a_cluster_knows_which_robots_have_left(door: Mappin
     for learned, is_told in ((None, True), (dict(door), False)):
         floor = Watched(learned=learned)
         blocked(floor)
-        assert any(one.kind == "blockage" for one in floor.told) == is_told
+        assert any(advisory.kind == "blockage" for advisory in floor.advisories) == is_told
 
 
 def test_metrics_count_how_silences_ended_and_which_robots_have_probably_left(door: Mapping[str, Part]) -> None:

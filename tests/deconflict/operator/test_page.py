@@ -73,16 +73,16 @@ class Service:
 
 
 def free_ports() -> tuple[int, int]:
-    with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
-        return one.getsockname()[1], other.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as sock, socket.create_server(("127.0.0.1", 0)) as other:
+        return sock.getsockname()[1], other.getsockname()[1]
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    one = Service(tmp_path_factory.mktemp("page"))
-    one.start()
-    yield one
-    one.stop_all()
+    made_service = Service(tmp_path_factory.mktemp("page"))
+    made_service.start()
+    yield made_service
+    made_service.stop_all()
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def opened(
     page, wrong = context.new_page(), []
     page.set_default_timeout(PATIENCE_MS)
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("console", lambda said: wrong.append(said.text) if "Content Security" in said.text else None)
+    page.on("console", lambda worker: wrong.append(worker.text) if "Content Security" in worker.text else None)
     arrive(page, service)
     yield page
     context.close()
@@ -231,8 +231,8 @@ def taken_up(page: "Page") -> str:
                 drawn = inked(page, middle[0], middle[1], 40) > 60
                 assert time.monotonic() < until_s, "it is not drawn"
             if drawn and page.evaluate(CARD, card["id"]):
-                told = page.request.get(f"{page.url}advisories/{card['id']}").json()["advisories"][-1]
-                assert all(name in card["says"] for name in told["names"])
+                document = page.request.get(f"{page.url}advisories/{card['id']}").json()["advisories"][-1]
+                assert all(name in card["says"] for name in document["names"])
                 return str(card["id"])
         page.wait_for_timeout(50)
     raise AssertionError("no conflict")

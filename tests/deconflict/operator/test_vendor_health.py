@@ -38,33 +38,33 @@ def test_each_vendor_is_summed_over_states_outcomes_rules_and_roles() -> None:
 
 def test_values_of_several_machines_are_summed_or_the_worst_is_taken() -> None:
     machines = [Measures(), Measures()]
-    for one, robots, per_s, offset_s, p80_m, grade in zip(
+    for item, robots, per_s, offset_s, p80_m, grade in zip(
         machines, (3, 4), (2.5, 4.0), (-3.0, 0.1), (0.2, 0.7), "BD", strict=True
     ):
-        one.level("deconflict_robots", {("Acme", "idle"): robots})
-        one.level("deconflict_messages_per_second", {("Acme",): per_s})
-        one.level("deconflict_clock_offset_seconds", {("Acme",): offset_s})
-        one.level("deconflict_forecast_error_metres", {("Acme", "3", str(share)): p80_m for share in (0.5, 0.8, 0.9)})
-        one.level("deconflict_forecast_grade", {("Acme", grade): 1.0})
-    for documents in ([one.as_document() for one in each] for each in (machines, machines[::-1])):
+        item.level("deconflict_robots", {("Acme", "idle"): robots})
+        item.level("deconflict_messages_per_second", {("Acme",): per_s})
+        item.level("deconflict_clock_offset_seconds", {("Acme",): offset_s})
+        item.level("deconflict_forecast_error_metres", {("Acme", "3", str(share)): p80_m for share in (0.5, 0.8, 0.9)})
+        item.level("deconflict_forecast_grade", {("Acme", grade): 1.0})
+    for documents in ([measures.as_document() for measures in each] for each in (machines, machines[::-1])):
         (acme,) = vendor_health(documents)
         assert (acme.robots, acme.messages_per_s, acme.clock_s, acme.grade) == (7, 6.5, -3.0, "D")
         assert acme.forecast_error[0].p80_m == 0.7
 
 
 def test_errors_are_given_by_horizon() -> None:
-    told = Measures()
-    told.count("deconflict_messages_total", "Acme", "accepted")
+    measures = Measures()
+    measures.count("deconflict_messages_total", "Acme", "accepted")
     sizes: dict[Labels, float]
     sizes = {("Acme", str(h), share): h * m for h in (10, 1) for share, m in (("0.5", 0.1), ("0.8", 0.2), ("0.9", 0.3))}
-    told.level("deconflict_forecast_error_metres", sizes)
-    told.level("deconflict_forecast_band_coverage_ratio", {("Acme", "0.9"): 0.91})
-    told.level("deconflict_arrival_error_seconds", {("Acme", "60", "0.5"): 4.0, ("Acme", "60", "0.9"): 9.0})
-    told.level("deconflict_arrivals_late_ratio", {("Acme", "60"): 0.25})
-    (acme,) = vendor_health([told.as_document()])
+    measures.level("deconflict_forecast_error_metres", sizes)
+    measures.level("deconflict_forecast_band_coverage_ratio", {("Acme", "0.9"): 0.91})
+    measures.level("deconflict_arrival_error_seconds", {("Acme", "60", "0.5"): 4.0, ("Acme", "60", "0.9"): 9.0})
+    measures.level("deconflict_arrivals_late_ratio", {("Acme", "60"): 0.25})
+    (acme,) = vendor_health([measures.as_document()])
     assert acme.forecast_error[0] == ForecastError(horizon_s=1, p50_m=0.1, p80_m=0.2, p90_m=0.3)
-    assert [one.horizon_s for one in acme.forecast_error] == [1, 10]
-    assert [(one.share, one.covered) for one in acme.coverage] == [(0.9, 0.91)]
+    assert [forecast_error.horizon_s for forecast_error in acme.forecast_error] == [1, 10]
+    assert [(coverage.share, coverage.covered) for coverage in acme.coverage] == [(0.9, 0.91)]
     assert [(arrival.ahead_up_to_s, arrival.p50_s, arrival.p90_s, arrival.late) for arrival in acme.arrivals] == [
         (60.0, 4.0, 9.0, 0.25)
     ]

@@ -14,8 +14,8 @@ from tests.helpers.made_advisories import made
 def main(directory: Path) -> None:
     store = Store(directory)
     for number in count(1):
-        for one in store.append([made(number), made(number, 2)]):
-            sys.stdout.write(f"{one.id} {one.revision} {one.seq}\n")
+        for advisory in store.append([made(number), made(number, 2)]):
+            sys.stdout.write(f"{advisory.id} {advisory.revision} {advisory.seq}\n")
         sys.stdout.flush()
 
 

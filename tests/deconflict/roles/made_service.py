@@ -33,8 +33,8 @@ MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lam
 def free_ports(count: int) -> list[int]:
     sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
     ports = [socket.getsockname()[1] for socket in sockets]
-    for one in sockets:
-        one.close()
+    for sock in sockets:
+        sock.close()
     return ports
 
 

@@ -31,11 +31,11 @@ async def running(data: Path) -> AsyncIterator[tuple[str, str]]:
 async def drive(url: str, start_s: float) -> None:
     """Everybody reports twice a second until cancelled."""
     async with connect(url) as socket:
-        for name, one in scripts().items():
-            await socket.send(identity(name, start_s, manufacturerName=one.vendor))
+        for name, script in scripts().items():
+            await socket.send(identity(name, start_s, manufacturerName=script.vendor))
         while True:
-            for name, one in scripts().items():
-                await socket.send(one.says(name, time.time() - start_s, start_s))
+            for name, script in scripts().items():
+                await socket.send(script.says(name, time.time() - start_s, start_s))
             await asyncio.sleep(0.5)
 
 
@@ -44,7 +44,11 @@ async def until(url: str, *kinds: str) -> dict[str, Any]:
     async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
         while True:
             answer = await client.get(f"{url}/advisories")
-            found = {one["kind"]: one for one in reversed(answer.json()["advisories"])} if answer.is_success else {}
+            found = (
+                {advisory["kind"]: advisory for advisory in reversed(answer.json()["advisories"])}
+                if answer.is_success
+                else {}
+            )
             if found.keys() >= set(kinds):
                 return found
             await asyncio.sleep(0.1)
@@ -53,7 +57,7 @@ async def until(url: str, *kinds: str) -> dict[str, Any]:
 async def revisions(url: str, *ids: str) -> list[dict[str, Any]]:
     """Every revision of some advisories."""
     async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
-        answers = [(await client.get(f"{url}/advisories/{one}")).json()["advisories"] for one in ids]
+        answers = [(await client.get(f"{url}/advisories/{name}")).json()["advisories"] for name in ids]
     return [revision for answer in answers for revision in answer]
 
 
@@ -62,8 +66,8 @@ async def told_in_metrics(url: str) -> None:
     async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
         while True:
             text = (await client.get(f"{url}/metrics")).text
-            told = dict(re.findall(r"^(deconflict_[^ ]+) ([\d.e+-]+)$", text, re.M))
-            if float(told.get("deconflict_advice_solve_seconds_count", 0)) >= 2:
+            row = dict(re.findall(r"^(deconflict_[^ ]+) ([\d.e+-]+)$", text, re.M))
+            if float(row.get("deconflict_advice_solve_seconds_count", 0)) >= 2:
                 break
             await asyncio.sleep(0.1)
     expected = {
@@ -72,13 +76,13 @@ async def told_in_metrics(url: str) -> None:
         'deconflict_resource_demand{resource="lane"}': 2.0,
         "deconflict_deadlocks_ahead": 1.0,
     }
-    assert {name: float(told[name]) for name in expected} == expected
-    wait_s = float(told['deconflict_resource_wait_seconds{resource="c1"}'])
+    assert {name: float(row[name]) for name in expected} == expected
+    wait_s = float(row['deconflict_resource_wait_seconds{resource="c1"}'])
     assert 100 < wait_s < 160, "one robot stays for 100 s before the other one's turn"
 
 
-def by_revision(told: list[AnyAdvisory]) -> dict[tuple[str, int], dict[str, Any]]:
-    return {(one.id, one.revision): json.loads(one.model_dump_json()) for one in told}
+def by_revision(advisories: list[AnyAdvisory]) -> dict[tuple[str, int], dict[str, Any]]:
+    return {(advisory.id, advisory.revision): json.loads(advisory.model_dump_json()) for advisory in advisories}
 
 
 async def test_a_deadlock_and_a_queue_are_predicted_and_keep_their_ids_over_a_restart(tmp_path: Path) -> None:
@@ -87,15 +91,17 @@ async def test_a_deadlock_and_a_queue_are_predicted_and_keep_their_ids_over_a_re
         driving = asyncio.create_task(drive(robots, start_s))
         found = await until(operator, "deadlock", "contention")
         assert set(found["deadlock"]["robots"]) == {robot("A"), robot("B")}
-        assert {one["where"] for one in found["deadlock"]["cycle"]} == {"lane"}
+        assert {row["where"] for row in found["deadlock"]["cycle"]} == {"lane"}
         assert found["deadlock"]["time_to_conflict_s"] > 3
         assert (found["contention"]["resource"], found["contention"]["queue_length"]) == ("c1", 2)
         assert found["contention"]["recommendation"]["slots"]
         await told_in_metrics(operator)
         driving.cancel()
         live = await revisions(operator, found["deadlock"]["id"], found["contention"]["id"])
-    told = by_revision(replayed(tmp_path / "log", SITE))
-    assert [one | {"seq": 0} for one in live] == [told[one["id"], one["revision"]] for one in live]
+    documents = by_revision(replayed(tmp_path / "log", SITE))
+    assert [document | {"seq": 0} for document in live] == [
+        documents[document["id"], document["revision"]] for document in live
+    ]
     async with running(tmp_path) as (robots, operator):
         driving = asyncio.create_task(drive(robots, start_s))
         again = await until(operator, "deadlock", "contention")

@@ -32,12 +32,12 @@ async def delivering(publish: Callable[[bytes], Awaitable[bytes]]) -> AsyncItera
     """A delivery to an operator face that answers each parcel so."""
     with runtime_directory() as runtime:
         async with listening(socket_path(Path(runtime), "operator"), {"publish": publish}):
-            one = Delivery(Path(runtime))
-            one.start()
+            running_delivery = Delivery(Path(runtime))
+            running_delivery.start()
             try:
-                yield one
+                yield running_delivery
             finally:
-                await asyncio.to_thread(one.stop)
+                await asyncio.to_thread(running_delivery.stop)
 
 
 async def test_a_pass_larger_than_what_may_wait_for_the_disk_is_stored_in_order(
@@ -50,11 +50,11 @@ async def test_a_pass_larger_than_what_may_wait_for_the_disk_is_stored_in_order(
         role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), tmp_path, render)
         running = asyncio.create_task(role.run(stop))
         await role.ready.wait()
-        one = Delivery(Path(runtime))
-        one.start()
-        one.add_pass([made(number) for number in range(count)], {}, Measures(), [NEAR] * count)
+        running_delivery = Delivery(Path(runtime))
+        running_delivery.start()
+        running_delivery.add_pass([made(number) for number in range(count)], {}, Measures(), [NEAR] * count)
         await until(lambda: role._store.last_seq() == count)
-        await asyncio.to_thread(one.stop)
+        await asyncio.to_thread(running_delivery.stop)
         stop.set()
         await running
     store = Store(tmp_path)
@@ -71,9 +71,9 @@ async def test_a_refused_parcel_is_sent_again_before_the_next(monkeypatch: pytes
         seen.append(int(first.id.removeprefix("advisory-")))
         return STORED if seen.count(seen[-1]) == 3 else REFUSED
 
-    async with delivering(publish) as one:
-        one.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
-        one.add_pass([made(MOST_LINES + 1)], {}, Measures())
+    async with delivering(publish) as running_delivery:
+        running_delivery.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
+        running_delivery.add_pass([made(MOST_LINES + 1)], {}, Measures())
         await until(lambda: len(seen) == 9)
     assert seen == [0, 0, 0, *[MOST_LINES] * 3, *[MOST_LINES + 1] * 3]
 
@@ -85,9 +85,9 @@ async def test_what_follows_an_undelivered_parcel_is_not_delivered_at_the_end() 
         seen.append(len(unpacked_parcel(parcel)[1]))
         return REFUSED if len(seen) == 1 else STORED
 
-    async with delivering(publish) as one:
-        one._stopping.set()
-        one.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
+    async with delivering(publish) as running_delivery:
+        running_delivery._stopping.set()
+        running_delivery.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
     assert seen == [MOST_LINES]
 
 
@@ -96,15 +96,15 @@ async def test_undelivered_passes_are_bounded_and_the_engine_restarts(
 ) -> None:
     monkeypatch.setattr(delivery, "MOST_WAITING_BYTES", 1 << 20)
     monkeypatch.setattr(delivery, "STUCK_S", 0.5)
-    one, arrived_s = Delivery(tmp_path), {"Acme": np.full(10_000, NOW_S)}
-    one.start()
+    running_delivery, arrived_s = Delivery(tmp_path), {"Acme": np.full(10_000, NOW_S)}
+    running_delivery.start()
     for _ in range(13):
-        one.add_pass([], arrived_s, Measures())
-        assert one.has_room()
-    one.add_pass([], arrived_s, Measures())
+        running_delivery.add_pass([], arrived_s, Measures())
+        assert running_delivery.has_room()
+    running_delivery.add_pass([], arrived_s, Measures())
     with pytest.raises(UndeliveredError):
-        await until(one.has_room)
-    one.stop()
+        await until(running_delivery.has_room)
+    running_delivery.stop()
 
 
 async def test_a_slow_operator_face_delays_the_next_pass_and_ends_no_engine(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,12 +115,12 @@ async def test_a_slow_operator_face_delays_the_next_pass_and_ends_no_engine(monk
         await asyncio.sleep(0.1)
         return STORED
 
-    async with delivering(publish) as one:
-        one.add_pass([], {}, Measures(), [NEAR] * (12 * MOST_LINES))
-        one.add_pass([], {"Acme": np.full(200_000, NOW_S)}, Measures(), [NEAR])
+    async with delivering(publish) as running_delivery:
+        running_delivery.add_pass([], {}, Measures(), [NEAR] * (12 * MOST_LINES))
+        running_delivery.add_pass([], {"Acme": np.full(200_000, NOW_S)}, Measures(), [NEAR])
         began_s = time.monotonic()
-        assert not one.has_room()
-        await until(one.has_room)
+        assert not running_delivery.has_room()
+        await until(running_delivery.has_room)
         assert time.monotonic() - began_s > 2 * delivery.STUCK_S
 
 
@@ -133,10 +133,10 @@ async def test_any_amount_is_delivered_to_an_operator_face_that_answers(monkeypa
         taken += 1
         return STORED
 
-    async with delivering(publish) as one:
+    async with delivering(publish) as running_delivery:
         for number in range(1, 101):
-            one.add_pass([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [NEAR])
+            running_delivery.add_pass([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [NEAR])
             await until(lambda count=number: taken == count)
-            await until(one.has_room)
-    waits = one.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]
+            await until(running_delivery.has_room)
+    waits = running_delivery.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]
     assert sum(waits.counts) == 100 * 10_000

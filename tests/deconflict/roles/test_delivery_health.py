@@ -73,14 +73,14 @@ async def test_health_shows_that_the_store_refuses_and_that_it_takes_again(
         role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), tmp_path, render)
         running = asyncio.create_task(role.run(stop))
         await role.ready.wait()
-        one, face = Delivery(Path(runtime)), AsyncCaller(Path(runtime), "operator")
-        one.start()
-        one.add_pass([made(1)], {}, Measures())
+        delivery, face = Delivery(Path(runtime)), AsyncCaller(Path(runtime), "operator")
+        delivery.start()
+        delivery.add_pass([made(1)], {}, Measures())
         await until_delivery(face, "degraded")
         monkeypatch.setattr("deconflict.operator.store.store.MOST_PENDING", 1)
         await until_delivery(face, "ok")
         assert role._store.last_seq() == 1
-        await asyncio.to_thread(one.stop)
+        await asyncio.to_thread(delivery.stop)
         stop.set()
         await running
 

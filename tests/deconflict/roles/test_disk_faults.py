@@ -84,7 +84,7 @@ async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Pat
     assert publisher.failing
     assert measures.values["deconflict_store_unstored"] == {(): 2}
     await publisher.publish([made(2)])
-    assert [one.seq for one in store.open()] == [3, 2, 1]
+    assert [advisory.seq for advisory in store.open()] == [3, 2, 1]
     holding.execute("COMMIT")
     holding.close()
     async with asyncio.timeout(PATIENCE_S):
@@ -95,7 +95,9 @@ async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Pat
     await publisher.close()
     store.close()
     again = Store(tmp_path)
-    assert [(one.id, one.seq) for one in again.after(0)] == [(f"advisory-{number}", number) for number in range(1, 5)]
+    assert [(each.id, each.seq) for each in again.after(0)] == [
+        (f"advisory-{number}", number) for number in range(1, 5)
+    ]
     again.close()
 
 
@@ -149,7 +151,7 @@ async def test_a_full_disk_delays_no_advisory_and_shows_and_is_filled_up_later(s
         await service.until("/healthz", lambda health: health["status"] == "ok")
         ballast = fill(small_disk)
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 60))
-        told = await service.until("/advisories?state=cleared", lambda answer: answer["advisories"])
+        row = await service.until("/advisories?state=cleared", lambda answer: answer["advisories"])
         sick = await service.get("/healthz")
         assert (sick.status_code, sick.json()["store"]["status"]) == (503, "failing")
         assert sick.json()["store"]["unstored"] >= 2
@@ -162,9 +164,9 @@ async def test_a_full_disk_delays_no_advisory_and_shows_and_is_filled_up_later(s
         resumed_s = time.time()
         await asyncio.wait_for(drive(service.robots_url, CROSSING, 2.0, resumed_s), PATIENCE_S)
     store = Store(small_disk)
-    kept = [one for one in store.after(0, -1) if one.id == told["advisories"][0]["id"]]
-    assert [one.revision for one in kept] == list(range(1, len(kept) + 1))
-    assert kept[-1].seq == told["advisories"][0]["seq"]
+    kept = [advisory for advisory in store.after(0, -1) if advisory.id == row["advisories"][0]["id"]]
+    assert [advisory.revision for advisory in kept] == list(range(1, len(kept) + 1))
+    assert kept[-1].seq == row["advisories"][0]["seq"]
     store.close()
     events = list(LogReader().read([small_disk / "log"]))
     assert any(isinstance(event, Tick) and event.now_s > resumed_s for event in events), "recording resumed"

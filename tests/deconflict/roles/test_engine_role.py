@@ -21,11 +21,11 @@ def fleet() -> Fleet:
 
 
 def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_the_first() -> None:
-    one, acme, bolt = fleet(), Connection(1, vendor="Acme"), Connection(2, vendor="Bolt")
+    receiving_fleet, acme, bolt = fleet(), Connection(1, vendor="Acme"), Connection(2, vendor="Bolt")
     for i in range(3):
-        one.receive(status("A-1", NOW_S + i), NOW_S + i, acme)
-    one.receive(status("B-1", NOW_S + 1), NOW_S + 1.5, bolt)
-    batch = one.next_batch(NOW_S + 3)
+        receiving_fleet.receive(status("A-1", NOW_S + i), NOW_S + i, acme)
+    receiving_fleet.receive(status("B-1", NOW_S + 1), NOW_S + 1.5, bolt)
+    batch = receiving_fleet.next_batch(NOW_S + 3)
     waited = {
         vendor: sorted((arrivals - NOW_S).tolist()) for vendor, arrivals in arrivals_s(batch, batch.now_s).items()
     }
@@ -33,15 +33,15 @@ def test_each_valid_status_counts_once_for_its_vendor_and_a_replaced_one_from_th
 
 
 def test_arrivals_are_times_of_the_host_clock_also_after_it_was_set() -> None:
-    one = fleet()
-    one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Acme"))
-    told = arrivals_s(one.next_batch(NOW_S + 0.1), NOW_S + 7200.1)
-    assert told["Acme"].tolist() == pytest.approx([NOW_S + 7200.0])
+    receiving_fleet = fleet()
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Acme"))
+    numbers = arrivals_s(receiving_fleet.next_batch(NOW_S + 0.1), NOW_S + 7200.1)
+    assert numbers["Acme"].tolist() == pytest.approx([NOW_S + 7200.0])
 
 
 def test_a_new_engine_counts_no_message_twice() -> None:
-    one, acme = fleet(), Connection(1, vendor="Acme")
-    one.receive(status("A-1", NOW_S), NOW_S, acme)
-    one.next_batch(NOW_S + 0.1)
-    again = arrivals_s(one.next_batch(NOW_S + 60, everything=True), NOW_S + 60)
+    receiving_fleet, acme = fleet(), Connection(1, vendor="Acme")
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, acme)
+    receiving_fleet.next_batch(NOW_S + 0.1)
+    again = arrivals_s(receiving_fleet.next_batch(NOW_S + 60, everything=True), NOW_S + 60)
     assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}

@@ -46,15 +46,15 @@ OWN = tuple(f"M-{i}" for i in range(1, 10))
 async def come_in(service: Running) -> None:
     """Be known with the robots that the abuse is about, before made up ones fill what the vendor may have."""
     async with mallory(service.robots_url) as socket, asyncio.timeout(PATIENCE_S):
-        while sum(one["vendor"] == "Mallory" for one in (await service.get("/robots")).json()["robots"]) < len(OWN):
+        while sum(row["vendor"] == "Mallory" for row in (await service.get("/robots")).json()["robots"]) < len(OWN):
             for name in OWN:
                 await socket.send(status(name, time.time(), 500.0, 150.0))
             await asyncio.sleep(0.1)
 
 
-async def be_in_two_places(url: str, told: Callable[[], Awaitable[Any]]) -> Any:
+async def be_in_two_places(url: str, found: Callable[[], Awaitable[Any]]) -> Any:
     """One robot over two connections, until somebody is told; what was told."""
-    telling = asyncio.ensure_future(told())
+    telling = asyncio.ensure_future(found())
     async with connect(f"{url}/Mallory") as here, connect(f"{url}/Mallory") as there:
         while not telling.done():
             await here.send(status("M-3", time.time(), 500.0, 300.0))
@@ -89,8 +89,8 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
         await come_in(service)
         abusing = [asyncio.create_task(abuse(service.robots_url)) for abuse in ABUSES]
         driving = asyncio.create_task(drive(f"{service.robots_url}/Alder", CROSSING, 40, time.time() + 8))
-        told = await first_advisory(service, "conflict")
-        assert (told.state, set(told.robots)) == (AdvisoryState.RAISED, {robot("A-1"), robot("B-1")})
+        advisory = await first_advisory(service, "conflict")
+        assert (advisory.state, set(advisory.robots)) == (AdvisoryState.RAISED, {robot("A-1"), robot("B-1")})
         await asyncio.gather(*abusing)
         claimed = await first_advisory(service, "foreign_claim")
         assert (claimed.owner, claimed.claimant, claimed.robots) == ("Alder", "Mallory", (robot("A-1"),))
@@ -102,7 +102,7 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
         doubled = await be_in_two_places(service.robots_url, lambda: first_advisory(service, "two_places", "Mallory"))
         assert robot("M-3") in doubled.robots
         driving.cancel()
-        robots = {one["uuid"]: one for one in (await service.get("/robots")).json()["robots"]}
+        robots = {row["uuid"]: row for row in (await service.get("/robots")).json()["robots"]}
         assert robots[robot("A-1")]["vendor"] == "Alder"
         assert abs(robots[robot("A-1")]["location"]["x"]) < 50
         assert sum(robot["vendor"] == "Mallory" for robot in robots.values()) == 50
@@ -126,6 +126,6 @@ def uncounted(text: str) -> set[str]:
 async def first_advisory(service: Running, kind: str, vendor: str = "Alder") -> Any:
     async with connect(f"ws://{service.face}/advisories/stream?after=0") as stream, asyncio.timeout(PATIENCE_S):
         while True:
-            told = ADVISORY.validate_json(await stream.recv())
-            if told.kind == kind and vendor in told.vendors:
-                return told
+            advisory = ADVISORY.validate_json(await stream.recv())
+            if advisory.kind == kind and vendor in advisory.vendors:
+                return advisory

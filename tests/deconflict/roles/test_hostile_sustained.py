@@ -86,8 +86,8 @@ async def again_and_again(abuse: Callable[[str], Awaitable[None]], url: str) -> 
 def abusers(url: str) -> Iterator[None]:
     """In a process of their own, so that honest robots do not wait for them to make up what they send."""
     root = Path(__file__).parents[3]
-    said = f"import asyncio; from {__name__} import abused; asyncio.run(abused({url!r}))"
-    with subprocess.Popen([sys.executable, "-c", said], cwd=root, stderr=subprocess.DEVNULL) as process:
+    text = f"import asyncio; from {__name__} import abused; asyncio.run(abused({url!r}))"
+    with subprocess.Popen([sys.executable, "-c", text], cwd=root, stderr=subprocess.DEVNULL) as process:
         try:
             yield
         finally:
@@ -144,7 +144,7 @@ async def test_a_hundred_honest_robots_lose_nothing_while_everything_hostile_goe
     with service.running() as pid:
         await service.until("/healthz", healthy)
         roles = children(pid)
-        quiet = {role: files(one) for role, one in roles.items()}
+        quiet = {role: files(number) for role, number in roles.items()}
         with abusers(service.robots_url):
             fleets = [
                 asyncio.create_task(fleet(service.robots_url, first, time.time(), stop))
@@ -163,9 +163,9 @@ async def test_a_hundred_honest_robots_lose_nothing_while_everything_hostile_goe
             "a machine that stands still for a second has two of a robot"
         )
         assert children(pid) == roles, "somebody died"
-        peaks = {role: peak_mb(one) for role, one in roles.items()}
+        peaks = {role: peak_mb(number) for role, number in roles.items()}
         assert {role: mb for role, mb in peaks.items() if mb > MOST_MB[role]} == {}
         async with asyncio.timeout(PATIENCE_S):
-            while any(files(one) > quiet[role] + 10 for role, one in roles.items()):
+            while any(files(number) > quiet[role] + 10 for role, number in roles.items()):
                 await asyncio.sleep(0.2)
         await service.until("/healthz", healthy)

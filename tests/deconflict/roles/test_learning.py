@@ -20,8 +20,8 @@ def test_a_resumed_engine_predicts_like_one_that_never_stopped() -> None:
         return Stage({"a": Walk((0.0, -20.0), (0.0, 1.0), says=(0.2, 1.1)), "b": Walk((-20.0, 0.0), (1.0, 0.0))})
 
     steady, stopped = stage(), stage()
-    for one in (steady, stopped):
-        one.run(15)
+    for staged in (steady, stopped):
+        staged.run(15)
     resumed = stage()
     resumed.foresight.resume(unpacked(packed(stopped.foresight.learned())))
     assert resumed.foresight.ledger.kinds == steady.foresight.ledger.kinds

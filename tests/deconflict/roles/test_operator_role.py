@@ -69,14 +69,14 @@ async def test_an_invalid_revision_is_set_aside_and_the_others_of_its_parcel_are
             {}, [to_json(made(1)), to_json(unknown_kind), b"{", to_json(not_finite), to_json(made(4))]
         )
         assert await engine.call("publish", parcel) == STORED
-        assert [one.id for one in role._store.after(0)] == ["advisory-1", "advisory-4"]
+        assert [advisory.id for advisory in role._store.after(0)] == ["advisory-1", "advisory-4"]
         assert role._publisher.measures.values["deconflict_advisories_set_aside_total"]["invalid",] == 3
 
 
 async def tell(engine: AsyncCaller, numbers: range) -> None:
     """Advisories that come and go, a parcel at a time, and then what was learned, more often than it is remembered."""
     for first in range(numbers.start, numbers.stop, EACH):
-        told = [make(number) for number in range(first, first + EACH) for make in (made, cleared)]
-        await engine.call("publish", packed_parcel({}, map(to_json, told)))
+        advisories = [make(number) for number in range(first, first + EACH) for make in (made, cleared)]
+        await engine.call("publish", packed_parcel({}, map(to_json, advisories)))
     for number in range(SNAPSHOTS + 1):
         await engine.call("learn", packed({"tick": {"now_s": float(number)}}))

@@ -40,9 +40,9 @@ async def serving(directory: Path) -> AsyncIterator[ReceiverRole]:
 async def test_messages_are_recorded_before_the_engine_receives_them(tmp_path: Path) -> None:
     async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
         await socket.send(status("A-1", time.time()))
-        engine, told = AsyncCaller(tmp_path, "receiver"), 0
-        while not told:
-            told = len(Batch.from_bytes(await engine.call("batch")))
+        engine, number = AsyncCaller(tmp_path, "receiver"), 0
+        while not number:
+            number = len(Batch.from_bytes(await engine.call("batch")))
         kinds = [type(event) for event in read(tmp_path / "log")[0]]
         assert kinds[-2:] == [Received, Tick]
 
@@ -68,9 +68,9 @@ async def test_messages_are_read_while_all_robot_documents_are_written(tmp_path:
             await asyncio.sleep(0)
             role.fleet.receive(late, time.time(), Connection(1))
             turns += 1
-        told = json.loads(await asking)
-        assert len(told) in {10 * DOCUMENTS_AT_ONCE, 10 * DOCUMENTS_AT_ONCE + 1}
-        assert [one["uuid"] for one in told] == sorted(one["uuid"] for one in told)
+        document = json.loads(await asking)
+        assert len(document) in {10 * DOCUMENTS_AT_ONCE, 10 * DOCUMENTS_AT_ONCE + 1}
+        assert [row["uuid"] for row in document] == sorted(row["uuid"] for row in document)
         assert turns > 10
 
 

@@ -28,22 +28,22 @@ from tests.helpers.saying import HALL, identity, status
 async def test_crossing_robots_have_an_advisory_from_raised_to_cleared(tmp_path: Path) -> None:
     async with running(tmp_path) as service, connect(f"ws://{service.face}/advisories/stream?after=0") as stream:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
-        told = []
+        advisories = []
         async with asyncio.timeout(PATIENCE_S):
             async for message in stream:
-                told.append(ADVISORY.validate_json(message))
-                if told[-1].state is AdvisoryState.CLEARED:
+                advisories.append(ADVISORY.validate_json(message))
+                if advisories[-1].state is AdvisoryState.CLEARED:
                     break
         driving.cancel()
-        assert {one.id for one in told} == {told[0].id}
-        assert told[0].state is AdvisoryState.RAISED
-        assert told[0].vendors == ("Alder", "Alder")
-        assert told[0].location
-        assert told[0].location.datum == HALL
-        assert [one.seq for one in told] == list(range(1, len(told) + 1))
+        assert {advisory.id for advisory in advisories} == {advisories[0].id}
+        assert advisories[0].state is AdvisoryState.RAISED
+        assert advisories[0].vendors == ("Alder", "Alder")
+        assert advisories[0].location
+        assert advisories[0].location.datum == HALL
+        assert [advisory.seq for advisory in advisories] == list(range(1, len(advisories) + 1))
         listed = (await service.get("/advisories?state=cleared")).json()["advisories"]
-        assert [one["id"] for one in listed] == [told[0].id]
-        assert any(one.recommendation for one in told)
+        assert [row["id"] for row in listed] == [advisories[0].id]
+        assert any(advisory.recommendation for advisory in advisories)
         text = (await service.get("/metrics")).text
         assert float(text.split("\ndeconflict_advice_solve_seconds_count ")[1].split()[0]) > 0
 
@@ -70,9 +70,9 @@ async def test_robots_health_and_metrics_are_served(tmp_path: Path) -> None:
         await socket.send("nonsense")
         await service.until("/healthz", lambda health: health["status"] == "ok")
         robots = await service.until("/robots", lambda answer: len(answer["robots"]) == 1)
-        (one,) = robots["robots"]
-        assert one["status"]["batteryPercentage"] == 55.5
-        assert one["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
+        (only,) = robots["robots"]
+        assert only["status"]["batteryPercentage"] == 55.5
+        assert only["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
         rejected = await service.until("/quarantine", lambda answer: len(answer["rejected"]) == 1)
         assert rejected["rejected"][0]["message"] == "nonsense"
         text = (await service.get("/metrics")).text
@@ -83,15 +83,15 @@ async def test_robots_health_and_metrics_are_served(tmp_path: Path) -> None:
 async def test_each_vendor_has_its_rate_deviations_errors_and_grade(tmp_path: Path) -> None:
     async with running(tmp_path) as service:
         driving = asyncio.create_task(drive(service.robots_url, {"A-1": CROSSING["A-1"]}, 20))
-        told = await service.until(
+        row = await service.until(
             "/vendors", lambda answer: answer["vendors"] and answer["vendors"][0]["messages_per_s"] is not None
         )
         driving.cancel()
-        (alder,) = told["vendors"]
+        (alder,) = row["vendors"]
         assert (alder["name"], alder["robots"], alder["rejected"], alder["grade"]) == ("Alder", 1, 0, None)
         assert 1.0 < alder["messages_per_s"] < 3.0
         assert alder["coverage"]
-        assert [one["horizon_s"] for one in alder["forecast_error"]] == [1, 3, 5, 10]
+        assert [entry["horizon_s"] for entry in alder["forecast_error"]] == [1, 3, 5, 10]
         assert sum(alder["deviations_by_rule"].values()) == alder["deviations"]
 
 
@@ -116,10 +116,12 @@ async def test_an_open_advisory_survives_a_restart_with_its_id(tmp_path: Path) -
         driving = asyncio.create_task(drive(service.robots_url, meeting, 60, start_s))
         again = await service.until(
             "/advisories",
-            lambda answer: any(one["revision"] > first["advisories"][0]["revision"] for one in answer["advisories"]),
+            lambda answer: any(
+                advisory["revision"] > first["advisories"][0]["revision"] for advisory in answer["advisories"]
+            ),
         )
         driving.cancel()
-        assert [one["id"] for one in again["advisories"]] == [first["advisories"][0]["id"]]
+        assert [advisory["id"] for advisory in again["advisories"]] == [first["advisories"][0]["id"]]
 
 
 @pytest.mark.parametrize("step_s", [-7200.0, 7200.0])
@@ -149,7 +151,7 @@ async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> N
         listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
         driving.cancel()
         live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
-    assert [again | {"seq": 0} for again in replay(tmp_path / "log")] == [one | {"seq": 0} for one in live]
+    assert [again | {"seq": 0} for again in replay(tmp_path / "log")] == [each | {"seq": 0} for each in live]
 
 
 async def test_an_overloaded_service_shows_it_still_warns_and_replays_to_the_same_advisories(tmp_path: Path) -> None:
@@ -171,7 +173,7 @@ async def test_an_overloaded_service_shows_it_still_warns_and_replays_to_the_sam
 
 
 def replay(log: Path) -> list[dict[str, Any]]:
-    return [json.loads(one.model_dump_json()) for one in replayed(log, SITE)]
+    return [json.loads(advisory.model_dump_json()) for advisory in replayed(log, SITE)]
 
 
 async def test_the_floor_is_as_it_was_after_a_restart(tmp_path: Path) -> None:
@@ -181,9 +183,9 @@ async def test_the_floor_is_as_it_was_after_a_restart(tmp_path: Path) -> None:
             await socket.send(status("A-1", time.time(), 1.0, 2.0))
         await service.until("/robots", lambda answer: len(answer["robots"]) == 1 and answer["robots"][0]["status"])
     async with running(tmp_path) as service:
-        (one,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
-        assert one["identified"]
-        assert one["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
+        (only,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
+        assert only["identified"]
+        assert only["location"] == {"x": 1.0, "y": 2.0, "yaw_rad": 0.0}
         text = (await service.get("/metrics")).text
         assert 'deconflict_messages_total{result="accepted",vendor="Alder"}' not in text
 
@@ -197,5 +199,5 @@ async def test_the_service_dials_a_fleet_manager_and_receives_its_robots(tmp_pat
         port = next(iter(manager.sockets)).getsockname()[1]
         basalt = Vendor(name="Basalt", dial=(f"ws://127.0.0.1:{port}",))
         async with running(tmp_path, SITE.model_copy(update={"vendors": (basalt,)})) as service:
-            (one,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
-            assert (one["vendor"], one["identified"]) == ("Basalt", False)
+            (only,) = (await service.until("/robots", lambda answer: answer["robots"]))["robots"]
+            assert (only["vendor"], only["identified"]) == ("Basalt", False)

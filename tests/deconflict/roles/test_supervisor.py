@@ -26,14 +26,14 @@ async def test_a_killed_engine_shows_in_health_and_resumes_its_advisory(tmp_path
         async with service.with_robots(time.time() - 21.0):
             before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
             os.kill(children(pid)["engine"], signal.SIGKILL)
-            told = await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1)
-            assert (told["status"], told["roles"]["engine"]) == ("degraded", "down"), "healthy before it can be"
+            row = await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1)
+            assert (row["status"], row["roles"]["engine"]) == ("degraded", "down"), "healthy before it can be"
             await service.until("/healthz", healthy)
             revision = before["advisories"][0]["revision"]
             after = await service.until(
                 "/advisories?state=all", lambda answer: answer["advisories"][0]["revision"] > revision
             )
-        assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+        assert [advisory["id"] for advisory in after["advisories"]] == [before["advisories"][0]["id"]]
 
 
 def test_a_role_restarts_at_once_and_with_growing_waits_if_it_keeps_ending() -> None:
@@ -114,13 +114,13 @@ async def test_hanging_roles_show_in_health_and_resume_their_advisory(tmp_path: 
             roles = children(pid)
             for role in ("engine", "receiver"):
                 os.kill(roles[role], signal.SIGSTOP)
-            told = await service.until(
+            row = await service.until(
                 "/healthz", lambda health: "up" not in (health["roles"]["engine"], health["roles"]["receiver"])
             )
-            assert (told["status"], told["restarts"]) == ("degraded", {"operator": 0, "receiver": 0, "engine": 0})
+            assert (row["status"], row["restarts"]) == ("degraded", {"operator": 0, "receiver": 0, "engine": 0})
             os.kill(roles["operator"], signal.SIGSTOP)
-            told = await service.until("/healthz", healthy, within_s=180)
-            assert told["restarts"] == {"operator": 1, "receiver": 1, "engine": 1}
+            row = await service.until("/healthz", healthy, within_s=180)
+            assert row["restarts"] == {"operator": 1, "receiver": 1, "engine": 1}
             assert not set(roles.values()) & set(children(pid).values())
         async with service.with_robots(time.time() - 21.0):
             after = await service.until("/advisories?state=all", lambda answer: answer["seq"] > before["seq"])
@@ -141,7 +141,7 @@ async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_p
             await asyncio.sleep(0.05)
     with service.running():
         after = await service.until("/advisories?state=all", lambda answer: answer["seq"] >= before["seq"])
-        assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+        assert [advisory["id"] for advisory in after["advisories"]] == [before["advisories"][0]["id"]]
         robots = await service.until("/robots", lambda answer: len(answer.get("robots", [])) == 2)
         assert all(robot["location"] for robot in robots["robots"])
 

@@ -54,8 +54,8 @@ def test_a_file_of_another_format_says_which(monkeypatch: pytest.MonkeyPatch) ->
         unpacked(data)
 
 
-@pytest.mark.parametrize("told", [None, "three", [1.0, float("nan")], [[1.0], [2.0, 3.0]], [1.0, 2.0, 3.0]])
-def test_only_finite_numbers_of_the_right_shape_are_taken(told: object) -> None:
+@pytest.mark.parametrize("expected", [None, "three", [1.0, float("nan")], [[1.0], [2.0, 3.0]], [1.0, 2.0, 3.0]])
+def test_only_finite_numbers_of_the_right_shape_are_taken(expected: object) -> None:
     assert numbers({"a": [1, 2]}, "a", (2,)).tolist() == [1.0, 2.0]
     with pytest.raises(UnreadableError, match="a is not"):
-        numbers({"a": told}, "a", (2,))
+        numbers({"a": expected}, "a", (2,))

@@ -21,32 +21,32 @@ def now_s() -> list[float]:
 
 
 @pytest.fixture
-def said() -> StringIO:
+def log_text() -> StringIO:
     return StringIO()
 
 
 @pytest.fixture
-def log(now_s: list[float], said: StringIO) -> logging.Logger:
+def log(now_s: list[float], log_text: StringIO) -> logging.Logger:
     """A logger without a parent: the runner of parallel tests can't carry a record with a lone surrogate."""
     logger = logging.Logger("deconflict.test")
-    logger.addHandler(logging_setup.create_handler("json", lambda: now_s[0], said))
+    logger.addHandler(logging_setup.create_handler("json", lambda: now_s[0], log_text))
     return logger
 
 
-def test_any_record_is_logged_as_one_json_object(log: logging.Logger, said: StringIO) -> None:
+def test_any_record_is_logged_as_one_json_object(log: logging.Logger, log_text: StringIO) -> None:
     log.warning('the %s said "%s"\nand \ud800 left', "robot", "no")
     try:
         raise ValueError("too far")
     except ValueError:
         log.exception("it failed")
-    first, second = (json.loads(line) for line in said.getvalue().splitlines())
+    first, second = (json.loads(line) for line in log_text.getvalue().splitlines())
     assert (first["level"], first["logger"]) == ("warning", "deconflict.test")
     assert first["said"] == 'the robot said "no"\nand \\ud800 left'
     assert second["error"].endswith("ValueError: too far")
 
 
 def test_repeated_records_of_one_place_are_limited_and_counted_and_hide_no_other(
-    log: logging.Logger, now_s: list[float], said: StringIO
+    log: logging.Logger, now_s: list[float], log_text: StringIO
 ) -> None:
     def say(number: int) -> None:
         log.warning("connection %d is turned away", number)
@@ -54,13 +54,13 @@ def test_repeated_records_of_one_place_are_limited_and_counted_and_hide_no_other
     for number in range(10_000):
         say(number)
     log.error("the disk is full")
-    lines = said.getvalue().splitlines()
+    lines = log_text.getvalue().splitlines()
     assert len(lines) == MOST_ALIKE + 1
     assert json.loads(lines[-1])["said"] == "the disk is full"
     now_s[0] += WITHIN_S
     say(7)
     assert (
-        json.loads(said.getvalue().splitlines()[-1])["said"]
+        json.loads(log_text.getvalue().splitlines()[-1])["said"]
         == f"connection 7 is turned away ({10_000 - MOST_ALIKE} like this were left out)"
     )
 

@@ -42,14 +42,14 @@ def test_the_image_is_placed_by_its_reference_points(marks: tuple[str, ...], tmp
 
 
 def test_rows_counted_upwards_are_a_problem(tmp_path: Path) -> None:
-    site = planned(tmp_path, {one: [20 * x, 20 * y] for one, (x, y) in MARKS.items()})
+    site = planned(tmp_path, {name: [20 * x, 20 * y] for name, (x, y) in MARKS.items()})
     assert fit_problems(site) == [
         "datums[0].plan.readings: are upside down; count rows downwards from the image's upper left corner"
     ]
 
 
 def test_a_wrong_reading_is_named(tmp_path: Path) -> None:
-    readings = {one: pixel(*at) for one, at in MARKS.items()}
+    readings = {name: pixel(*at) for name, at in MARKS.items()}
     readings["dock"][0] += 200
     problem = fit_problems(planned(tmp_path, readings))[0]
     assert "datums[0].plan.readings." in problem
@@ -58,7 +58,7 @@ def test_a_wrong_reading_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("image", "message"), [("no.png", "there is no file"), ("plan.tiff", "expected a file named")])
 def test_an_unusable_image_is_named(image: str, message: str, tmp_path: Path) -> None:
-    site = planned(tmp_path, {one: pixel(*at) for one, at in MARKS.items()}, image)
+    site = planned(tmp_path, {name: pixel(*at) for name, at in MARKS.items()}, image)
     assert [message in fit_problem for fit_problem in fit_problems(site)] == [True]
 
 
@@ -89,10 +89,10 @@ MIDDLES = """() => {
 def quarters(folder: Path) -> Site:
     """A hall whose plan has its upper left quarter red, upper right green, lower left blue and lower right yellow."""
     (folder / "plan.svg").write_text(QUARTERS)
-    readings = {one: [20 * (x + 2), 560 - 20 * (y + 2)] for one, (x, y) in MARKS.items()}
+    readings = {name: [20 * (x + 2), 560 - 20 * (y + 2)] for name, (x, y) in MARKS.items()}
     site = planned(folder, readings, "plan.svg")
     ports = {"receiver": site.receiver, "operator": site.operator}
-    return site.model_copy(update={name: one.model_copy(update={"port": 0}) for name, one in ports.items()})
+    return site.model_copy(update={name: section.model_copy(update={"port": 0}) for name, section in ports.items()})
 
 
 @pytest.mark.skipif(not shutil.which("chromium"), reason="chromium is not installed")

@@ -114,8 +114,8 @@ def test_an_unusable_file_changes_nothing(tmp_path: Path) -> None:
 
 
 def test_the_log_names_the_changed_keys_that_need_a_restart(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    told = {"recorder": {"enabled": False, "keep_days": 2.0}, "operator": {"port": 81, "stream_send_timeout_s": 2.0}}
-    reloader, role = Reloader(Site(), lambda: Site.model_validate(told), tmp_path), CurrentSite(tmp_path, Site())
+    values = {"recorder": {"enabled": False, "keep_days": 2.0}, "operator": {"port": 81, "stream_send_timeout_s": 2.0}}
+    reloader, role = Reloader(Site(), lambda: Site.model_validate(values), tmp_path), CurrentSite(tmp_path, Site())
     reloader.request()
     reloader.reload_if_requested()
     assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
@@ -129,7 +129,7 @@ def test_the_log_names_the_changed_keys_that_need_a_restart(tmp_path: Path, capl
 
 async def placed(service: Served, x: float) -> None:
     def there(answer: dict[str, Any]) -> bool:
-        robots = {one["uuid"]: one["location"] for one in answer.get("robots", [])}
+        robots = {row["uuid"]: row["location"] for row in answer.get("robots", [])}
         return bool(robots.get(robot("A-1")) and abs(robots[robot("A-1")]["x"] - x) < 1e-6)
 
     await service.until("/robots", there)
@@ -163,7 +163,7 @@ async def test_a_changed_file_takes_effect_without_closing_a_connection(tmp_path
 
         file.write_text(toml(told("Alder", "Basalt", shift_m=5.0, resources=[dock("d1")], recorder={"enabled": False})))
         os.kill(pid, signal.SIGHUP)
-        await service.until("/site", lambda site: [one["id"] for one in site["places"]] == ["d1"])
+        await service.until("/site", lambda site: [place["id"] for place in site["places"]] == ["d1"])
         await placed(service, 6.0)
         health = await service.until("/healthz", lambda health: health["site"].get("needs_restart"))
         assert health["site"]["needs_restart"] == ["recorder.enabled"]
@@ -245,4 +245,4 @@ async def test_an_open_advisory_continues_under_other_settings(tmp_path: Path) -
             after = await service.until(
                 "/advisories?state=all", lambda answer: answer["advisories"][0]["clearance_m"] == 0.6
             )
-        assert [one["id"] for one in after["advisories"]] == [before["advisories"][0]["id"]]
+        assert [advisory["id"] for advisory in after["advisories"]] == [before["advisories"][0]["id"]]

@@ -9,14 +9,14 @@ DATUM = Datum.model_validate(sound()["datums"][0])
 
 
 def told(readings: dict[str, tuple[float, float]], *, mirrored: bool = False, tolerance_m: float = 0.25) -> list[str]:
-    one = VendorMap(datum="own", site_datum=HALL, readings=readings, mirrored=mirrored, tolerance_m=tolerance_m)
-    return list(map_problems(one, DATUM))
+    vendor_map = VendorMap(datum="own", site_datum=HALL, readings=readings, mirrored=mirrored, tolerance_m=tolerance_m)
+    return list(map_problems(vendor_map, DATUM))
 
 
 def turned(count: int, *, scale: float = 1.0, mirrored: bool = False) -> dict[str, tuple[float, float]]:
     """The vendor's map lies a quarter turn off, in another unit."""
     sign = -1 if mirrored else 1
-    return {one: (scale * y, -sign * scale * x) for one, (x, y) in list(MARKS.items())[:count]}
+    return {name: (scale * y, -sign * scale * x) for name, (x, y) in list(MARKS.items())[:count]}
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
@@ -44,7 +44,7 @@ def test_the_residual_of_the_global_fit_counts_though_adjust_would_hide_it() -> 
 
 
 def test_a_stretch_by_three_points_is_a_wrong_reading_until_a_fourth_confirms_it() -> None:
-    stretched = {one: (1.05 * x, y) for one, (x, y) in MARKS.items()}
+    stretched = {name: (1.05 * x, y) for name, (x, y) in MARKS.items()}
     three = dict(list(stretched.items())[:3])
     (problem,) = told(three)
     assert problem.startswith("readings: the fit stretches one direction 5.0 % more than another")
@@ -55,8 +55,8 @@ def test_points_too_near_each_other_for_their_residuals_are_named() -> None:
     reference = DATUM.reference_points
     twin = reference[0].model_copy(update={"id": "hinge", "x": 0.4, "y": 0.4})
     datum = DATUM.model_copy(update={"reference_points": (*reference, twin)})
-    one = VendorMap(datum="own", site_datum=HALL, readings={**MARKS, "hinge": (0.6, 0.2)})
-    (problem,) = map_problems(one, datum)
+    vendor_map = VendorMap(datum="own", site_datum=HALL, readings={**MARKS, "hinge": (0.6, 0.2)})
+    (problem,) = map_problems(vendor_map, datum)
     assert "door" in problem
     assert "hinge" in problem
     assert "bends the map" in problem
@@ -83,4 +83,4 @@ def test_absolute_degrees_in_a_relative_datum_are_a_problem() -> None:
 
 def test_survey_noise_of_centimetres_passes() -> None:
     noise = np.random.default_rng(7).normal(0, 0.03, (4, 2))
-    assert told({one: (x + n[0], y + n[1]) for (one, (x, y)), n in zip(MARKS.items(), noise, strict=True)}) == []
+    assert told({name: (x + n[0], y + n[1]) for (name, (x, y)), n in zip(MARKS.items(), noise, strict=True)}) == []

@@ -26,9 +26,9 @@ HOOK = {"name": "mes", "url": "http://mes.example/", "secret": "env:MES"}
     ],
 )
 def test_an_invalid_outlet_is_explained(path: str, value: object, message: str, tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match=message) as told:
+    with pytest.raises(SiteError, match=message) as exception_info:
         load(written(put(sound(), path, value), tmp_path))
-    assert "hunter2" not in str(told.value)
+    assert "hunter2" not in str(exception_info.value)
 
 
 def test_a_valid_outlet_is_accepted(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ def test_a_setting_is_changed_and_the_others_stay() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         ("clearence=0.4", "there is no such setting"),
         ("clearance", "expected KEY=VALUE"),
@@ -25,6 +25,6 @@ def test_a_setting_is_changed_and_the_others_stay() -> None:
         ("host='a'", "receiver.host or operator.host"),
     ],
 )
-def test_an_invalid_override_is_an_error(change: str, told: str) -> None:
-    with pytest.raises(SiteError, match=told.replace("?", r"\?")):
+def test_an_invalid_override_is_an_error(change: str, expected: str) -> None:
+    with pytest.raises(SiteError, match=expected.replace("?", r"\?")):
         with_overrides(DEFAULT, [change])

@@ -21,9 +21,9 @@ def test_a_valid_file_is_read_as_written(tmp_path: Path) -> None:
 
 
 def test_datum_ids_are_compared_without_case(tmp_path: Path) -> None:
-    told = put(sound(), "datums.0.id", HALL.upper())
-    told = put(told, "vendors.1.maps.0.site_datum", HALL.title())
-    assert load(written(told, tmp_path)).datums[0].id == HALL
+    document = put(sound(), "datums.0.id", HALL.upper())
+    document = put(document, "vendors.1.maps.0.site_datum", HALL.title())
+    assert load(written(document, tmp_path)).datums[0].id == HALL
 
 
 def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
@@ -153,15 +153,15 @@ def test_a_wrong_place_is_named_with_what_to_change(
 
 
 def test_a_resource_and_a_zone_share_no_id(tmp_path: Path) -> None:
-    told = sound() | {"resources": [DOCK], "zones": [AISLE | {"id": "d"}]}
+    document = sound() | {"resources": [DOCK], "zones": [AISLE | {"id": "d"}]}
     with pytest.raises(SiteError, match=r"zones\[0\].id: 'd' is given by resources\[0\].id too"):
-        load(written(told, tmp_path))
+        load(written(document, tmp_path))
 
 
 def test_every_problem_is_reported_at_once(tmp_path: Path) -> None:
-    told = put(put(sound(), "conflict.clearance_m", -1), "receiver.prt", 1)
+    document = put(put(sound(), "conflict.clearance_m", -1), "receiver.prt", 1)
     with pytest.raises(SiteError) as caught:
-        load(written(told, tmp_path))
+        load(written(document, tmp_path))
     assert len(caught.value.problems) == 2
 
 
@@ -175,21 +175,21 @@ def test_a_missing_file_and_one_that_is_not_toml_are_errors(tmp_path: Path) -> N
 
 
 def test_ports_that_the_system_chooses_may_both_be_0(tmp_path: Path) -> None:
-    told = put(put(sound(), "receiver.port", 0), "operator.port", 0)
-    assert load(written(told, tmp_path)).operator.port == 0
+    document = put(put(sound(), "receiver.port", 0), "operator.port", 0)
+    assert load(written(document, tmp_path)).operator.port == 0
 
 
 def test_readings_without_a_fit_load_but_are_a_problem(tmp_path: Path) -> None:
-    told = put(sound(), "vendors.1.maps.0.readings", {"door": [0, 0]})
-    site = load(written(told, tmp_path))
+    document = put(sound(), "vendors.1.maps.0.readings", {"door": [0, 0]})
+    site = load(written(document, tmp_path))
     assert fit_problems(site) == [
         "vendors[1].maps[0].readings: readings of at least two reference points are needed, found 1"
     ]
 
 
 def test_reference_points_with_latitude_and_longitude_swapped_are_a_problem(tmp_path: Path) -> None:
-    told = put(sound(), "datums.1.reference_points.0", {"id": "post", "x": -71.059, "y": 42.361})
-    (problem,) = fit_problems(load(written(told, tmp_path)))
+    document = put(sound(), "datums.1.reference_points.0", {"id": "post", "x": -71.059, "y": 42.361})
+    (problem,) = fit_problems(load(written(document, tmp_path)))
     assert problem.startswith("datums[1].reference_points[0]: lies more than 20 km from reference_location")
 
 
@@ -201,15 +201,15 @@ def test_the_json_schema_accepts_what_the_loader_accepts_and_describes_each_fiel
         jsonschema.validate(put(sound(), "conflict.clearance", 1.0), schema)
     undescribed = [
         f"{section}.{name}"
-        for section, told in schema["$defs"].items()
-        for name, field in told["properties"].items()
+        for section, row in schema["$defs"].items()
+        for name, field in row["properties"].items()
         if not field.get("description")
     ]
     assert undescribed == []
 
 
-def assert_told(told: dict[str, Any], says: str, folder: Path) -> None:
+def assert_told(document: dict[str, Any], says: str, folder: Path) -> None:
     with pytest.raises(SiteError) as caught:
-        load(written(told, folder))
+        load(written(document, folder))
     assert [problem for problem in caught.value.problems if problem.startswith(says)], caught.value.problems
     assert says in str(caught.value)

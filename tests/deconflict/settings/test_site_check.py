@@ -13,9 +13,9 @@ from tests.helpers.made_site import HALL, MARKS, put, sound, written
 READINGS = "vendors.1.maps.0.readings"
 
 
-def checked(told: dict[str, Any], folder: Path) -> tuple[int, str]:
+def checked(document: dict[str, Any], folder: Path) -> tuple[int, str]:
     out = io.StringIO()
-    code = check(written(told, folder), out)
+    code = check(written(document, folder), out)
     return code, out.getvalue()
 
 
@@ -31,8 +31,8 @@ def test_a_valid_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
 
 
 def test_an_example_shows_which_way_round_the_map_is_applied(tmp_path: Path) -> None:
-    told = put(sound(), READINGS, {one: [100 + y, 50 - x] for one, (x, y) in MARKS.items()})
-    _, text = checked(told, tmp_path)
+    document = put(sound(), READINGS, {name: [100 + y, 50 - x] for name, (x, y) in MARKS.items()})
+    _, text = checked(document, tmp_path)
     assert "its origin at (0.000, 0.000), yaw 0.0 deg on the map is at (50.000, -100.000), yaw 90.0 deg" in text
     assert "a robot at (112.500, 30.000), yaw 0.0 deg on the map is at (20.000, 12.500), yaw 90.0 deg" in text
 
@@ -42,16 +42,16 @@ def test_a_datum_in_degrees_shows_its_points_in_metres_and_how_yaw_is_converted(
     assert "x east, y north" in text
     (post,) = [line for line in text.splitlines() if line.startswith("  post")]
     assert post.split()[1:4] == ["42.3610000", "-71.0590000", "->"]
-    assert [float(word) for word in post.split()[4:6]] == pytest.approx([82.38, 111.08], abs=0.01)
+    assert [float(keyword) for keyword in post.split()[4:6]] == pytest.approx([82.38, 111.08], abs=0.01)
     assert "yaw 0 deg (north) becomes 90 deg" in text
 
 
 def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path: Path) -> None:
-    told = put(sound(), f"{READINGS}.gate", [24.4, -2.0])
-    site = load(written(told, tmp_path))
+    document = put(sound(), f"{READINGS}.gate", [24.4, -2.0])
+    site = load(written(document, tmp_path))
     (judged,) = site_report(site).maps
     assert judged.fit
-    _, text = checked(told, tmp_path)
+    _, text = checked(document, tmp_path)
     (gate,) = [line for line in text.splitlines() if line.startswith("  gate")]
     row = list(MARKS).index("gate")
     assert f"{judged.fit.residuals_m[row]:.3f} m" in gate
@@ -64,7 +64,11 @@ def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path
     [
         (f"{READINGS}.gate", [27.0, -2.0], "FAILS vendors[1].maps[0].readings."),
         (READINGS, {"door": [0, 0], "dock": [9, 0], "pillar": [20, 0]}, "FAILS vendors[1].maps[0].readings: the"),
-        (READINGS, {one: list(place[::-1]) for one, place in MARKS.items()}, "FAILS vendors[1].maps[0].mirrored: the"),
+        (
+            READINGS,
+            {name: list(place[::-1]) for name, place in MARKS.items()},
+            "FAILS vendors[1].maps[0].mirrored: the",
+        ),
         ("vendors.1.maps.0.mirrored", True, "FAILS vendors[1].maps[0].mirrored: found true"),
         ("datums.1.reference_points.0.x", -42.361, "FAILS datums[1].reference_points[0]: lies more than 20 km"),
     ],
@@ -84,20 +88,20 @@ def test_a_file_that_does_not_load_fails_with_every_problem(tmp_path: Path) -> N
 
 
 def test_two_points_fit_with_a_note_on_what_they_cannot_show(tmp_path: Path) -> None:
-    told = put(sound(), READINGS, {"door": [0, 0], "dock": [1.1, -44.0]})
-    (judged,) = site_report(load(written(told, tmp_path))).maps
+    document = put(sound(), READINGS, {"door": [0, 0], "dock": [1.1, -44.0]})
+    (judged,) = site_report(load(written(document, tmp_path))).maps
     assert judged.fit
     assert judged.fit.method is Method.SIMILARITY
     assert np.isnan(judged.fit.left_out_m).all()
-    code, text = checked(told, tmp_path)
+    code, text = checked(document, tmp_path)
     assert code == 0
     assert "NOTE one unit of the map is 0.909 m; if it is a map in metres, a reading is wrong" in text
     assert "NOTE two points can't show a wrong reading or a mirrored map" in text
 
 
 def test_a_map_in_another_unit_has_no_note(tmp_path: Path) -> None:
-    told = put(sound(), READINGS, {one: [1000 * y, -1000 * x] for one, (x, y) in MARKS.items()})
-    code, text = checked(told, tmp_path)
+    document = put(sound(), READINGS, {name: [1000 * y, -1000 * x] for name, (x, y) in MARKS.items()})
+    code, text = checked(document, tmp_path)
     assert code == 0
     assert "one unit is 0.001 m along x" in text
     assert "NOTE" not in text

@@ -23,13 +23,13 @@ def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None
     done = subprocess.run([*command, *ports], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert (told["robots"], told["rejected"]) == (24, 0)
-    assert told["messages"] > 300
-    assert told["advisories_raised"] >= told["conflicts"] > 0
-    assert told["deadlocks"] > 0
-    assert told["queues"] > 0
-    assert told["advisories_cleared"] > 0
-    assert told["latency_p99_ms"] > 0
+    document = json.loads(done.stdout.splitlines()[-1])
+    assert (document["robots"], document["rejected"]) == (24, 0)
+    assert document["messages"] > 300
+    assert document["advisories_raised"] >= document["conflicts"] > 0
+    assert document["deadlocks"] > 0
+    assert document["queues"] > 0
+    assert document["advisories_cleared"] > 0
+    assert document["latency_p99_ms"] > 0
     assert f"http://127.0.0.1:{operator}/advisories" in done.stdout
     assert list((tmp_path / "log").glob("*.jsonl"))

@@ -44,8 +44,8 @@ def test_scripted_robots_never_touch() -> None:
         bodies = [robot.member.make.body for robot in robots]
         envelopes = np.array(
             [
-                (one.x_m, one.y_m, one.yaw_rad, body.length_m, body.width_m)
-                for one, body in zip(robots, bodies, strict=True)
+                (state.x_m, state.y_m, state.yaw_rad, body.length_m, body.width_m)
+                for state, body in zip(robots, bodies, strict=True)
             ]
         )
         assert not [pair for pair, apart_m in near_pairs(envelopes, np.zeros(5, int), 0.1) if apart_m == 0]
@@ -71,8 +71,8 @@ def told(seconds: int) -> list[AnyAdvisory]:
 def test_a_queue_and_a_deadlock_are_repeatedly_raised_ahead() -> None:
     revisions = told(180)
     raised = [revision for revision in revisions if revision.state is AdvisoryState.RAISED]
-    locks = [one for one in raised if one.kind == "deadlock"]
-    queues = [one for one in raised if one.kind == "contention"]
+    locks = [advisory for advisory in raised if advisory.kind == "deadlock"]
+    queues = [advisory for advisory in raised if advisory.kind == "contention"]
     assert len(locks) == 2
     assert all(4 < lock.time_to_conflict_s < 12 and len(lock.robots) == 2 for lock in locks)
     assert queues

@@ -54,10 +54,19 @@ def in_a_row(rng: Generator) -> list[Forecasts]:
 def on_many_floors(rng: Generator) -> list[Forecasts]:
     """Some change floor within the horizon, even within a second."""
     found = []
-    for one in spread(rng, 36, 12):
-        t = one.t_s - NOW_S
+    for forecasts in spread(rng, 36, 12):
+        t = forecasts.t_s - NOW_S
         floor = rng.integers(-1, 3, len(t)) if rng.random() < 0.5 else np.full(len(t), rng.integers(0, 3))
-        found.append(robot(t, one.x_m, one.y_m, one.yaw_rad, (one.length_m[0], one.width_m[0]), floor=floor))
+        found.append(
+            robot(
+                t,
+                forecasts.x_m,
+                forecasts.y_m,
+                forecasts.yaw_rad,
+                (forecasts.length_m[0], forecasts.width_m[0]),
+                floor=floor,
+            )
+        )
     return found
 
 
@@ -214,8 +223,8 @@ def test_a_swept_box_holds_all_corners_of_its_robot_and_is_no_larger_than_it_mus
     forecasts, _, boxes = covered(60, 1, 0.1)
     nearest = []
     for slot in range(60):
-        one, track = forecasts.single(slot), Track(forecasts, slot)
-        half_l, half_w = one.length_m[0] / 2, one.width_m[0] / 2
+        courses, track = forecasts.single(slot), Track(forecasts, slot)
+        half_l, half_w = courses.length_m[0] / 2, courses.width_m[0] / 2
         for ring, slab in enumerate(range(int(NOW_S), int(NOW_S) + SLABS), int(NOW_S) % SLABS):
             box = boxes.by_ring[ring % SLABS, slot]
             t = np.linspace(slab, slab + 1, 33)

@@ -25,13 +25,13 @@ def made(count: int, ranks: Ints) -> ContactIntervals:
 
 def test_a_pair_has_its_first_contact_and_the_first_of_its_smallest_separations() -> None:
     intervals = made(2000, RANKS)
-    told, now_s, expected = np.arange(ROBOTS) % 4 == 0, 100.5, []
+    found, now_s, expected = np.arange(ROBOTS) % 4 == 0, 100.5, []
     for (a, b), some in groupby(intervals.tolist(), key=lambda row: row[:2]):
         every = list(some)
         *_, separation, at = min(every, key=lambda row: row[4])
         contact = max(min(row[3] for row in every), now_s)
-        expected.append((a, b, contact, separation, at, bool(told[a] or told[b])))
-    columns = by_pair(intervals, told, now_s)
+        expected.append((a, b, contact, separation, at, bool(found[a] or found[b])))
+    columns = by_pair(intervals, found, now_s)
     assert list(zip(*(column.tolist() for column in columns), strict=True)) == expected
     assert 100 < len(expected) < 1000
 

@@ -21,8 +21,8 @@ def test_halving_finds_the_first_contact_and_no_other(target_m: float) -> None:
             assert contact <= t[within[0], row]
         if np.isfinite(contact):
             found += 1
-            one = motion[row : row + 1]
-            assert true_distance(one, np.array([contact]))[0] <= target_m + TOLERANCE_M
+            values = motion[row : row + 1]
+            assert true_distance(values, np.array([contact]))[0] <= target_m + TOLERANCE_M
     assert 30 < found < len(apart) - 30
     assert check.calls >= len(apart)
 

@@ -17,11 +17,18 @@ COLUMNS = ("contact_s", "separation_m", "separation_at_s", "start_separation_m")
 
 def said(rng: Generator, now_s: float) -> Forecasts:
     """A random forecast around `now_s`: it drives, stands, changes floor, appears later, or reported long ago."""
-    one = wanderer(rng, spread_m=SIDE_M / 2)
+    forecasts = wanderer(rng, spread_m=SIDE_M / 2)
     kind = rng.integers(0, 5)
-    t = one.t_s + (now_s - NOW_S) + (3.0 if kind == 1 else -9.0 if kind == 2 else 0.0)
-    floor = rng.integers(0, 2, len(t)) if kind == 3 else one.floor
-    return robot(t - NOW_S, one.x_m, one.y_m, one.yaw_rad, (one.length_m[0], one.width_m[0]), floor=floor)
+    t = forecasts.t_s + (now_s - NOW_S) + (3.0 if kind == 1 else -9.0 if kind == 2 else 0.0)
+    floor = rng.integers(0, 2, len(t)) if kind == 3 else forecasts.floor
+    return robot(
+        t - NOW_S,
+        forecasts.x_m,
+        forecasts.y_m,
+        forecasts.yaw_rad,
+        (forecasts.length_m[0], forecasts.width_m[0]),
+        floor=floor,
+    )
 
 
 def swept_afresh(on_floor: dict[str, Forecasts], now_s: float, order: Iterable[str] | None = None) -> PairConflicts:
@@ -128,9 +135,9 @@ def test_only_changed_robots_are_fresh_and_few_other_pairs_are_computed() -> Non
     assert again.segment_pairs < first.segment_pairs / 5
     key = first.pairs[0][0]
     sweeper.update([key], on_floor[key])
-    one = sweeper.find_conflicts(NOW_S)
-    assert one.fresh.tolist() == [key in pair for pair in one.pairs]
-    assert_same(one, first)
+    pair_conflicts = sweeper.find_conflicts(NOW_S)
+    assert pair_conflicts.fresh.tolist() == [key in pair for pair in pair_conflicts.pairs]
+    assert_same(pair_conflicts, first)
 
 
 def test_an_invalid_forecast_takes_its_robot_off_the_floor_until_the_next() -> None:

@@ -54,8 +54,8 @@ def test_the_gap_is_the_distance_of_the_polygons() -> None:
 def test_parallel_rectangles_and_bars_that_cross() -> None:
     quarter = np.pi / 2
     x, y, yaw = np.array([[2.5, 0, 0], [0, 3.25, quarter], [2, 0, 0], [0, 0, quarter], [0, 0, 0]]).T
-    one = np.array([[1.0, 1.0, 1.0, 2.0, 1.0], [1.0, 1.0, 1.0, 0.01, 0.5]])
-    np.testing.assert_allclose(gaps(standing(x, y, yaw, one, one))[0], [0.5, 1.25, 0, 0, 0], atol=1e-12)
+    values = np.array([[1.0, 1.0, 1.0, 2.0, 1.0], [1.0, 1.0, 1.0, 0.01, 0.5]])
+    np.testing.assert_allclose(gaps(standing(x, y, yaw, values, values))[0], [0.5, 1.25, 0, 0, 0], atol=1e-12)
 
 
 def test_moving_along_the_direction_closes_the_gap_by_as_much() -> None:

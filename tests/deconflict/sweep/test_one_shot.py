@@ -50,13 +50,13 @@ def disagreements(forecasts: Forecasts, clearance_m: float, horizon_s: float = H
     found = sweep(forecasts, now_s=NOW_S, horizon_s=horizon_s, clearance_m=clearance_m)
     contact_m, nearest_m, start_m = _distances(forecasts, found)
     rows = {(a, b): row for row, (a, b) in enumerate(found.pairs.tolist())}
-    said = [f"stray {pair}" for pair in rows.keys() - set(pairs)]
-    said += [f"invalid {one}" for one in found.invalid]
+    lines = [f"stray {pair}" for pair in rows.keys() - set(pairs)]
+    lines += [f"invalid {invalid}" for invalid in found.invalid]
     for number, pair in enumerate(pairs):
         closest_m, touch_s = float(true.closest_m[number]), float(true.touch_s[number])
         row = rows.get(pair)
         if row is None:
-            said += [f"missed {pair} {closest_m}"] if closest_m <= clearance_m else []
+            lines += [f"missed {pair} {closest_m}"] if closest_m <= clearance_m else []
             continue
         separation_m, starts = float(found.separation_m[row]), (start_m[row], found.start_separation_m[row])
         for kind, much, most in (
@@ -67,8 +67,8 @@ def disagreements(forecasts: Forecasts, clearance_m: float, horizon_s: float = H
             ("separation-time", abs(nearest_m[row] - separation_m), ROUNDING_M * 100),
             ("start", 0.0 if starts[0] == starts[1] else abs(starts[0] - starts[1]), ROUNDING_M),
         ):
-            said += [f"{kind} {pair} {much}"] if much > most else []
-    return said
+            lines += [f"{kind} {pair} {much}"] if much > most else []
+    return lines
 
 
 def _distances(forecasts: Forecasts, found: Conflicts) -> tuple[Floats, Floats, Floats]:
@@ -135,8 +135,8 @@ def test_the_comparison_detects_deliberate_faults(
         monkeypatch.setattr(fcl_check.FclCheck, "__init__", _slack)
     else:
         monkeypatch.setattr(incremental, "ACCURACY_M", 50 * incremental.ACCURACY_M)
-    said = Counter(line.split()[0] for line in disagreements(encounters("spinning", 200, 1, 0.25), 0.25))
-    assert kinds <= set(said)
+    counts = Counter(line.split()[0] for line in disagreements(encounters("spinning", 200, 1, 0.25), 0.25))
+    assert kinds <= set(counts)
 
 
 def _put_with_small_circles(table: SlotTable, keys: Sequence[str], forecasts: Forecasts, *rest: Any) -> Ints | None:
@@ -195,7 +195,7 @@ def test_invalid_robots_are_named_and_the_others_swept(monkeypatch: pytest.Monke
     assert found.invalid == tuple(Invalid(1 + row, reason) for row, reason in enumerate(invalid))
     assert found.pairs.tolist() == [[0, len(invalid) + 1]]
     assert asked
-    assert all(np.isfinite(one).all() for one in asked)
+    assert all(np.isfinite(values).all() for values in asked)
 
 
 @pytest.mark.parametrize("wrong", [{"clearance_m": -0.1}, {"clearance_m": 0.1, "horizon_s": 0.0}])
@@ -309,8 +309,8 @@ def test_chosen_robots_without_knots_have_no_contact() -> None:
     robots, knots = laid_out(Forecasts.joined([*crossing, crossing[1]]))
     robots["count"][2] = 0
     a, b, until_s = np.array([0, 0]), np.array([1, 2]), np.full(2, NOW_S + HORIZON_S)
-    told = first_contacts(robots, knots, a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.3)
-    assert np.isfinite(told).tolist() == [[True, False], [True, False]]
+    found = first_contacts(robots, knots, a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.3)
+    assert np.isfinite(found).tolist() == [[True, False], [True, False]]
 
 
 def rows_of(crowd: Forecasts, chosen: list[int]) -> dict[tuple[int, int], tuple[float, ...]]:
@@ -326,11 +326,11 @@ def test_the_number_of_processes_makes_no_difference() -> None:
     parts = [list(range(start, 60, 4)) for start in range(4)]
     shares = [sorted(parts[a] + parts[b]) for a in range(4) for b in range(a)]
     with ProcessPoolExecutor(3, mp_context=get_context("spawn")) as pool:
-        told = list(pool.map(rows_of, [crowd] * len(shares), shares))
+        by_step = list(pool.map(rows_of, [crowd] * len(shares), shares))
     whole = rows_of(crowd, list(range(60)))
     assert len(whole) > 50
-    assert all(share.items() <= whole.items() for share in told)
-    assert {pair: row for share in told for pair, row in share.items()} == whole
+    assert all(share.items() <= whole.items() for share in by_step)
+    assert {pair: row for share in by_step for pair, row in share.items()} == whole
 
 
 def test_the_package_offers_the_sweep_and_what_it_returns() -> None:

@@ -45,12 +45,12 @@ def test_shades_what_each_envelope_sweeps() -> None:
 def test_shows_both_robots_at_their_first_contact() -> None:
     axes = drawn(CROSSING)
     bold = [line for line in axes.lines if line.get_linewidth() == 2.0]
-    one, other = (shapely.Polygon(line.get_xydata()) for line in bold)
-    assert one.distance(other) <= 1e-3
-    assert one.intersection(other).area < 1e-2
+    first, other = (shapely.Polygon(line.get_xydata()) for line in bold)
+    assert first.distance(other) <= 1e-3
+    assert first.intersection(other).area < 1e-2
     (label,) = axes.texts
     assert label.get_text() == "first contact, 4.25 s"
-    assert shapely.Point(label.xy).distance(one) <= 1e-3
+    assert shapely.Point(label.xy).distance(first) <= 1e-3
     legend = axes.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["robot 1", "robot 2"]

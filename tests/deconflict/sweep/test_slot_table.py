@@ -16,28 +16,30 @@ def assert_holds(table: SlotTable, newest: dict[str, Forecasts]) -> None:
     assert table.slots.keys() == newest.keys()
     for key, forecast in newest.items():
         robot = table.robots[table.slots[key]]
-        said = np.zeros(len(forecast.t_s), KNOT)
-        replace(np.zeros(1, ROBOT), said, np.zeros(1, np.int64), 0, forecast)
-        np.testing.assert_array_equal(table.knots[robot["first"] : robot["first"] + robot["count"]], said)
+        values = np.zeros(len(forecast.t_s), KNOT)
+        replace(np.zeros(1, ROBOT), values, np.zeros(1, np.int64), 0, forecast)
+        np.testing.assert_array_equal(table.knots[robot["first"] : robot["first"] + robot["count"]], values)
         assert 2 * robot["half_length"] == forecast.length_m[0]
         assert robot["appears"] == forecast.t_s[0]
         assert table.keys[table.slots[key]] == key
     keys = ["nobody", *reversed(newest)]
     robots, knots = table.copied(keys)
-    for key, one in zip(keys, robots, strict=True):
+    for key, row in zip(keys, robots, strict=True):
         own = table.robots[table.slots[key]] if key in newest else np.zeros(1, ROBOT)[0]
-        assert one[["half_length", "top", "count"]] == own[["half_length", "top", "count"]]
+        assert row[["half_length", "top", "count"]] == own[["half_length", "top", "count"]]
         of = table.knots[own["first"] : own["first"] + own["count"]]
-        np.testing.assert_array_equal(knots[one["first"] : one["first"] + one["count"]], of)
+        np.testing.assert_array_equal(knots[row["first"] : row["first"] + row["count"]], of)
 
 
 def test_robots_come_go_and_change_their_number_of_knots(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "FEWEST_KNOTS", 10)
     rng, table, newest, most = np.random.default_rng(71), SlotTable(), dict[str, Forecasts](), 0
     for _ in range(60):
-        said = {f"r{row}": wanderer(rng, knots=int(rng.integers(1, 12))) for row in rng.choice(20, 6, replace=False)}
-        table.replace_forecasts(list(said), Forecasts.joined(said.values()))
-        newest |= said
+        forecasts = {
+            f"r{row}": wanderer(rng, knots=int(rng.integers(1, 12))) for row in rng.choice(20, 6, replace=False)
+        }
+        table.replace_forecasts(list(forecasts), Forecasts.joined(forecasts.values()))
+        newest |= forecasts
         gone = [key for key in newest if rng.random() < 0.1]
         table.discard(gone)
         newest = {key: forecast for key, forecast in newest.items() if key not in gone}
@@ -50,9 +52,9 @@ def test_robots_come_go_and_change_their_number_of_knots(monkeypatch: pytest.Mon
 def test_as_many_knots_as_before_take_the_place_of_the_old_ones() -> None:
     rng, table = np.random.default_rng(72), SlotTable()
     for _ in range(5):
-        said = wanderer(rng, knots=7)
-        table.replace_forecasts(["a"], said)
-        assert_holds(table, {"a": said})
+        forecasts = wanderer(rng, knots=7)
+        table.replace_forecasts(["a"], forecasts)
+        assert_holds(table, {"a": forecasts})
         assert table.robots["first"][table.slots["a"]] == 0
 
 
@@ -79,13 +81,13 @@ def test_ranks_follow_the_keys_not_the_slots() -> None:
 
 def test_columns_may_lie_anywhere_in_memory_and_need_not_be_writable() -> None:
     """As in a batch that was read from bytes."""
-    said = wanderer(np.random.default_rng(74), knots=5)
+    forecasts = wanderer(np.random.default_rng(74), knots=5)
     moved = {}
     for name in ("t_s", "x_m", "y_m", "yaw_rad", "floor"):
-        column = getattr(said, name)
+        column = getattr(forecasts, name)
         moved[name] = np.frombuffer(b"x" + column.tobytes(), column.dtype, len(column), 1)
         assert not moved[name].flags.aligned
-    by_robot = {name: getattr(said, name) for name in ("start", "length_m", "width_m", "bottom_m", "top_m")}
+    by_robot = {name: getattr(forecasts, name) for name in ("start", "length_m", "width_m", "bottom_m", "top_m")}
     table = SlotTable()
     table.replace_forecasts(["a"], Forecasts(**by_robot, **moved))
-    assert_holds(table, {"a": said})
+    assert_holds(table, {"a": forecasts})

@@ -29,10 +29,10 @@ Sent = tuple[bytes, float, Connection]
 
 
 def fleet(*, fast: bool = True) -> Fleet:
-    marks = [{"id": one, "x": x, "y": y} for one, (x, y) in zip(MARKS, PLACES.tolist(), strict=True)]
+    marks = [{"id": name, "x": x, "y": y} for name, (x, y) in zip(MARKS, PLACES.tolist(), strict=True)]
     hall = Datum.model_validate({"id": HALL, "name": "Hall", "reference_points": marks})
     own = similarity(0.4, 1.0, (3.0, -2.0), mirrored=True)(PLACES).tolist()
-    readings = {one: tuple(at) for one, at in zip(MARKS, own, strict=True)}
+    readings = {name: tuple(at) for name, at in zip(MARKS, own, strict=True)}
     mapped = {"datum": OWN, "site_datum": HALL, "readings": readings, "mirrored": True}
     loads = Model(offset_m=(0.2, 0.1), loaded_envelope_m=(1.5, 1.0, 2.0))
     vendors = Vendor.model_validate({"name": "Alder", "maps": [mapped], "models": {"A1": loads}}), Vendor(name="Basalt")
@@ -92,48 +92,53 @@ class Driver:
 
     def said(self, stamp_s: float, speed_mps: float, turn_radps: float) -> bytes:
         random = self.random
-        told: dict[str, Any] = {"operationalState": self.state, **self.more}
-        told |= {"batteryPercentage": random.choice((None, 50, 49.5)), "remainingRunTime": random.choice((None, 2.5))}
+        document: dict[str, Any] = {"operationalState": self.state, **self.more}
+        document |= {
+            "batteryPercentage": random.choice((None, 50, 49.5)),
+            "remainingRunTime": random.choice((None, 2.5)),
+        }
         velocity: dict[str, Any] = {"linear": abs(speed_mps) if self.seldom(0.1) else speed_mps}
         if not self.seldom(0.1):
             velocity["angular"] = angle(turn_radps if not self.seldom() else 2.5)
         if not self.seldom():
-            told["velocity"] = velocity
+            document["velocity"] = velocity
         here = {"x": self.x, "y": self.y, "z": random.choice((0.0, 0.2)), "planarDatum": self.datum}
         if not self.seldom():
             here["angle"] = angle(self.yaw_rad)
         if (self.state == "navigating" and self.tells_path) or self.seldom():
-            told["path"] = self.points_ahead(stamp_s, random.choice((5, 10, 10, 12)), random.choice((1.0, 1.0, 3.0)))
+            document["path"] = self.points_ahead(
+                stamp_s, random.choice((5, 10, 10, 12)), random.choice((1.0, 1.0, 3.0))
+            )
         if self.stops:
-            told["destinations"] = self.points_ahead(stamp_s, self.stops, random.choice((20.0, 20.0, 700.0, -2.0)))
+            document["destinations"] = self.points_ahead(stamp_s, self.stops, random.choice((20.0, 20.0, 700.0, -2.0)))
         if self.seldom():
-            told["errorCodes"] = [random.choice(("localisation lost", "E7"))]
-        return status(self.name, stamp_s, timestamp=stamp(stamp_s), location=here, **told)
+            document["errorCodes"] = [random.choice(("localisation lost", "E7"))]
+        return status(self.name, stamp_s, timestamp=stamp(stamp_s), location=here, **document)
 
     def points_ahead(self, stamp_s: float, count: int, every_s: float) -> list[dict[str, Any]]:
         first_s = stamp_s if not self.seldom() else stamp_s - 5 * abs(every_s)
         times = sorted(first_s + every_s * i for i in range(1, count + 1))
         x, y, step_m = self.x, self.y, 1.0 if not self.seldom() else 60.0
         ways = [(t_s, x + step_m * i, y + 0.1 * i, self.yaw_rad) for i, t_s in enumerate(times, 1)]
-        told = points(*ways)
+        answers = points(*ways)
         if self.seldom(0.05):
-            told = [one | {"planarDatumUUID": self.random.choice((HALL, LOFT))} for one in told]
-        return told
+            answers = [document | {"planarDatumUUID": self.random.choice((HALL, LOFT))} for document in answers]
+        return answers
 
 
 def sent(seed: int, messages: int) -> Iterator[Sent]:
     random, t_s = Random(seed), NOW_S
     drivers = [Driver(f"R-{i}", random, line=LINES[i % 3]) for i in range(6)]
-    for one in drivers[1:]:
-        yield identity(one.name, t_s, manufacturerName=random.choice(("Alder", "Basalt"))), t_s, one.line
+    for driver in drivers[1:]:
+        yield identity(driver.name, t_s, manufacturerName=random.choice(("Alder", "Basalt"))), t_s, driver.line
     for _ in range(messages):
         after_s = random.choice((1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.4, 7.0))
         t_s += after_s
-        for one in drivers:
+        for driver in drivers:
             late_s = random.choice((0.05, 0.05, 0.05, 0.3, 1.5))
-            yield one.drive(t_s, after_s), t_s + late_s, one.line
-            if one.seldom(0.01):
-                yield identity(one.name, t_s, robotModel=random.choice(("A1", "A2"))), t_s + late_s, one.line
+            yield driver.drive(t_s, after_s), t_s + late_s, driver.line
+            if driver.seldom(0.01):
+                yield identity(driver.name, t_s, robotModel=random.choice(("A1", "A2"))), t_s + late_s, driver.line
 
 
 def results(messages: list[Sent], *, fast: bool) -> tuple[list[bytes], list[dict[str, Any]], dict[str, Any]]:
@@ -171,25 +176,27 @@ def test_batches_documents_and_measures_are_the_same_with_and_without_the_fast_p
 
 
 def test_the_reader_of_a_robots_repeated_statuses_is_dropped_with_the_robot(repeats: list[bool]) -> None:
-    one, path = fleet(), points((NOW_S + 5, 3.0, 0.0, 0.0))
+    receiving_fleet, path = fleet(), points((NOW_S + 5, 3.0, 0.0, 0.0))
     for i in range(3):
-        one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
+        receiving_fleet.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True]
     later_s = NOW_S + 1 + Reading().forget_after_s
-    assert one.next_batch(later_s + 2).gone == (robot("R"),)
-    one.receive(status("R", later_s + 3, 9.0, velocity={"linear": 1.0}), later_s + 3, LINES[0])
-    assert one.next_batch(later_s + 3).robots == (robot("R"),)
+    assert receiving_fleet.next_batch(later_s + 2).gone == (robot("R"),)
+    receiving_fleet.receive(status("R", later_s + 3, 9.0, velocity={"linear": 1.0}), later_s + 3, LINES[0])
+    assert receiving_fleet.next_batch(later_s + 3).robots == (robot("R"),)
     assert len(repeats) == 2
 
 
 def test_changed_settings_end_the_reading_of_repeated_statuses(repeats: list[bool]) -> None:
-    one = fleet()
+    receiving_fleet = fleet()
     for i in range(4):
         path = points((NOW_S + i + 1, i + 1.0, 0.0, 0.0), (NOW_S + i + 2, i + 2.0, 0.0, 0.0))
-        one.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
+        receiving_fleet.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True, True]
-    one.reconfigure(one.vendors, FrameRegistry((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0)))
+    receiving_fleet.reconfigure(
+        receiving_fleet.vendors, FrameRegistry((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0))
+    )
     path = points((NOW_S + 5, 5.0, 0.0, 0.0))
-    one.receive(status("R", NOW_S + 4, 4.0, velocity={"linear": 1.0}, path=path), NOW_S + 4, LINES[0])
+    receiving_fleet.receive(status("R", NOW_S + 4, 4.0, velocity={"linear": 1.0}, path=path), NOW_S + 4, LINES[0])
     assert len(repeats) == 3
-    assert one.next_batch(NOW_S + 4).forecasts.length_m.tolist() == [3.0]
+    assert receiving_fleet.next_batch(NOW_S + 4).forecasts.length_m.tolist() == [3.0]

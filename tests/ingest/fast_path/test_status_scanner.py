@@ -24,8 +24,8 @@ def number(random: Random, most: float) -> str:
 def turned(random: Random) -> str:
     half_rad, digits = random.uniform(-pi, pi) / 2, random.choice((4, 6, 17))
     parts = {"x": "0", "y": random.choice(("0", "0.0", "-0.0")), "z": sin(half_rad), "w": cos(half_rad)}
-    told = (f'"{key}":{value if isinstance(value, str) else round(value, digits)}' for key, value in parts.items())
-    return f"{{{', '.join(told)}}}"
+    written = (f'"{key}":{value if isinstance(value, str) else round(value, digits)}' for key, value in parts.items())
+    return f"{{{', '.join(written)}}}"
 
 
 def made(random: Random) -> bytes:

@@ -6,9 +6,9 @@ def add(to: Quarantine, vendor: str, arrival_s: float, raw: bytes = b"{") -> Non
 
 
 def test_a_rejected_message_is_kept_with_what_a_person_needs() -> None:
-    one = Quarantine()
-    add(one, "Alder", 1_790_000_000.0, b"\xffoops")
-    assert one.documents() == [
+    quarantine = Quarantine()
+    add(quarantine, "Alder", 1_790_000_000.0, b"\xffoops")
+    assert quarantine.documents() == [
         {
             "received": "2026-09-21T14:13:20.000000Z",
             "vendor": "Alder",
@@ -23,27 +23,27 @@ def test_a_rejected_message_is_kept_with_what_a_person_needs() -> None:
 
 
 def test_many_rejected_messages_of_one_vendor_do_not_displace_those_of_others() -> None:
-    one = Quarantine()
-    add(one, "Alder", 1.0)
+    quarantine = Quarantine()
+    add(quarantine, "Alder", 1.0)
     for i in range(1000):
-        add(one, "Corvid", 2.0 + i)
-    kept = [document["vendor"] for document in one.documents()]
+        add(quarantine, "Corvid", 2.0 + i)
+    kept = [document["vendor"] for document in quarantine.documents()]
     assert kept.count("Alder") == 1
     assert kept.count("Corvid") == KEPT_PER_VENDOR
-    assert one.displaced == 1000 - KEPT_PER_VENDOR
-    assert one.documents()[0]["received"].startswith("1970-01-01T00:16:41")
+    assert quarantine.displaced == 1000 - KEPT_PER_VENDOR
+    assert quarantine.documents()[0]["received"].startswith("1970-01-01T00:16:41")
 
 
 def test_a_long_message_is_cut_and_says_so() -> None:
-    one = Quarantine()
-    add(one, "Alder", 1.0, b"x" * 50_000)
-    (document,) = one.documents()
+    quarantine = Quarantine()
+    add(quarantine, "Alder", 1.0, b"x" * 50_000)
+    (document,) = quarantine.documents()
     assert (len(document["message"]), document["size_bytes"], document["cut_short"]) == (KEPT_BYTES, 50_000, True)
 
 
 def test_vendors_are_bounded() -> None:
-    one = Quarantine()
+    quarantine = Quarantine()
     for i in range(2 * MOST_VENDORS):
-        add(one, f"V{i}", 1.0)
-    assert len(one.documents()) == MOST_VENDORS
-    assert one.displaced == MOST_VENDORS
+        add(quarantine, f"V{i}", 1.0)
+    assert len(quarantine.documents()) == MOST_VENDORS
+    assert quarantine.displaced == MOST_VENDORS

@@ -13,17 +13,17 @@ LARGER = replace(ELSEWHERE, raw=identity("A-1", NOW_S, baseRobotEnvelope={"x": 2
 
 
 def test_introductions_after_a_time_come_in_their_order() -> None:
-    one = fleet(Vendor(name="Alder"))
-    one.receive(identity("A-2", NOW_S), NOW_S + 2, Connection(2, vendor="Alder"))
-    one.receive(identity("A-1", NOW_S), NOW_S + 1, LINE)
-    one.receive(status("A-3", NOW_S), NOW_S + 3, LINE)
-    told = one.shared_identities(NOW_S)
-    assert [(each.uuid, each.arrival_s, each.vendor, each.owner) for each in told] == [
+    receiving_fleet = fleet(Vendor(name="Alder"))
+    receiving_fleet.receive(identity("A-2", NOW_S), NOW_S + 2, Connection(2, vendor="Alder"))
+    receiving_fleet.receive(identity("A-1", NOW_S), NOW_S + 1, LINE)
+    receiving_fleet.receive(status("A-3", NOW_S), NOW_S + 3, LINE)
+    identities = receiving_fleet.shared_identities(NOW_S)
+    assert [(each.uuid, each.arrival_s, each.vendor, each.owner) for each in identities] == [
         (robot("A-1"), NOW_S + 1, None, "Alder"),
         (robot("A-2"), NOW_S + 2, "Alder", "Alder"),
     ]
-    assert told[0].raw == identity("A-1", NOW_S)
-    assert one.shared_identities(NOW_S + 1) == told[1:]
+    assert identities[0].raw == identity("A-1", NOW_S)
+    assert receiving_fleet.shared_identities(NOW_S + 1) == identities[1:]
 
 
 def test_an_introduction_survives_its_document_whatever_its_bytes() -> None:
@@ -32,40 +32,40 @@ def test_an_introduction_survives_its_document_whatever_its_bytes() -> None:
 
 
 def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() -> None:
-    one = fleet()
-    assert not one.lacks(ELSEWHERE)
-    one.receive(status("A-1", NOW_S), NOW_S, LINE)
-    assert one.lacks(ELSEWHERE)
-    assert one.add_identity(ELSEWHERE, NOW_S + 5, Connection(7)) is None
-    shown = document(one, "A-1")
+    receiving_fleet = fleet()
+    assert not receiving_fleet.lacks(ELSEWHERE)
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)
+    assert receiving_fleet.lacks(ELSEWHERE)
+    assert receiving_fleet.add_identity(ELSEWHERE, NOW_S + 5, Connection(7)) is None
+    shown = document(receiving_fleet, "A-1")
     assert (shown["identified"], shown["name"], shown["envelope"]["length_m"]) == (True, "Alder A-1", 1.0)
-    assert not one.lacks(ELSEWHERE)
-    assert not one.shared_identities(NOW_S - 1), "it is told by who heard it"
+    assert not receiving_fleet.lacks(ELSEWHERE)
+    assert not receiving_fleet.shared_identities(NOW_S - 1), "it is identities by who heard it"
 
 
 def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_arrives_here_after_it() -> None:
-    one = fleet()
-    one.receive(status("A-1", NOW_S), NOW_S, LINE)
-    one.add_identity(ELSEWHERE, NOW_S + 5, Connection(7))
-    assert one.lacks(LARGER)
-    one.add_identity(LARGER, NOW_S + 6, Connection(8))
-    assert document(one, "A-1")["envelope"]["length_m"] == 2.0
-    assert not one.lacks(ELSEWHERE)
-    assert not one.lacks(replace(LARGER, arrival_s=NOW_S + 9))
+    receiving_fleet = fleet()
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)
+    receiving_fleet.add_identity(ELSEWHERE, NOW_S + 5, Connection(7))
+    assert receiving_fleet.lacks(LARGER)
+    receiving_fleet.add_identity(LARGER, NOW_S + 6, Connection(8))
+    assert document(receiving_fleet, "A-1")["envelope"]["length_m"] == 2.0
+    assert not receiving_fleet.lacks(ELSEWHERE)
+    assert not receiving_fleet.lacks(replace(LARGER, arrival_s=NOW_S + 9))
 
 
 def test_an_introduction_to_another_vendors_robot_is_refused() -> None:
-    one = fleet(Vendor(name="Basalt"))
-    one.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Basalt"))
-    assert one.add_identity(ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
-    assert one.lacks(ELSEWHERE)
+    receiving_fleet = fleet(Vendor(name="Basalt"))
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Basalt"))
+    assert receiving_fleet.add_identity(ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
+    assert receiving_fleet.lacks(ELSEWHERE)
 
 
 def test_another_vendors_introduction_is_no_news_unless_the_site_file_assigns_it_the_robot() -> None:
     taken = replace(LARGER, owner="Basalt")
     assert not taken.is_news_to(ELSEWHERE)
     assert replace(taken, assigned=True).is_news_to(ELSEWHERE)
-    one = fleet(Vendor(name="Basalt", robots=(robot("A-1"),)))
-    one.receive(identity("A-1", NOW_S), NOW_S, LINE)
-    (told,) = one.shared_identities(NOW_S - 1)
-    assert (told.owner, told.assigned) == ("Basalt", True)
+    receiving_fleet = fleet(Vendor(name="Basalt", robots=(robot("A-1"),)))
+    receiving_fleet.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    (identities,) = receiving_fleet.shared_identities(NOW_S - 1)
+    assert (identities.owner, identities.assigned) == ("Basalt", True)

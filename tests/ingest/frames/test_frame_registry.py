@@ -20,7 +20,7 @@ METRES = Datum.model_validate(
     {
         "id": "HALL",
         "name": "Hall",
-        "reference_points": [{"id": one, "x": x, "y": y} for one, (x, y) in zip(POINTS, HALL, strict=True)],
+        "reference_points": [{"id": name, "x": x, "y": y} for name, (x, y) in zip(POINTS, HALL, strict=True)],
     }
 )
 HOME = (42.36, -71.06)
@@ -35,9 +35,9 @@ DEGREES = Datum.model_validate(
 )
 
 
-def own_map(readings: Floats, *, datum: str = "own", **told: Any) -> VendorMap:
-    named = {one: tuple(reading) for one, reading in zip(POINTS, readings.tolist(), strict=False)}
-    return VendorMap(datum=datum, site_datum="hall", readings=named, **told)
+def own_map(readings: Floats, *, datum: str = "own", **fields: Any) -> VendorMap:
+    named = {name: tuple(reading) for name, reading in zip(POINTS, readings.tolist(), strict=False)}
+    return VendorMap(datum=datum, site_datum="hall", readings=named, **fields)
 
 
 def frames(*maps: VendorMap) -> FrameRegistry:
@@ -89,10 +89,10 @@ def test_a_mirrored_map_turns_the_other_way() -> None:
 def test_two_points_are_mirrored_if_the_site_file_says_so() -> None:
     readings = HALL[:2] * (1.0, -1.0)
     place = np.array([[10.0, -7.0, 0.3]])
-    told = placed(frames(own_map(readings, mirrored=True)).frame("acme", "own"), place)
+    values = placed(frames(own_map(readings, mirrored=True)).frame("acme", "own"), place)
     untold = placed(frames(own_map(readings)).frame("acme", "own"), place)
-    np.testing.assert_allclose(told, [[10.0, 7.0, -0.3]], atol=1e-9)
-    assert np.hypot(*(untold - told)[0, :2]) > 10
+    np.testing.assert_allclose(values, [[10.0, 7.0, -0.3]], atol=1e-9)
+    assert np.hypot(*(untold - values)[0, :2]) > 10
 
 
 def test_an_unknown_heading_stays_unknown_in_every_frame() -> None:
@@ -128,8 +128,8 @@ def test_a_datum_in_degrees_is_left_handed() -> None:
 
 
 def test_a_vendors_metres_fit_reference_points_in_degrees() -> None:
-    one = VendorMap(datum="own", site_datum="yard", readings={"a": (0.0, 0.0), "b": (0.0, 138.3)})
-    frame = frames(one).frame("acme", "own")
+    vendor_map = VendorMap(datum="own", site_datum="yard", readings={"a": (0.0, 0.0), "b": (0.0, 138.3)})
+    frame = frames(vendor_map).frame("acme", "own")
     assert frame.floor == "yard"
     a, b = placed(frame, np.array([[0.0, 0.0, 0.0], [0.0, 138.3, 0.0]]))
     true_m = Geod(ellps="WGS84").inv(-71.06, 42.36, -71.059, 42.361)[2]
@@ -146,9 +146,9 @@ def test_a_vendors_own_map_goes_before_the_sites_datum_of_that_name() -> None:
 
 
 def test_what_the_site_does_not_know_is_a_floor_of_its_own_for_all_who_name_it() -> None:
-    one, other = frames().frame("acme", "svy21"), FrameRegistry([], []).frame("bolt", "svy21")
-    assert (one.floor, one.known, one.comparable) == ("svy21", False, True)
-    assert other.floor == one.floor
+    first, other = frames().frame("acme", "svy21"), FrameRegistry([], []).frame("bolt", "svy21")
+    assert (first.floor, first.known, first.comparable) == ("svy21", False, True)
+    assert other.floor == first.floor
 
 
 @pytest.mark.parametrize("datum", ["", NIL_DATUM])
@@ -177,6 +177,6 @@ def test_reading_a_point_that_is_not_there_is_refused() -> None:
 def test_reference_points_that_are_nowhere_on_earth_are_refused() -> None:
     a, b = DEGREES.reference_points
     lost = DEGREES.model_copy(update={"reference_points": (a.model_copy(update={"x": 500.0}), b)})
-    one = VendorMap(datum="own", site_datum="yard", readings={"a": (0, 0), "b": (1, 1)})
+    vendor_map = VendorMap(datum="own", site_datum="yard", readings={"a": (0, 0), "b": (1, 1)})
     with pytest.raises(FitError, match="nowhere on Earth; x is latitude"):
-        fit_map(one, lost)
+        fit_map(vendor_map, lost)

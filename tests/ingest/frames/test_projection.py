@@ -29,10 +29,10 @@ def projection(reference: tuple[float, float], *, relative: bool = False) -> Pro
     st.tuples(st.floats(-180, 180), st.floats(0, 100)),
 )
 def test_distances_are_those_of_the_geodesic_within_a_millimetre(
-    reference: tuple[float, float], one: tuple[float, float], other: tuple[float, float]
+    reference: tuple[float, float], found: tuple[float, float], other: tuple[float, float]
 ) -> None:
     latitude, longitude = reference
-    places = [GEOD.fwd(longitude, latitude, azimuth, distance_m)[:2] for azimuth, distance_m in (one, other)]
+    places = [GEOD.fwd(longitude, latitude, azimuth, distance_m)[:2] for azimuth, distance_m in (found, other)]
     _, _, true_m = GEOD.inv(*places[0], *places[1])
     metres = projection(reference).points(np.array([(lat, lon) for lon, lat in places]))
     assert np.hypot(*(metres[0] - metres[1])) == pytest.approx(true_m, abs=1e-3)

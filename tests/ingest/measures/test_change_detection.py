@@ -22,15 +22,15 @@ def noise(n: int, seed: int, spread: float = 0.2, kept: float = 0.5) -> list[flo
 
 
 def followed(values: list[float], limits: ChangeLimits = LIMITS) -> list[LevelChange | None]:
-    level, told = ChangeDetector(limits), []
+    level, changes = ChangeDetector(limits), []
     for number, value in enumerate(values):
         level.add(value, NOW_S + number * STEP_S)
-        told.append(level.change)
-    return told
+        changes.append(level.change)
+    return changes
 
 
-def flags(told: list[LevelChange | None]) -> int:
-    return sum(now is not None and before is None for before, now in zip([None, *told], told, strict=False))
+def flags(changes: list[LevelChange | None]) -> int:
+    return sum(now is not None and before is None for before, now in zip([None, *changes], changes, strict=False))
 
 
 def test_steady_vendors_are_hardly_ever_flagged_in_a_day() -> None:
@@ -42,7 +42,7 @@ def test_the_rhythm_of_a_day_is_no_change() -> None:
     wandering = [
         [value + 0.2 * sin(2 * pi * n / DAY) for n, value in enumerate(noise(3 * DAY, seed))] for seed in range(10)
     ]
-    assert sum(flags(followed(one)) for one in wandering) <= len(wandering) * 3 / 10
+    assert sum(flags(followed(values)) for values in wandering) <= len(wandering) * 3 / 10
 
 
 @pytest.mark.parametrize("by", [1.0, -1.0])
@@ -50,15 +50,15 @@ def test_a_change_is_told_with_since_when_and_by_how_much_and_when_it_is_over(by
     for seed in range(20):
         began, ended = 200, 260
         values = [v + (by if began <= n < ended else 0.0) for n, v in enumerate(noise(400, seed, spread=0.15))]
-        told = followed(values)
-        assert flags(told[:began]) == 0
-        standing = told[began + 15 : ended]
+        changes = followed(values)
+        assert flags(changes[:began]) == 0
+        standing = changes[began + 15 : ended]
         assert all(standing)
         last = standing[-1]
         assert last
         assert abs(last.since_s - (NOW_S + began * STEP_S)) <= 7 * STEP_S
         assert last.by == pytest.approx(by, abs=0.3)
-        assert told[ended + 40] is None
+        assert changes[ended + 40] is None
 
 
 def test_a_slow_drift_is_a_change_too() -> None:
@@ -84,9 +84,9 @@ def test_a_change_below_the_limit_is_ignored() -> None:
 
 
 def test_a_change_that_lasts_a_day_becomes_the_usual_level() -> None:
-    told = followed([0.0] * 50 + [1.0] * (DAY + 50) + [0.0] * 50)
-    flagged = [number for number, one in enumerate(told) if one]
-    assert told[50 + int(ADOPTED_S / STEP_S) + LEARNED + 5] is None
+    changes = followed([0.0] * 50 + [1.0] * (DAY + 50) + [0.0] * 50)
+    flagged = [number for number, change in enumerate(changes) if change]
+    assert changes[50 + int(ADOPTED_S / STEP_S) + LEARNED + 5] is None
     # going back to what it was is then a change
     assert flagged[-1] > 50 + DAY + 50
 
@@ -117,6 +117,6 @@ def test_a_detector_continues_after_a_restart() -> None:
     "wrong", [None, [], {"usual": float("nan")}, {"variance": -1.0}, {"sums": [1.0]}, {"seen": "x"}]
 )
 def test_a_state_that_is_not_valid_is_refused(wrong: dict[str, object] | None) -> None:
-    told = ChangeDetector(LIMITS).learned() | wrong if isinstance(wrong, dict) else wrong
+    document = ChangeDetector(LIMITS).learned() | wrong if isinstance(wrong, dict) else wrong
     with pytest.raises(ValueError, match="ChangeDetector"):
-        ChangeDetector.resumed(LIMITS, told)
+        ChangeDetector.resumed(LIMITS, document)

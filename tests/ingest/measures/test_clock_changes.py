@@ -16,7 +16,7 @@ NOW_S = 1_792_000_000.0
 
 def hour(fast_s: float, from_s: int, until_s: int, robots: int = 3) -> dict[int, dict[tuple[str, ...], float]]:
     """By minute, how much clocks have changed that are fast for a while."""
-    fleet, line, told = (
+    fleet, line, values = (
         Fleet(VendorRegistry(()), FrameRegistry((), ()), Reading(), Measures(), Quarantine()),
         Connection(1),
         {},
@@ -32,18 +32,18 @@ def hour(fast_s: float, from_s: int, until_s: int, robots: int = 3) -> dict[int,
         fleet.next_batch(now_s)
         if second % 60 == 0:
             fleet_report.measure(fleet, now_s)
-            told[second // 60] = dict(fleet.measures.values[clock_changes.AMOUNTS["clock"]])
+            values[second // 60] = dict(fleet.measures.values[clock_changes.AMOUNTS["clock"]])
             since = fleet.measures.values[clock_changes.SINCE].get(("Alder", "clock"))
             assert since is None or abs(since - (NOW_S + from_s)) <= 60
-    return told
+    return values
 
 
 def test_clocks_that_are_set_wrong_and_right_again_are_told_of_until_they_are_right() -> None:
-    told = hour(3.0, 1800, 2700)
-    assert all(told[minute] == {} for minute in range(30))
-    assert all(abs(told[minute]["Alder",] + 3.0) < 0.1 for minute in range(33, 45))
-    assert told[50] == {}
+    values = hour(3.0, 1800, 2700)
+    assert all(values[minute] == {} for minute in range(30))
+    assert all(abs(values[minute]["Alder",] + 3.0) < 0.1 for minute in range(33, 45))
+    assert values[50] == {}
 
 
 def test_clocks_that_were_always_wrong_have_not_changed() -> None:
-    assert all(one == {} for one in hour(-7.0, 0, 3600, robots=1).values())
+    assert all(value == {} for value in hour(-7.0, 0, 3600, robots=1).values())

@@ -18,9 +18,9 @@ def test_what_was_observed_of_each_label_is_told_apart_and_as_plain_numbers() ->
     measures.observe("waits", np.array([0.3]), "Alder")
     measures.observe("waits", [0.7], "Corvid")
     measures.observe("waits", [0.9], "Corvid")
-    told = {
+    expected = {
         tuple(labels): (sum(counts), total)
         for labels, _, counts, total in measures.as_document()["histograms"]["waits"]
     }
-    assert told == {("Alder",): (1, 0.3), ("Corvid",): (2, pytest.approx(1.6))}
+    assert expected == {("Alder",): (1, 0.3), ("Corvid",): (2, pytest.approx(1.6))}
     assert all(type(count) is int for row in measures.as_document()["histograms"]["waits"] for count in row[2])

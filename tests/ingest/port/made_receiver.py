@@ -48,17 +48,17 @@ async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncItera
     receiver = Receiver(
         ReceiverSettings(port=0, **settings),
         VendorCredentials(vendors),
-        lambda raw, arrival_s, connection: one.delivered.append((raw, arrival_s, connection)),
-        lambda rule, reason, _, connection: one.refused.append((rule, reason, connection)),
+        lambda raw, arrival_s, connection: served_floor.delivered.append((raw, arrival_s, connection)),
+        lambda rule, reason, _, connection: served_floor.refused.append((rule, reason, connection)),
         closed.append,
         overtaken=lambda *_: None,
         measures=measures,
         clock=lambda: float(next(ticks)),
     )
-    one = Floor(receiver, measures, closed=closed)
+    served_floor = Floor(receiver, measures, closed=closed)
     await receiver.start()
     try:
-        yield one
+        yield served_floor
     finally:
         await receiver.close()
 

@@ -67,18 +67,18 @@ def replayed(directory: Path) -> tuple[list[Batch], Counter[str]]:
 
 def test_of_the_waiting_statuses_of_a_robot_only_the_newest_is_read(tmp_path: Path) -> None:
     async def run() -> Behind:
-        one = Behind(tmp_path)
+        slow = Behind(tmp_path)
         for raw in (first, first_of_b, who, second, third):
-            one.put(raw, NOW_S)
-        assert one.delivered == []
-        one.slices.finish()
-        return one
+            slow.put(raw, NOW_S)
+        assert slow.delivered == []
+        slow.slices.finish()
+        return slow
 
     first, second, third = (status("A-1", NOW_S, x) for x in (1.0, 2.0, 3.0))
     first_of_b, who = status("A-2", NOW_S), identity("A-1", NOW_S)
-    one = asyncio.run(run())
-    assert one.delivered == [third, first_of_b, who]
-    assert one.overtaken == [first, second]
+    behind = asyncio.run(run())
+    assert behind.delivered == [third, first_of_b, who]
+    assert behind.overtaken == [first, second]
 
 
 def test_without_a_backlog_every_message_is_read() -> None:
@@ -87,45 +87,45 @@ def test_without_a_backlog_every_message_is_read() -> None:
         backlog = Backlog(
             TimeSlices(slice_s=60.0), lambda raw, *_: delivered.append(raw), lambda *_: pytest.fail("overtaken")
         )
-        for raw in said:
+        for raw in messages:
             backlog.add(ArrivedMessage(raw, NOW_S, ALDER))
         return delivered
 
-    said = [status("A-1", NOW_S + n) for n in range(5)]
-    assert asyncio.run(at_once()) == said
+    messages = [status("A-1", NOW_S + n) for n in range(5)]
+    assert asyncio.run(at_once()) == messages
 
 
 def test_a_robot_reported_over_two_connections_waits_on_each(tmp_path: Path) -> None:
     async def run() -> Behind:
-        one = Behind(tmp_path)
+        slow = Behind(tmp_path)
         for n in range(4):
-            one.put(status("A-1", NOW_S + n), NOW_S + n, (ALDER, BASALT)[n % 2])
-        one.slices.finish()
-        return one
+            slow.put(status("A-1", NOW_S + n), NOW_S + n, (ALDER, BASALT)[n % 2])
+        slow.slices.finish()
+        return slow
 
-    one = asyncio.run(run())
-    assert one.delivered == [status("A-1", NOW_S + 2), status("A-1", NOW_S + 3)]
+    behind = asyncio.run(run())
+    assert behind.delivered == [status("A-1", NOW_S + 2), status("A-1", NOW_S + 3)]
 
 
 def test_an_overtaken_status_is_counted_and_recorded(tmp_path: Path) -> None:
     async def run() -> tuple[Behind, Batch]:
-        one = Behind(tmp_path)
-        one.put(status("A-1", NOW_S - 1), NOW_S - 1)
-        one.slices.finish()
-        one.next_batch(NOW_S - 0.5)
+        slow = Behind(tmp_path)
+        slow.put(status("A-1", NOW_S - 1), NOW_S - 1)
+        slow.slices.finish()
+        slow.next_batch(NOW_S - 0.5)
         for n in range(4):
-            one.put(status("A-1", NOW_S + n, x=n), NOW_S + n)
-        one.put(status("A-2", NOW_S), NOW_S)
-        one.slices.finish()
-        batch = one.next_batch(NOW_S + 4)
-        one.recorder.close()
-        return one, batch
+            slow.put(status("A-1", NOW_S + n, x=n), NOW_S + n)
+        slow.put(status("A-2", NOW_S), NOW_S)
+        slow.slices.finish()
+        batch = slow.next_batch(NOW_S + 4)
+        slow.recorder.close()
+        return slow, batch
 
-    one, batch = asyncio.run(run())
+    behind, batch = asyncio.run(run())
     assert batch.robots == (robot("A-1"), robot("A-2"))
     assert batch.statuses.tolist() == [4, 1]
     assert (batch.first_arrival_s[0], batch.arrival_s[0]) == (NOW_S, NOW_S + 3)
-    counted = one.measures.values
+    counted = behind.measures.values
     assert counted["deconflict_messages_total"] == {("Alder", "accepted"): 3, ("Alder", "overtaken"): 3}
     assert counted["deconflict_statuses_superseded_total"] == {("Alder",): 3}
     events = [event for event in LogReader().read([tmp_path]) if isinstance(event, Overtaken)]
@@ -136,18 +136,18 @@ def test_an_overtaken_status_is_counted_and_recorded(tmp_path: Path) -> None:
 
 def test_what_another_vendor_says_of_a_robot_and_overtakes_itself_is_that_vendors(tmp_path: Path) -> None:
     async def run() -> tuple[Behind, Batch]:
-        one = Behind(tmp_path)
-        one.put(status("A-1", NOW_S), NOW_S)
-        one.slices.finish()
-        one.next_batch(NOW_S + 0.5)
+        slow = Behind(tmp_path)
+        slow.put(status("A-1", NOW_S), NOW_S)
+        slow.slices.finish()
+        slow.next_batch(NOW_S + 0.5)
         for n in range(3):
-            one.put(status("A-1", NOW_S + n, x=900.0), NOW_S + n, BASALT)
-        one.put(status("A-1", NOW_S + 4), NOW_S + 4)
-        one.slices.finish()
-        return one, one.next_batch(NOW_S + 5)
+            slow.put(status("A-1", NOW_S + n, x=900.0), NOW_S + n, BASALT)
+        slow.put(status("A-1", NOW_S + 4), NOW_S + 4)
+        slow.slices.finish()
+        return slow, slow.next_batch(NOW_S + 5)
 
-    one, batch = asyncio.run(run())
-    assert one.measures.values["deconflict_messages_total"] == {
+    behind, batch = asyncio.run(run())
+    assert behind.measures.values["deconflict_messages_total"] == {
         ("Alder", "accepted"): 2,
         ("Basalt", "overtaken"): 2,
         ("Basalt", "rejected"): 1,
@@ -157,26 +157,26 @@ def test_what_another_vendor_says_of_a_robot_and_overtakes_itself_is_that_vendor
 
 def test_a_replay_of_an_overloaded_service_gives_the_same_batches(tmp_path: Path) -> None:
     async def run() -> list[Batch]:
-        one, batches, rng = Behind(tmp_path), [], np.random.default_rng(1)
+        behind, batches, rng = Behind(tmp_path), [], np.random.default_rng(1)
         for n in range(600):
-            one.put(status(f"A-{rng.integers(8)}", NOW_S + n / 50, x=float(n)), NOW_S + n / 50)
+            behind.put(status(f"A-{rng.integers(8)}", NOW_S + n / 50, x=float(n)), NOW_S + n / 50)
             if n % 30 == 29:
                 await asyncio.sleep(0)
-                batches.append(one.next_batch(NOW_S + n / 50))
-        one.slices.finish()
-        batches.append(one.next_batch(NOW_S + 20))
-        one.recorder.close()
-        assert one.overtaken
+                batches.append(behind.next_batch(NOW_S + n / 50))
+        behind.slices.finish()
+        batches.append(behind.next_batch(NOW_S + 20))
+        behind.recorder.close()
+        assert behind.overtaken
         return batches
 
     live = asyncio.run(run())
     again, kinds = replayed(tmp_path)
     assert kinds["Received"] + kinds["Overtaken"] == 600
     assert len(live) == len(again)
-    for one, other in zip(live, again, strict=True):
-        assert one.robots == other.robots
-        assert one.arrival_s.tolist() == other.arrival_s.tolist()
-        assert one.forecasts.x_m.tolist() == other.forecasts.x_m.tolist()
+    for first, other in zip(live, again, strict=True):
+        assert first.robots == other.robots
+        assert first.arrival_s.tolist() == other.arrival_s.tolist()
+        assert first.forecasts.x_m.tolist() == other.forecasts.x_m.tolist()
 
 
 @pytest.mark.parametrize(

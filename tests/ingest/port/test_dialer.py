@@ -76,11 +76,11 @@ async def test_a_fleet_manager_that_hangs_up_is_dialled_again(monkeypatch: pytes
 
     async with serve(hello_and_goodbye, "127.0.0.1", 0) as server:
         url = f"ws://127.0.0.1:{port_of(server)}/robots"
-        one = Dialled(url)
-        await one.until(3)
-    assert {raw for raw, _ in one.delivered} == {b"hello"}
-    assert {(connection.vendor, connection.peer) for _, connection in one.delivered} == {("Alder", url)}
-    assert len({connection.id for _, connection in one.delivered}) == 3
+        dialled = Dialled(url)
+        await dialled.until(3)
+    assert {raw for raw, _ in dialled.delivered} == {b"hello"}
+    assert {(connection.vendor, connection.peer) for _, connection in dialled.delivered} == {("Alder", url)}
+    assert len({connection.id for _, connection in dialled.delivered}) == 3
 
 
 async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_once(
@@ -92,17 +92,17 @@ async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_o
 
     async with serve(hello, "127.0.0.1", 0) as server:
         port = port_of(server)
-    one = Dialled(f"ws://127.0.0.1:{port}")
-    dialling = asyncio.create_task(one.until(1))
+    dialled = Dialled(f"ws://127.0.0.1:{port}")
+    dialling = asyncio.create_task(dialled.until(1))
     async with asyncio.timeout(PATIENCE_S):
-        while one.dialer.failures < 3:
+        while dialled.dialer.failures < 3:
             await asyncio.sleep(0.005)
-    assert one.delivered == []
+    assert dialled.delivered == []
     async with serve(hello, "127.0.0.1", port):
         await dialling
-    told = [record for record in caplog.records if record.levelno >= logging.WARNING]
-    assert len(told) == 1
-    assert "Alder" in told[0].getMessage()
+    log_records = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert len(log_records) == 1
+    assert "Alder" in log_records[0].getMessage()
 
 
 async def test_a_silent_fleet_manager_is_dialled_again() -> None:
@@ -115,12 +115,12 @@ async def test_a_silent_fleet_manager_is_dialled_again() -> None:
         await socket.wait_closed()
 
     async with serve(say_little, "127.0.0.1", 0) as server:
-        one = Dialled(f"ws://127.0.0.1:{port_of(server)}", idle_timeout_s=0.1, port=0)
-        await one.receiver.start()
-        await one.until(2)
-        await one.receiver.close()
+        dialled = Dialled(f"ws://127.0.0.1:{port_of(server)}", idle_timeout_s=0.1, port=0)
+        await dialled.receiver.start()
+        await dialled.until(2)
+        await dialled.receiver.close()
     assert calls == 2
-    assert one.measures.values["deconflict_connections_refused_total"][("idle",)] == 1
+    assert dialled.measures.values["deconflict_connections_refused_total"][("idle",)] == 1
 
 
 async def test_a_message_that_breaks_the_reader_does_not_end_the_dialling(caplog: pytest.LogCaptureFixture) -> None:
@@ -129,24 +129,24 @@ async def test_a_message_that_breaks_the_reader_does_not_end_the_dialling(caplog
         await socket.wait_closed()
 
     async with serve(poison, "127.0.0.1", 0) as server:
-        one = Dialled(f"ws://127.0.0.1:{port_of(server)}")
-        await one.until(2)
+        dialled = Dialled(f"ws://127.0.0.1:{port_of(server)}")
+        await dialled.until(2)
     assert "ZeroDivisionError" in caplog.text
 
 
 async def test_an_invalid_address_is_logged_and_given_up(caplog: pytest.LogCaptureFixture) -> None:
-    one = Dialled("http://fleet.example")
+    dialled = Dialled("http://fleet.example")
     async with asyncio.timeout(PATIENCE_S):
-        await one.dialer.run()
+        await dialled.dialer.run()
     assert "mend the dial address of Alder" in caplog.text
 
 
 def test_waits_double_from_the_first_to_the_longest() -> None:
-    one = Dialled("ws://fleet.example", dial_backoff_s=(0.5, 30.0))
+    dialled = Dialled("ws://fleet.example", dial_backoff_s=(0.5, 30.0))
     longest = []
     for failures in (0, 1, 2, 3, 7, 5000):
-        one.dialer.failures = failures
-        waits = [one.dialer.wait_s() for _ in range(300)]
+        dialled.dialer.failures = failures
+        waits = [dialled.dialer.wait_s() for _ in range(300)]
         assert min(waits) >= max(waits) / 2.1
         longest.append(max(waits))
     assert longest == pytest.approx([0.5, 0.5, 1.0, 2.0, 30.0, 30.0], rel=0.02)
@@ -155,10 +155,10 @@ def test_waits_double_from_the_first_to_the_longest() -> None:
 async def test_a_connection_that_lasted_resets_the_back_off() -> None:
     async def say_long(socket: ServerConnection) -> None:
         await socket.send("hello")
-        one.clock.now_s += STEADY_S + 1
+        dialled.clock.now_s += STEADY_S + 1
 
     async with serve(say_long, "127.0.0.1", 0) as server:
-        one = Dialled(f"ws://127.0.0.1:{port_of(server)}")
-        one.dialer.failures = 7
-        await one.until(2)
-    assert one.dialer.failures == 0
+        dialled = Dialled(f"ws://127.0.0.1:{port_of(server)}")
+        dialled.dialer.failures = 7
+        await dialled.until(2)
+    assert dialled.dialer.failures == 0

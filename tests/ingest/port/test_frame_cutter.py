@@ -47,21 +47,21 @@ def opened(side: Side = SERVER) -> tuple[FrameCuttingConnection, Transport]:
 
 def frames(rng: random.Random, *, mask: bool) -> tuple[bytes, list[bytes]]:
     """The bytes of many frames of every kind that is allowed, and their messages."""
-    told, messages = bytearray(), []
+    stream, messages = bytearray(), []
     for _ in range(40):
         size = rng.choice((0, 1, 125, 126, 127, 300, MOST))
         body, opcode = rng.randbytes(size), rng.choice((Opcode.TEXT, Opcode.BINARY))
         messages.append(body)
         if rng.random() < 0.2:
-            told += Frame(Opcode.PING, b"there?").serialize(mask=mask)
+            stream += Frame(Opcode.PING, b"there?").serialize(mask=mask)
         cut = rng.randrange(size + 1) if rng.random() < 0.3 else None
         if cut is None:
-            told += Frame(opcode, body).serialize(mask=mask)
+            stream += Frame(opcode, body).serialize(mask=mask)
         else:
-            told += Frame(opcode, body[:cut], fin=False).serialize(mask=mask)
-            told += Frame(Opcode.PONG, b"here").serialize(mask=mask)
-            told += Frame(Opcode.CONT, body[cut:]).serialize(mask=mask)
-    return bytes(told), messages
+            stream += Frame(opcode, body[:cut], fin=False).serialize(mask=mask)
+            stream += Frame(Opcode.PONG, b"here").serialize(mask=mask)
+            stream += Frame(Opcode.CONT, body[cut:]).serialize(mask=mask)
+    return bytes(stream), messages
 
 
 def pieces(data: bytes, rng: random.Random, most: int) -> Iterable[bytes]:
@@ -142,9 +142,9 @@ def test_websockets_parser_waits_for_a_frame_at_one_place_only() -> None:
     protocol.receive_data(request[:40])
     assert not stands_between_frames(protocol)
     protocol.receive_data(request[40:])
-    (told,) = protocol.events_received()
-    assert isinstance(told, Request)
-    protocol.send_response(protocol.accept(told))
+    (found,) = protocol.events_received()
+    assert isinstance(found, Request)
+    protocol.send_response(protocol.accept(found))
     first, rest = Frame(Opcode.TEXT, b"a", fin=False), Frame(Opcode.CONT, b"b")
     stood = []
     for byte in first.serialize(mask=True) + rest.serialize(mask=True):

@@ -52,16 +52,16 @@ def test_messages_without_a_uuid_wait_as_one_per_connection() -> None:
     shares = RateLimits(1.0)
     shares.admit("Alder", arrived(b"first"), 0.0)
     shed = [shares.admit("Alder", arrived(b"no uuid %d" % i), 0.0)[1] for i in range(50)]
-    assert [one.raw for each in shed for one in each] == [b"no uuid %d" % i for i in range(49)]
+    assert [message.raw for each in shed for message in each] == [b"no uuid %d" % i for i in range(49)]
 
 
 def test_what_waits_is_bounded_by_its_weight_too_and_the_oldest_goes() -> None:
     shares, load = RateLimits(1.0), "x" * 60_000
     sent = [arrived(status(f"A-{i}", 0.0, note=load)) for i in range(2 * MOST_WAITING_BYTES // len(load))]
-    shed = [gone for one in sent for gone in shares.admit("Alder", one, 0.0)[1]]
+    shed = [gone for message in sent for gone in shares.admit("Alder", message, 0.0)[1]]
     assert shed == sent[1 : len(shed) + 1]
     assert (
-        sum(len(one.raw) for one in sent[1 + len(shed) :])
+        sum(len(message.raw) for message in sent[1 + len(shed) :])
         <= MOST_WAITING_BYTES
         < 1.01 * len(sent[0].raw) * (len(sent) - len(shed))
     )

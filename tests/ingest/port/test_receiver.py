@@ -38,75 +38,75 @@ def text_frame(data: bytes) -> bytes:
 
 
 async def test_text_and_binary_frames_are_delivered_in_order_with_their_arrival() -> None:
-    async with floor() as one, connect(one.url) as robot:
+    async with floor() as served_floor, connect(served_floor.url) as robot:
         await robot.send("text ü")
         await robot.send(b"\xff\x00 bytes")
         await robot.send(["in ", "parts"])
-        await until(lambda: len(one.delivered) == 3)
-        assert one.raws() == ["text ü".encode(), b"\xff\x00 bytes", b"in parts"]
-        arrivals = [arrival_s for _, arrival_s, _ in one.delivered]
+        await until(lambda: len(served_floor.delivered) == 3)
+        assert served_floor.raws() == ["text ü".encode(), b"\xff\x00 bytes", b"in parts"]
+        arrivals = [arrival_s for _, arrival_s, _ in served_floor.delivered]
         assert arrivals == sorted(arrivals)
-        assert {connection.id for _, _, connection in one.delivered} == {1}
-        assert one.delivered[0][2].peer == "127.0.0.1"
+        assert {connection.id for _, _, connection in served_floor.delivered} == {1}
+        assert served_floor.delivered[0][2].peer == "127.0.0.1"
 
 
 async def test_what_was_sent_before_an_abrupt_end_is_delivered_and_nothing_is_logged(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    async with floor() as one:
-        _, writer = await raw_client(one.receiver.port)
+    async with floor() as served_floor:
+        _, writer = await raw_client(served_floor.receiver.port)
         writer.write(b"".join(text_frame(b"%d" % i) for i in range(50)) + text_frame(b"torn")[:-2])
         await writer.drain()
-        await until(lambda: len(one.delivered) == 50)
+        await until(lambda: len(served_floor.delivered) == 50)
         writer.transport.abort()
-        await until(lambda: one.closed)
-        assert one.raws() == [b"%d" % i for i in range(50)]
-        assert one.connections == 0
+        await until(lambda: served_floor.closed)
+        assert served_floor.raws() == [b"%d" % i for i in range(50)]
+        assert served_floor.connections == 0
     assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
 async def test_text_that_is_not_utf8_is_delivered_for_the_reader_to_refuse() -> None:
-    async with floor() as one:
-        _, writer = await raw_client(one.receiver.port)
+    async with floor() as served_floor:
+        _, writer = await raw_client(served_floor.receiver.port)
         writer.write(text_frame(b'{"a":"\xff"}') + text_frame(b"next"))
-        await until(lambda: len(one.delivered) == 2)
-        assert one.raws() == [b'{"a":"\xff"}', b"next"]
+        await until(lambda: len(served_floor.delivered) == 2)
+        assert served_floor.raws() == [b'{"a":"\xff"}', b"next"]
         writer.close()
 
 
 @pytest.mark.parametrize("parts", [("x" * 1001,), ("x" * 600, "x" * 600)], ids=["whole", "in fragments"])
 async def test_a_message_too_large_is_refused_with_what_to_change(parts: tuple[str, ...]) -> None:
-    async with floor(max_message_bytes=1000) as one, connect(one.url) as robot:
+    async with floor(max_message_bytes=1000) as served_floor, connect(served_floor.url) as robot:
         await robot.send("x" * 1000)
         await robot.send(parts)
         with pytest.raises(ConnectionClosed) as ended:
             await robot.recv()
         assert ended.value.rcvd is not None
         assert ended.value.rcvd.code == 1009
-        await until(lambda: one.closed)
-        (refused,) = one.refused
+        await until(lambda: served_floor.closed)
+        (refused,) = served_floor.refused
         assert refused[0] == "message-too-large"
         assert "1000 bytes" in refused[1]
-        assert len(one.delivered) == 1
+        assert len(served_floor.delivered) == 1
 
 
 async def test_a_peer_that_closes_with_that_code_itself_sent_no_such_message() -> None:
-    async with floor() as one:
-        async with connect(one.url) as robot:
+    async with floor() as served_floor:
+        async with connect(served_floor.url) as robot:
             await robot.close(1009, "yours was too large")
-        await until(lambda: one.closed)
-        assert one.refused == []
-        assert one.measures.values[REFUSED] == {}
+        await until(lambda: served_floor.closed)
+        assert served_floor.refused == []
+        assert served_floor.measures.values[REFUSED] == {}
 
 
 async def test_what_is_no_websocket_frame_ends_the_connection_and_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ingest.port.receiver.CLOSE_TIMEOUT_S", 0.1)
     monkeypatch.setattr("ingest.port.receiver.IDLE_CHECK_S", 0.05)
-    async with floor() as one:
-        _, writer = await raw_client(one.receiver.port)
+    async with floor() as served_floor:
+        _, writer = await raw_client(served_floor.receiver.port)
         writer.write(b"\xf3\x01 reserved bits")
-        await until(lambda: one.closed)
-        assert one.count("protocol-error") == 1
+        await until(lambda: served_floor.closed)
+        assert served_floor.count("protocol-error") == 1
         writer.close()
 
 
@@ -115,23 +115,26 @@ async def test_what_is_no_websocket_frame_ends_the_connection_and_is_counted(mon
     [("/", None), ("/Alder", "Alder"), ("/alder/?token=1", "Alder"), ("/Blue%20Line", "Blue Line"), ("/else", None)],
 )
 async def test_the_path_tells_the_vendor(path: str, vendor: str | None) -> None:
-    async with floor(vendors=(Vendor(name="Alder"), Vendor(name="Blue Line"))) as one, connect(one.url + path) as robot:
+    async with (
+        floor(vendors=(Vendor(name="Alder"), Vendor(name="Blue Line"))) as served_floor,
+        connect(served_floor.url + path) as robot,
+    ):
         await robot.send("hello")
-        await until(lambda: one.delivered)
-        connection = one.delivered[0][2]
+        await until(lambda: served_floor.delivered)
+        connection = served_floor.delivered[0][2]
         assert (connection.vendor, connection.path) == (vendor, path)
 
 
 async def test_health_is_answered_over_plain_http() -> None:
-    async with floor() as one, httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
-        answer = await client.get(one.url.replace("ws", "http") + "/healthz")
+    async with floor() as served_floor, httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
+        answer = await client.get(served_floor.url.replace("ws", "http") + "/healthz")
         assert (answer.status_code, answer.text) == (200, "ok\n")
-        assert one.connections == 0
+        assert served_floor.connections == 0
 
 
 async def test_a_silent_connection_is_closed_with_the_reason_and_one_that_talks_is_not() -> None:
-    async with floor(idle_timeout_s=0.4) as one, connect(one.url) as silent:
-        _, talker = await raw_client(one.receiver.port)
+    async with floor(idle_timeout_s=0.4) as served_floor, connect(served_floor.url) as silent:
+        _, talker = await raw_client(served_floor.receiver.port)
 
         async def talk() -> None:
             while True:
@@ -143,80 +146,80 @@ async def test_a_silent_connection_is_closed_with_the_reason_and_one_that_talks_
             await silent.recv()
         assert ended.value.rcvd is not None
         assert ended.value.rcvd.reason == "nothing heard for 0.4 s"
-        await until(lambda: one.connections == 1)
-        assert one.count("idle") == 1
+        await until(lambda: served_floor.connections == 1)
+        assert served_floor.count("idle") == 1
         talking.cancel()
         talker.close()
 
 
 async def test_a_silent_peer_that_does_not_even_close_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ingest.port.receiver.CLOSE_TIMEOUT_S", 0.1)
-    async with floor(idle_timeout_s=0.2) as one:
-        _, writer = await raw_client(one.receiver.port)
-        await until(lambda: one.closed)
-        assert (one.count("idle"), one.connections) == (1, 0)
+    async with floor(idle_timeout_s=0.2) as served_floor:
+        _, writer = await raw_client(served_floor.receiver.port)
+        await until(lambda: served_floor.closed)
+        assert (served_floor.count("idle"), served_floor.connections) == (1, 0)
         writer.close()
 
 
 @pytest.mark.parametrize("cap", [1, 2])
 async def test_of_too_many_from_one_peer_the_newest_win(cap: int) -> None:
-    async with floor(max_connections_per_peer=cap) as one:
-        robots = [await connect(one.url) for _ in range(cap + 2)]
+    async with floor(max_connections_per_peer=cap) as served_floor:
+        robots = [await connect(served_floor.url) for _ in range(cap + 2)]
         for replaced in robots[:2]:
             with pytest.raises(ConnectionClosed) as ended:
                 await replaced.recv()
             assert ended.value.rcvd is not None
             assert "close those no longer used" in ended.value.rcvd.reason
-        await until(lambda: one.connections == cap)
-        assert [connection.id for connection in one.closed] == [1, 2]
-        assert one.count("replaced") == 2
+        await until(lambda: served_floor.connections == cap)
+        assert [connection.id for connection in served_floor.closed] == [1, 2]
+        assert served_floor.count("replaced") == 2
         for robot in robots[2:]:
             await robot.send("still here")
-        await until(lambda: len(one.delivered) == cap)
+        await until(lambda: len(served_floor.delivered) == cap)
 
 
 async def test_beyond_the_limit_a_connection_is_refused_until_another_ends() -> None:
-    async with floor(max_connections=1) as one:
-        async with connect(one.url):
+    async with floor(max_connections=1) as served_floor:
+        async with connect(served_floor.url):
             with pytest.raises(InvalidStatus) as refused:
-                await connect(one.url)
+                await connect(served_floor.url)
             assert refused.value.response.status_code == 503
-            assert one.count("full") == 1
-        await until(lambda: one.closed)
-        async with connect(one.url) as robot:
+            assert served_floor.count("full") == 1
+        await until(lambda: served_floor.closed)
+        async with connect(served_floor.url) as robot:
             await robot.send("now")
-            await until(lambda: one.delivered)
+            await until(lambda: served_floor.delivered)
 
 
 async def test_a_peer_that_never_shakes_hands_is_let_go() -> None:
-    async with floor(open_timeout_s=0.1) as one:
-        reader, writer = await asyncio.open_connection("127.0.0.1", one.receiver.port)
+    async with floor(open_timeout_s=0.1) as served_floor:
+        reader, writer = await asyncio.open_connection("127.0.0.1", served_floor.receiver.port)
         async with asyncio.timeout(PATIENCE_S):
             assert await reader.read() == b""
-        assert one.connections == 0
+        assert served_floor.connections == 0
         writer.close()
 
 
 async def test_closing_tells_the_robots_and_leaves_nothing_open() -> None:
-    async with floor() as one:
-        robot = await connect(one.url)
-        await until(lambda: one.connections == 1)
-        await one.receiver.close()
+    async with floor() as served_floor:
+        robot = await connect(served_floor.url)
+        await until(lambda: served_floor.connections == 1)
+        await served_floor.receiver.close()
         with pytest.raises(ConnectionClosed):
             await robot.recv()
-        assert len(one.closed) == 1
-        assert one.connections == 0
+        assert len(served_floor.closed) == 1
+        assert served_floor.connections == 0
 
 
 async def test_a_peer_that_answers_nothing_can_not_hold_up_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ingest.port.receiver.CLOSE_TIMEOUT_S", 0.1)
-    async with floor() as one:
-        talkers = [await raw_client(one.receiver.port) for _ in range(2)]
+    async with floor() as served_floor:
+        talkers = [await raw_client(served_floor.receiver.port) for _ in range(2)]
         talkers[0][1].write(b"\xf3\x01 no frame")
         async with asyncio.timeout(PATIENCE_S):
             assert await talkers[0][0].read(1)
-            await one.receiver.close()
-        assert one.connections == 0
+            await served_floor.receiver.close()
+        assert served_floor.connections == 0
         for _, writer in talkers:
             writer.close()
 
@@ -271,64 +274,66 @@ def test_more_connections_than_files_are_turned_away_and_do_not_fill_the_log() -
             robot.close()
         out, err = service.communicate("done\n", timeout=PATIENCE_S)
     assert int(out) == 300
-    (told,) = err.splitlines()
-    assert "at most 120 connections, because 320 files may be open" in told
+    (text,) = err.splitlines()
+    assert "at most 120 connections, because 320 files may be open" in text
 
 
 async def test_a_vendors_token_lets_it_in_and_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ALDER", "alder-0123456789abcdef")
-    async with floor((Vendor(name="Alder", token="env:ALDER"), Vendor(name="Basalt"))) as one:
+    async with floor((Vendor(name="Alder", token="env:ALDER"), Vendor(name="Basalt"))) as served_floor:
         right = {"Authorization": "Bearer alder-0123456789abcdef"}
-        async with connect(one.url, additional_headers=right) as robot:
+        async with connect(served_floor.url, additional_headers=right) as robot:
             await robot.send("hello")
-            await until(lambda: one.delivered)
-        assert one.delivered[0][2].vendor == "Alder"
+            await until(lambda: served_floor.delivered)
+        assert served_floor.delivered[0][2].vendor == "Alder"
         for path, headers, status in (
             ("/", {}, 401),
             ("/Alder", {"Authorization": "Bearer alder-guessed-0123"}, 401),
             ("/Basalt", right, 403),
         ):
             with pytest.raises(InvalidStatus) as refused:
-                await connect(one.url + path, additional_headers=headers)
+                await connect(served_floor.url + path, additional_headers=headers)
             assert refused.value.response.status_code == status
-        assert (one.count("unauthorised"), one.count("another-vendor")) == (2, 1)
+        assert (served_floor.count("unauthorised"), served_floor.count("another-vendor")) == (2, 1)
 
 
 async def test_a_page_of_another_site_may_not_speak_for_robots(monkeypatch: pytest.MonkeyPatch) -> None:
     """A browser lets any page open a WebSocket, and always says whose page it is."""
-    async with floor() as one:
+    async with floor() as served_floor:
         for origin in ("https://elsewhere.example", "null"):
             with pytest.raises(InvalidStatus) as refused:
-                await connect(one.url, origin=Origin(origin))
+                await connect(served_floor.url, origin=Origin(origin))
             assert refused.value.response.status_code == 403
-        assert one.count("another-site") == 2
-        async with connect(one.url, origin=Origin("http://localhost:5173")) as local:
+        assert served_floor.count("another-site") == 2
+        async with connect(served_floor.url, origin=Origin("http://localhost:5173")) as local:
             await local.send("heard")
-            await until(lambda: one.raws() == [b"heard"])
+            await until(lambda: served_floor.raws() == [b"heard"])
     monkeypatch.setenv("ALDER", "alder-0123456789abcdef")
     headers = {"Authorization": "Bearer alder-0123456789abcdef"}
     async with (
-        floor((Vendor(name="Alder", token="env:ALDER"),)) as one,
-        connect(one.url, additional_headers=headers, origin=Origin("https://elsewhere.example")) as told,
+        floor((Vendor(name="Alder", token="env:ALDER"),)) as served_floor,
+        connect(
+            served_floor.url, additional_headers=headers, origin=Origin("https://elsewhere.example")
+        ) as client_connection,
     ):
-        await told.send("a page has no token")
-        await until(one.raws)
+        await client_connection.send("a page has no token")
+        await until(served_floor.raws)
 
 
 async def test_a_flood_delays_only_its_own_vendor_and_what_is_shed_is_counted() -> None:
     vendors = (Vendor(name="Alder"), Vendor(name="Basalt"))
     async with (
-        floor(vendors, max_messages_per_s=20) as one,
-        connect(one.url + "/Alder") as flooding,
-        connect(one.url + "/Basalt") as calm,
+        floor(vendors, max_messages_per_s=20) as served_floor,
+        connect(served_floor.url + "/Alder") as flooding,
+        connect(served_floor.url + "/Basalt") as calm,
     ):
         for i in range(2000):
             await flooding.send(status(f"A-{i % 5}", i))
         await calm.send(b"calm")
-        await until(lambda: b"calm" in one.raws())
+        await until(lambda: b"calm" in served_floor.raws())
         newest = {status(f"A-{i % 5}", i) for i in range(1995, 2000)}
-        await until(lambda: newest <= set(one.raws()))
-        (shed,) = one.measures.values["deconflict_messages_shed_total"].items()
+        await until(lambda: newest <= set(served_floor.raws()))
+        (shed,) = served_floor.measures.values["deconflict_messages_shed_total"].items()
         assert shed[0] == ("Alder",)
-        assert shed[1] + len(one.delivered) == 2001
-        assert len(one.delivered) < 200
+        assert shed[1] + len(served_floor.delivered) == 2001
+        assert len(served_floor.delivered) < 200

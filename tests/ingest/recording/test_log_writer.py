@@ -23,9 +23,9 @@ class Disk:
 
 @pytest.fixture
 def disk() -> Iterator[Disk]:
-    one = Disk()
-    yield one
-    one.go_on.set()
+    made_disk = Disk()
+    yield made_disk
+    made_disk.go_on.set()
 
 
 def test_a_stalled_disk_blocks_nothing_and_loses_nothing_that_fits_in_memory(disk: Disk) -> None:

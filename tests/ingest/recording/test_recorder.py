@@ -185,7 +185,7 @@ def test_only_our_own_segments_are_ever_removed(tmp_path: Path) -> None:
     for i in range(50):
         writer.tick(NOW_S + i)
     writer.close()
-    kept = {one.name for one in tmp_path.iterdir()}
+    kept = {path.name for path in tmp_path.iterdir()}
     assert {"notes.txt", "log-of-the-fair.jsonl"} <= kept
     assert len(kept) <= 4
 

@@ -22,34 +22,34 @@ def site_tls(authority: trustme.CA, site_tls: Tls, tmp_path: Path) -> Tls:
 
 async def test_a_vendor_is_known_by_its_client_certificate(authority: trustme.CA, site_tls: Tls) -> None:
     vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
-    async with floor(vendors, tls=site_tls) as one:
-        url = f"wss://127.0.0.1:{one.receiver.port}"
+    async with floor(vendors, tls=site_tls) as served_floor:
+        url = f"wss://127.0.0.1:{served_floor.receiver.port}"
         async with connect(url, ssl=trusting(authority, "alder-fleet")) as robot:
             await robot.send("hello")
-            await until(lambda: one.delivered)
-        assert one.delivered[0][2].vendor == "Alder"
+            await until(lambda: served_floor.delivered)
+        assert served_floor.delivered[0][2].vendor == "Alder"
         for stranger in (None, "basalt-fleet"):
             with pytest.raises(InvalidStatus) as refused:
                 await connect(url, ssl=trusting(authority, stranger))
             assert refused.value.response.status_code == 401
-        assert one.count("unauthorised") == 2
+        assert served_floor.count("unauthorised") == 2
 
 
 async def test_a_certificate_of_a_foreign_authority_is_not_taken(authority: trustme.CA, site_tls: Tls) -> None:
     vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
     foreign = trusting(authority)
     trustme.CA().issue_cert(common_name="alder-fleet").configure_cert(foreign)
-    async with floor(vendors, tls=site_tls) as one:
+    async with floor(vendors, tls=site_tls) as served_floor:
         with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
-            await connect(f"wss://127.0.0.1:{one.receiver.port}", ssl=foreign)
-        assert one.connections == 0
+            await connect(f"wss://127.0.0.1:{served_floor.receiver.port}", ssl=foreign)
+        assert served_floor.connections == 0
 
 
 async def test_changed_certificates_hold_for_new_connections(authority: trustme.CA, tmp_path: Path) -> None:
     write(authority, tmp_path)
     file = tmp_path / "site.pem"
-    async with floor(tls=Tls(certificate=str(file)), idle_timeout_s=0.4) as one:
-        url, renewed = f"wss://127.0.0.1:{one.receiver.port}", trustme.CA()
+    async with floor(tls=Tls(certificate=str(file)), idle_timeout_s=0.4) as served_floor:
+        url, renewed = f"wss://127.0.0.1:{served_floor.receiver.port}", trustme.CA()
         async with connect(url, ssl=trusting(authority)):
             write(renewed, tmp_path)
             os.utime(file, ns=(1, 1))

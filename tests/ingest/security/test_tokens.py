@@ -52,16 +52,16 @@ def test_a_token_that_becomes_anothers_is_not_taken_up(sources: dict[str, str], 
 
 
 @pytest.mark.parametrize(
-    ("source", "told"),
+    ("source", "expected"),
     [
         ("env:NO_SUCH_TOKEN", "found 0 characters"),
         ("file:/nowhere/token", "readable file"),
         ("env:SHORT", "at least 16"),
     ],
 )
-def test_an_unreadable_secret_says_what_to_change(source: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreadable_secret_says_what_to_change(source: str, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SHORT", "hunter2")
-    with pytest.raises(SecretError, match=told) as error:
+    with pytest.raises(SecretError, match=expected) as error:
         secret(source)
     assert "hunter2" not in str(error.value)
 

@@ -25,7 +25,7 @@ WINDOWS = {"$__rate_interval": "30s"}
 def on_free_ports() -> Site:
     site = load(demo_site())
     ports = {"receiver": site.receiver, "operator": site.operator}
-    return site.model_copy(update={name: one.model_copy(update={"port": 0}) for name, one in ports.items()})
+    return site.model_copy(update={name: section.model_copy(update={"port": 0}) for name, section in ports.items()})
 
 
 @asynccontextmanager

@@ -135,8 +135,8 @@ def test_each_alert_has_a_case_that_fires_and_one_that_is_quiet() -> None:
 
 @needs_promtool
 def test_an_alert_names_the_vendor_and_the_value(tmp_path: Path) -> None:
-    late = next(one for one in CASES if one.alert == "DeconflictLatencyBurnFast" and one.fires)
-    told = {
+    late = next(case for case in CASES if case.alert == "DeconflictLatencyBurnFast" and case.fires)
+    fields = {
         "summary": "Advisories lag behind the messages of Acme",
         "description": "Only 80% of the valid messages of Acme were reflected within 250 ms in the last hour; "
         "the objective is 99% over a month.",
@@ -145,7 +145,7 @@ def test_an_alert_names_the_vendor_and_the_value(tmp_path: Path) -> None:
     asked = {
         "eval_time": f"{late.at_min}m",
         "alertname": late.alert,
-        "exp_alerts": [{"exp_labels": {"vendor": "Acme", "severity": "page"}, "exp_annotations": told}],
+        "exp_alerts": [{"exp_labels": {"vendor": "Acme", "severity": "page"}, "exp_annotations": fields}],
     }
     done = promtool(tmp_path, [{**group(late), "alert_rule_test": [asked]}])
     assert done.returncode == 0, done.stdout + done.stderr

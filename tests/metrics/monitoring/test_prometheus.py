@@ -24,9 +24,9 @@ async def answered(client: httpx.AsyncClient, query: str) -> bool:
     """Whether Prometheus has a number for the query. A query it can't read is an error."""
     for name, value in WINDOWS.items():
         query = query.replace(name, value)
-    told: dict[str, Any] = (await client.get("/api/v1/query", params={"query": query})).json()
-    assert told["status"] == "success", told
-    return any(series["value"][1] != "NaN" for series in told["data"]["result"])
+    document: dict[str, Any] = (await client.get("/api/v1/query", params={"query": query})).json()
+    assert document["status"] == "success", document
+    return any(series["value"][1] != "NaN" for series in document["data"]["result"])
 
 
 async def unanswered(client: httpx.AsyncClient, queries: dict[str, str]) -> dict[str, str]:
@@ -39,7 +39,7 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
         for dashboard in dashboards()
         for panel, query in dashboard.queries()
     }
-    queries |= {one.name: one.name for one in RECORDING_RULES}
+    queries |= {rule.name: rule.name for rule in RECORDING_RULES}
     async with run_in_one_process(on_free_ports(), tmp_path / "data", render) as (receiver, operator):
         url = f"ws://127.0.0.1:{receiver.receiver.port}"
         talking = asyncio.create_task(simulate(url, ROBOTS, None, 1, stop=asyncio.Event()))
@@ -53,8 +53,8 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
                 pytest.fail(f"no data for {queries}")
             finally:
                 talking.cancel()
-            told = (await client.get("/api/v1/rules")).json()["data"]["groups"]
-            assert [one["lastError"] for group in told for one in group["rules"] if one.get("lastError")] == []
+            document = (await client.get("/api/v1/rules")).json()["data"]["groups"]
+            assert [rule["lastError"] for group in document for rule in group["rules"] if rule.get("lastError")] == []
         async with httpx.AsyncClient(timeout=PATIENCE_S) as face:
             scrape = (await face.get(f"http://127.0.0.1:{operator.port}/metrics")).content
     checked = subprocess.run(["promtool", "check", "metrics"], input=scrape, capture_output=True, check=False)

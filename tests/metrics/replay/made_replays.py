@@ -13,7 +13,7 @@ from tests.helpers.saying import identity, points, status
 NOW_S = 1_790_000_000.0
 
 
-def log_of_a_crossing(path: Path, *, told: bool = True, apart_m: float = 0.0) -> Path:
+def log_of_a_crossing(path: Path, *, expected: bool = True, apart_m: float = 0.0) -> Path:
     """Two that cross at 12 s, as a log of lines with `received` and `message`.
 
     Without `told` both say that they stand; the second passes the crossing `apart_m` behind.
@@ -30,8 +30,8 @@ def log_of_a_crossing(path: Path, *, told: bool = True, apart_m: float = 0.0) ->
         for name, x, y, yaw in (("A-1", second - 12.0, 0.0, 0.0), ("B-1", 0.0, second - 12.0 - apart_m, pi / 2)):
             dx, dy = (1.0, 0.0) if name == "A-1" else (0.0, 1.0)
             path_points = points(*((t_s + i, x + dx * i, y + dy * i, yaw) for i in range(1, 11)))
-            said = {"path": path_points} if told else {"operationalState": "idle"}
-            say(t_s + 0.05, status(name, t_s, x, y, yaw, **said))
+            lists = {"path": path_points} if expected else {"operationalState": "idle"}
+            say(t_s + 0.05, status(name, t_s, x, y, yaw, **lists))
     path.write_text("".join(lines))
     return path
 

@@ -47,14 +47,14 @@ def test_changed_decisions_are_detected_by_the_replay(file: Path, tmp_path: Path
     forged, chain = tmp_path / "forged.jsonl", HashChain()
     with forged.open("wb") as out:
         for line in list(lines_of(file))[:-1]:
-            told = json.loads(line)
-            if "advisory" in told and told["advisory"]["state"] == "raised":
+            document = json.loads(line)
+            if "advisory" in document and document["advisory"]["state"] == "raised":
                 continue
             out.write(chain.link(unlinked(line)))
         out.write(chain.end())
     verdict = verify(forged)
     assert verdict.sha256 != verify(file).sha256
-    assert [one["event"] for one in verdict.added] == ["raised"]
+    assert [answer["event"] for answer in verdict.added] == ["raised"]
 
 
 def test_the_commands_verify_list_and_replay(floor: Floor, file: Path, tmp_path: Path) -> None:
@@ -66,8 +66,8 @@ def test_the_commands_verify_list_and_replay(floor: Floor, file: Path, tmp_path:
     advisories = tmp_path / "advisories.jsonl"
     replayed = deconflict("replay", str(file), "--advisories", str(advisories), "--json", str(tmp_path / "out.json"))
     assert replayed.returncode == 0, replayed.stderr
-    told = [json.loads(line)["id"] for line in advisories.read_text().splitlines()]
-    assert {one.id for one in floor.decided} == set(told)
+    document = [json.loads(line)["id"] for line in advisories.read_text().splitlines()]
+    assert {advisory.id for advisory in floor.decided} == set(document)
 
 
 def test_a_changed_file_is_reported_with_the_place_of_the_change(file: Path, tmp_path: Path) -> None:

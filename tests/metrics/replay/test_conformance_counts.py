@@ -10,7 +10,7 @@ NOW_S = 1_790_000_000.0
 
 
 def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) -> None:
-    said = [
+    messages = [
         identity("A-1", NOW_S),
         status("A-1", NOW_S, 1.0, 2.0, 0.0),
         status("A-1", NOW_S + 0.2, 1.0, 2.0, 0.0),
@@ -18,7 +18,7 @@ def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) ->
     ]
     lines = [
         f'{{"received":"{timestamps.write(NOW_S + n / 5)}","connection":1,"peer":"x","message":{raw.decode()}}}\n'
-        for n, raw in enumerate(said)
+        for n, raw in enumerate(messages)
     ]
     refused_at = timestamps.write(NOW_S)
     refused = f'{{"received":"{refused_at}","connection":1,"peer":"x","rejected":"message-too-large","raw":"["}}\n'
@@ -27,8 +27,8 @@ def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) ->
     reader = LogReader()
     result = conform(reader, reader.read([log]), DEFAULT)
     known, unknown = sorted(result["conformance"], key=lambda vendor: vendor["vendor"] == "unknown")
-    counts = {one["rule"]: one["count"] for vendor in (known, unknown) for one in vendor["findings"]}
+    counts = {finding["rule"]: finding["count"] for vendor in (known, unknown) for finding in vendor["findings"]}
     assert (result["messages"], result["unreadable_lines"]) == (5, 1)
-    assert [(one["accepted"], one["rejected"]) for one in (known, unknown)] == [(3, 1), (0, 1)]
+    assert [(row["accepted"], row["rejected"]) for row in (known, unknown)] == [(3, 1), (0, 1)]
     assert counts["status-too-frequent"] == counts["message-too-large"] == 1
     assert "More than one status a second" in page(result)

@@ -46,8 +46,8 @@ def site() -> Site:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
-    with dask_replay.cluster("") as one:
-        yield one
+    with dask_replay.cluster("") as subscriber:
+        yield subscriber
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ def times_s(*events: Event) -> list[float]:
 def test_messages_before_the_engine_started_belong_to_its_first_pass() -> None:
     early = [Received(identity("A-1", NOW_S), NOW_S, OURS), *(said(n / 2) for n in range(10))]
     started = passes(*early, EngineStarted(NOW_S + 5.0), Tick(NOW_S + 5.1), said(5.2), Tick(NOW_S + 5.3))
-    assert [one.now_s - NOW_S for one in started] == pytest.approx([5.1, 5.3])
+    assert [engine_pass.now_s - NOW_S for engine_pass in started] == pytest.approx([5.1, 5.3])
     assert started[0].batch.robots == (robot("A-1"),)
     assert started[0].is_own_log
     assert times_s(*early, Tick(NOW_S + 5.1)) == pytest.approx([5.1])
@@ -50,7 +50,7 @@ def test_a_log_without_ticks_has_passes_at_regular_times(connection: Connection)
 def test_if_time_goes_back_no_pass_is_repeated_and_every_message_is_fed() -> None:
     reader, times_s = PassReader(DEFAULT), [0.0, 1.0, 0.4, 0.6, 1.1, 0.2, 1.3]
     made = [*reader.passes_of(said(t_s, ANOTHERS) for t_s in times_s), *reader.last_passes()]
-    assert [one.now_s - NOW_S for one in made] == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25, 1.5])
+    assert [engine_pass.now_s - NOW_S for engine_pass in made] == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.25, 1.5])
     assert reader.messages == 7
     assert reader.span_s == pytest.approx(1.3)
 

@@ -39,7 +39,7 @@ def test_a_perfect_vendor_is_scored_perfect(tmp_path: Path) -> None:
 
 
 def test_robots_that_report_standing_but_move_are_predicted_by_their_motion(tmp_path: Path) -> None:
-    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", told=False), [0.3])["scores"]
+    (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", expected=False), [0.3])["scores"]
     assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
     assert figures["lead_time_s"]["median"] > 3
 
@@ -67,20 +67,20 @@ def test_figures_are_also_by_vendor(tmp_path: Path) -> None:
 
 def test_the_command_writes_scores_and_the_revisions_of_the_stream(tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
-    told, results = [], []
+    messages, results = [], []
     for name in ("1", "2"):
         out, lines = tmp_path / f"{name}.json", tmp_path / f"{name}.jsonl"
         command = [sys.executable, "-m", "deconflict", "replay", str(log), "--clearance", "0.0", "0.3"]
         subprocess.run([*command, "--json", str(out), "--advisories", str(lines)], check=True)
         assert [load["clearance_m"] for load in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
-        told.append(lines.read_bytes())
+        messages.append(lines.read_bytes())
         results.append({**json.loads(out.read_text()), "speed_x_real_time": 0})
-    assert told[0] == told[1]
+    assert messages[0] == messages[1]
     assert json.dumps(results[0]) == json.dumps(results[1])
-    events = [json.loads(line)["event"] for line in told[0].splitlines()]
+    events = [json.loads(line)["event"] for line in messages[0].splitlines()]
     assert events.count("raised") == events.count("cleared") == 2
     wanted = ("event", "at", "id", "robots", "clearance_m", "probability", "time_to_conflict_s", "min_separation_m")
-    assert json.loads(told[0].splitlines()[0]).keys() >= set(wanted)
+    assert json.loads(messages[0].splitlines()[0]).keys() >= set(wanted)
 
 
 @pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")
@@ -115,6 +115,6 @@ def test_an_override_acts_like_a_site_setting_and_results_are_compared(
 
 def test_a_missing_log_is_reported_in_one_line(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "deconflict", "replay", str(tmp_path / "none.jsonl")]
-    told = subprocess.run(command, check=False, capture_output=True, text=True)
-    assert (told.returncode, told.stderr.count("\n")) == (2, 1)
-    assert "none.jsonl can't be read" in told.stderr
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "none.jsonl can't be read" in done.stderr

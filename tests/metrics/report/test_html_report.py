@@ -35,13 +35,13 @@ def test_the_page_opens_offline_and_is_the_same_each_time(result: dict[str, Any]
 def test_names_from_vendors_are_shown_as_text(result: dict[str, Any]) -> None:
     hostile = copy.deepcopy(result)
     name = '<script>alert("1")</script>'
-    for one in (*hostile["scores"][0]["by_vendor"], *hostile["conformance"], *hostile["forecast_error"]["by_model"]):
-        one["vendor"] = name
-    for one in hostile["nearest"]:
-        one["vendors"] = one["names"] = [name, name]
-        one["floor_name"] = name
-    for one in hostile["vendors"]:
-        one["vendor"] = name
+    for vendor in (*hostile["scores"][0]["by_vendor"], *hostile["conformance"], *hostile["forecast_error"]["by_model"]):
+        vendor["vendor"] = name
+    for vendor in hostile["nearest"]:
+        vendor["vendors"] = vendor["names"] = [name, name]
+        vendor["floor_name"] = name
+    for vendor in hostile["vendors"]:
+        vendor["vendor"] = name
     html = page(hostile, name)
     assert "<script" not in html
     assert "&lt;script&gt;" in html
@@ -88,7 +88,7 @@ def test_the_nearest_moment_is_shown_with_its_time_place_names_and_a_scale(resul
 
 
 @pytest.mark.parametrize(
-    ("warned_s", "until_s", "told"),
+    ("warned_s", "until_s", "expected"),
     [
         (None, None, "no advisory in the 10 s before"),
         (8.1, None, "advisory 8.1 s before, still open"),
@@ -96,12 +96,12 @@ def test_the_nearest_moment_is_shown_with_its_time_place_names_and_a_scale(resul
     ],
 )
 def test_a_moment_shows_whether_its_advisory_was_cleared(
-    result: dict[str, Any], warned_s: float | None, until_s: float | None, told: str
+    result: dict[str, Any], warned_s: float | None, until_s: float | None, expected: str
 ) -> None:
     changed = copy.deepcopy(result)
-    for one in changed["nearest"]:
-        one.update(warned_s=warned_s, warned_until_s=until_s)
-    assert told in page(changed, "Replay")
+    for each in changed["nearest"]:
+        each.update(warned_s=warned_s, warned_until_s=until_s)
+    assert expected in page(changed, "Replay")
 
 
 def test_the_scorecard_shows_how_reliable_a_vendor_is(result: dict[str, Any]) -> None:

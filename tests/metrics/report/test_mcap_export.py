@@ -36,24 +36,24 @@ def read(path: Path) -> Told:
 
 
 def test_every_message_matches_its_schema(exported: tuple[Path, Path]) -> None:
-    told = read(exported[0])
-    assert {name for name, _, _ in told} == {"foxglove.SceneUpdate", "foxglove.Log"}
-    for _, schema, message in told:
+    found = read(exported[0])
+    assert {name for name, _, _ in found} == {"foxglove.SceneUpdate", "foxglove.Log"}
+    for _, schema, message in found:
         Draft202012Validator(schema).validate(message)
         assert message.keys() <= schema["properties"].keys()
 
 
 def test_robots_are_drawn_where_they_are_and_advisories_are_logged(exported: tuple[Path, Path]) -> None:
-    told = read(exported[0])
-    scenes = [message for name, _, message in told if name == "foxglove.SceneUpdate"]
+    found = read(exported[0])
+    scenes = [message for name, _, message in found if name == "foxglove.SceneUpdate"]
     first = min(scenes[0]["entities"], key=lambda scene: float(scene["cubes"][0]["pose"]["position"]["x"]))
     assert first["cubes"][0]["pose"]["position"]["x"] == pytest.approx(-12.0)
     assert len(first["lines"][0]["points"]) > 2
-    logged = [message["message"] for name, _, message in told if name == "foxglove.Log"]
+    logged = [message["message"] for name, _, message in found if name == "foxglove.Log"]
     assert logged[0].startswith("raised: ")
     assert logged[-1].startswith("cleared: ")
 
 
 def test_the_same_log_gives_the_same_bytes(exported: tuple[Path, Path]) -> None:
-    one, other = exported
-    assert one.read_bytes() == other.read_bytes()
+    first, other = exported
+    assert first.read_bytes() == other.read_bytes()

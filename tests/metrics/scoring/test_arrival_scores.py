@@ -22,20 +22,20 @@ def log_of_a_trip(path: Path, late_s: float, changes_its_mind: bool = False, sec
 def test_a_robot_that_comes_late_is_late_by_that_much(tmp_path: Path) -> None:
     late, early = (scored(log_of_a_trip(tmp_path / f"{s}.jsonl", s), [0.3])["arrivals"] for s in (10.0, -10.0))
     # its words of half a minute after the beginning, and of the beginning
-    assert [(one["vendor"], one["ahead_up_to_s"], one["cases"], one["late"]) for one in late] == [
+    assert [(entry["vendor"], entry["ahead_up_to_s"], entry["cases"], entry["late"]) for entry in late] == [
         ("Alder", 30.0, 1, 1.0),
         ("Alder", 60.0, 1, 1.0),
     ]
-    for one in (*late, *early):
-        assert one["off_median_s"] == pytest.approx(10.0, abs=1.1)
-    assert all(one["late"] == one["out"] == 0 for one in early)
+    for row in (*late, *early):
+        assert row["off_median_s"] == pytest.approx(10.0, abs=1.1)
+    assert all(entry["late"] == entry["out"] == 0 for entry in early)
 
 
 def test_a_robot_that_has_not_arrived_is_late_by_the_time_to_its_last_report(tmp_path: Path) -> None:
-    (one,) = scored(log_of_a_trip(tmp_path / "log.jsonl", 20.0, seconds=45), [0.3])["arrivals"]
-    assert (one["ahead_up_to_s"], one["cases"], one["out"], one["late"]) == (30.0, 2, 2, 1.0)
+    (only,) = scored(log_of_a_trip(tmp_path / "log.jsonl", 20.0, seconds=45), [0.3])["arrivals"]
+    assert (only["ahead_up_to_s"], only["cases"], only["out"], only["late"]) == (30.0, 2, 2, 1.0)
     # it said at the beginning and half a minute later that it would be there after 30 s, and was awaited for 44 s
-    assert one["off_median_s"] == pytest.approx(14.0, abs=0.3)
+    assert only["off_median_s"] == pytest.approx(14.0, abs=0.3)
 
 
 def test_a_robot_that_changes_its_destination_is_not_late(tmp_path: Path) -> None:

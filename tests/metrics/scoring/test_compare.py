@@ -14,8 +14,10 @@ def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
     pairs = [(f"a{n}", f"b{n}") for n in range(of)]
     encounters = [RecordedEncounter(pair, 100.0 * n + 20, 100.0 * n + 22, True) for n, pair in enumerate(pairs)]
     alerts = [
-        Alert(pair, ("A", "B"), one.start_s - 5 - shift_s, one.end_s, one.start_s, one.end_s + 60)
-        for pair, one in list(zip(pairs, encounters, strict=True))[:recalled]
+        Alert(
+            pair, ("A", "B"), encounter.start_s - 5 - shift_s, encounter.end_s, encounter.start_s, encounter.end_s + 60
+        )
+        for pair, encounter in list(zip(pairs, encounters, strict=True))[:recalled]
     ]
     return {"messages": 9, "robots": 2 * of, "span_s": 100.0 * of, "scores": [score(encounters, alerts, 0.3)]}
 
@@ -25,20 +27,25 @@ def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> FigureChange:
 
 
 def test_a_result_compared_with_itself_shows_no_change() -> None:
-    one = change("recall", result(30), result(30))
-    assert (one.before, one.after, one.interval, one.meaning) == (0.5, 0.5, (0.0, 0.0), "no significant change")
+    figure_change = change("recall", result(30), result(30))
+    assert (figure_change.before, figure_change.after, figure_change.interval, figure_change.meaning) == (
+        0.5,
+        0.5,
+        (0.0, 0.0),
+        "no significant change",
+    )
 
 
 def test_fewer_predicted_encounters_show_as_lower_recall() -> None:
-    one = change("recall", result(50), result(25))
-    assert one.interval is not None
-    assert one.interval[0] < 25 / 60 - 50 / 60 < one.interval[1] < 0
-    assert one.meaning == "lower"
+    figure_change = change("recall", result(50), result(25))
+    assert figure_change.interval is not None
+    assert figure_change.interval[0] < 25 / 60 - 50 / 60 < figure_change.interval[1] < 0
+    assert figure_change.meaning == "lower"
 
 
 def test_a_longer_lead_shows_as_higher() -> None:
-    one = change("lead_time_s", result(30), result(30, shift_s=2.0))
-    assert (one.before, one.after, one.meaning) == (5.0, 7.0, "higher")
+    figure_change = change("lead_time_s", result(30), result(30, shift_s=2.0))
+    assert (figure_change.before, figure_change.after, figure_change.meaning) == (5.0, 7.0, "higher")
 
 
 def test_without_predictions_there_is_no_interval() -> None:
@@ -54,31 +61,31 @@ def test_the_comparison_says_if_the_logs_differ() -> None:
 
 def published(seed: int, off: float = 0.0) -> dict[str, Any]:
     """A result with probabilities of ten of the groups of pairs, `off` further from what came of them."""
-    rng, told, n = np.random.default_rng(seed), CalibrationTally(), np.arange(500)
+    rng, calibration_tally, n = np.random.default_rng(seed), CalibrationTally(), np.arange(500)
     came_true = rng.random(500) < 0.3
-    said = np.where(came_true, 0.6, 0.2 + rng.random(500) / 2) + np.where(came_true, -off, off)
-    told.add(CalibrationSamples.of(n % 10, said, np.where(came_true, 0, STAYED), np.ones(500, bool)), n)
-    return result(30) | {"scores": [score([], [], 0.3, tallies={("A", "B"): told})]}
+    values = np.where(came_true, 0.6, 0.2 + rng.random(500) / 2) + np.where(came_true, -off, off)
+    calibration_tally.add(CalibrationSamples.of(n % 10, values, np.where(came_true, 0, STAYED), np.ones(500, bool)), n)
+    return result(30) | {"scores": [score([], [], 0.3, tallies={("A", "B"): calibration_tally})]}
 
 
 def test_the_same_probabilities_show_no_change() -> None:
     for name in ("brier", "brier_skill"):
-        one = change(name, published(1), published(1))
-        assert (one.before, one.interval) == (one.after, (0.0, 0.0))
+        figure_change = change(name, published(1), published(1))
+        assert (figure_change.before, figure_change.interval) == (figure_change.after, (0.0, 0.0))
 
 
 def test_probabilities_that_are_a_little_worse_show() -> None:
-    one = change("brier", published(1), published(1, off=0.01))
-    assert one.interval is not None
-    assert one.before is not None
-    assert one.after is not None
-    assert 0 < one.interval[0] < one.after - one.before < one.interval[1]
-    assert one.meaning == "higher"
+    figure_change = change("brier", published(1), published(1, off=0.01))
+    assert figure_change.interval is not None
+    assert figure_change.before is not None
+    assert figure_change.after is not None
+    assert 0 < figure_change.interval[0] < figure_change.after - figure_change.before < figure_change.interval[1]
+    assert figure_change.meaning == "higher"
 
 
 def test_results_without_every_group_are_not_paired() -> None:
     a, b = published(1), published(1)
-    for one in (a, b):
-        cases = one["scores"][0]["cases"]
+    for document in (a, b):
+        cases = document["scores"][0]["cases"]
         cases["probabilities"] = [row for row in cases["probabilities"] if row[0]]
     assert change("brier", a, b).meaning == "no significant change"

@@ -21,7 +21,7 @@ CHARGER = resource("c1", 0, 0, kind="charger", service_s=100.0)
 
 def log_of(path: Path, robots: dict[str, Script], until_s: int) -> Path:
     raws = [(0.0, identity(name, NOW_S)) for name in robots]
-    raws += [(float(t), one.says(name, t)) for t in range(until_s) for name, one in robots.items()]
+    raws += [(float(t), script.says(name, t)) for t in range(until_s) for name, script in robots.items()]
     path.write_text(
         "".join(f'{{"received":"{timestamps.write(NOW_S + t + 0.05)}","message":{raw.decode()}}}\n' for t, raw in raws)
     )
@@ -36,7 +36,7 @@ def run(folder: Path, robots: dict[str, Script], until_s: int, *places: Resource
 def scored(
     folder: Path, robots: dict[str, Script], until_s: int, *places: Resource | Zone
 ) -> dict[str, dict[str, Any]]:
-    return {one["kind"]: one for one in run(folder, robots, until_s, *places)["contention"]}
+    return {row["kind"]: row for row in run(folder, robots, until_s, *places)["contention"]}
 
 
 def state_until(t_s: float) -> Any:
@@ -57,30 +57,30 @@ def comes(enters_s: float, *, says: bool = True) -> Script:
 
 
 def test_a_predicted_queue_came_true_with_its_lead_time(tmp_path: Path) -> None:
-    one = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER)["contention"]
-    assert (one["alerts"], one["censored"], one["precision"]) == (1, 0, 1.0)
-    assert (one["happened"], one["recall"], one["recall_any"]) == (1, 1.0, 1.0)
+    document = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER)["contention"]
+    assert (document["alerts"], document["censored"], document["precision"]) == (1, 0, 1.0)
+    assert (document["happened"], document["recall"], document["recall_any"]) == (1, 1.0, 1.0)
     # told within two looks, 20 s before it came to stand
-    assert 16 <= one["lead_time_s"]["median"] <= 20
+    assert 16 <= document["lead_time_s"]["median"] <= 20
     # 100 s were thought to be left of the charging, and it was 41 s after B came
-    assert one["wait_error_s"] == pytest.approx(80 - 41, abs=5)
+    assert document["wait_error_s"] == pytest.approx(80 - 41, abs=5)
 
 
 def test_a_predicted_queue_that_does_not_happen_is_false(tmp_path: Path) -> None:
-    one = scored(tmp_path, {"A": charges(12), "B": comes(22)}, 130, CHARGER)["contention"]
-    assert (one["alerts"], one["precision"], one["happened"]) == (1, 0.0, 0)
-    assert (one["recall"], one["lead_time_s"]) == (None, None)
+    document = scored(tmp_path, {"A": charges(12), "B": comes(22)}, 130, CHARGER)["contention"]
+    assert (document["alerts"], document["precision"], document["happened"]) == (1, 0.0, 0)
+    assert (document["recall"], document["lead_time_s"]) == (None, None)
 
 
 def test_a_queue_of_a_robot_without_announcements_is_missed(tmp_path: Path) -> None:
-    one = scored(tmp_path, {"A": charges(60), "B": comes(66, says=False)}, 130, CHARGER)["contention"]
-    assert (one["alerts"], one["happened"], one["recall"]) == (0, 1, 0.0)
-    assert one["precision"] is None
+    document = scored(tmp_path, {"A": charges(60), "B": comes(66, says=False)}, 130, CHARGER)["contention"]
+    assert (document["alerts"], document["happened"], document["recall"]) == (0, 1, 0.0)
+    assert document["precision"] is None
 
 
 def test_outcomes_after_the_end_of_the_log_are_not_scored(tmp_path: Path) -> None:
-    one = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 15, CHARGER)["contention"]
-    assert (one["alerts"], one["censored"], one["precision"]) == (1, 1, None)
+    document = scored(tmp_path, {"A": charges(60), "B": comes(66)}, 15, CHARGER)["contention"]
+    assert (document["alerts"], document["censored"], document["precision"]) == (1, 1, None)
 
 
 def test_a_double_occupancy_has_an_advisory_while_it_lasts(tmp_path: Path) -> None:
@@ -88,11 +88,11 @@ def test_a_double_occupancy_has_an_advisory_while_it_lasts(tmp_path: Path) -> No
         "A": Script([(0.0, -0.6, 0.0)], state=lambda _: "idle"),
         "B": Script([(0.0, 10.0, 0.6), (10.0, 0.6, 0.6), (40.0, 0.6, 0.6), (50.0, 10.0, 0.6)]),
     }
-    one = scored(tmp_path, crowd, 90, CHARGER)["double_occupancy"]
-    assert (one["alerts"], one["precision"], one["happened"]) == (1, 1.0, 1)
+    document = scored(tmp_path, crowd, 90, CHARGER)["double_occupancy"]
+    assert (document["alerts"], document["precision"], document["happened"]) == (1, 1.0, 1)
     # nobody foretells it; it is seen within a few seconds
-    assert (one["recall"], one["recall_any"]) == (0.0, 1.0)
-    assert -5 <= one["lead_time_s"]["median"] < 0
+    assert (document["recall"], document["recall_any"]) == (0.0, 1.0)
+    assert -5 <= document["lead_time_s"]["median"] < 0
 
 
 @pytest.mark.parametrize("gives_way", [False, True])
@@ -104,9 +104,9 @@ def test_two_robots_face_to_face_in_a_lane_are_a_predicted_deadlock(tmp_path: Pa
         "A": Script(east if gives_way else stops, [(40.0, 20.0, 0.0)], means=east),
         "B": Script(backs if gives_way else [*backs[:2], (100.0, 2.0, 0.0)], [(40.0, -20.0, 0.0)], means=west),
     }
-    one = scored(tmp_path, robots, 90, aisle("lane", -10, 10))["deadlock"]
-    assert (one["precision"], one["happened"], one["recall"]) == (0.0 if gives_way else 1.0, None, None)
-    assert gives_way or one["lead_time_s"]["median"] > 0
+    document = scored(tmp_path, robots, 90, aisle("lane", -10, 10))["deadlock"]
+    assert (document["precision"], document["happened"], document["recall"]) == (0.0 if gives_way else 1.0, None, None)
+    assert gives_way or document["lead_time_s"]["median"] > 0
 
 
 def test_a_robot_that_is_held_up_stands_behind_the_blocker(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_nobody_waits_for_a_robot_above_it_nor_makes_a_crowd_with_it(
 
 def test_what_is_said_of_a_place_is_held_against_who_came_when(tmp_path: Path) -> None:
     found = run(tmp_path, {"A": charges(60), "B": comes(66)}, 130, CHARGER)
-    rows = {one["ahead_up_to_s"]: one for one in found["places"]}
+    rows = {place["ahead_up_to_s"]: place for place in found["places"]}
     # A was thought to charge for 100 s, so that B was said to have room at 104 s, and it came at 66 s
     assert rows[120.0]["said"] > 0
     assert (rows[120.0]["came"], rows[120.0]["late"]) == (1.0, 0.0)
@@ -139,7 +139,7 @@ def test_what_is_said_of_a_place_is_held_against_who_came_when(tmp_path: Path) -
     assert (rows[60.0]["entries"], rows[60.0]["foretold"]) == (1, 1.0)
     assert rows[30.0]["full_said"] > 5
     assert rows[30.0]["full_precision"] >= 0.9
-    (queue,) = [one for one in found["contention"] if one["kind"] == "contention"]
+    (queue,) = [row for row in found["contention"] if row["kind"] == "contention"]
     assert queue["by_ahead"] == [{"ahead_up_to_s": 30.0, "alerts": 1, "precision": 1.0}]
 
 
@@ -188,11 +188,11 @@ def test_a_charger_that_a_robot_will_need_is_foretold_before_it_says_so(tmp_path
             return (silent if t < 400 else names).says(name, t, start_s)
 
     found = run(tmp_path, {"A": charges(600), "B": Needs(way)}, 700, CHARGER.model_copy(update={"service_s": 900.0}))
-    rows = {one["ahead_up_to_s"]: one for one in found["places"]}
+    rows = {place["ahead_up_to_s"]: place for place in found["places"]}
     assert (rows[300.0]["entries"], rows[300.0]["foretold"]) == (1, 1.0)
     assert (rows[900.0]["need_came"], rows[30.0]["need_came"]) == (1.0, 0.0)
     assert rows[900.0]["need_likely"] > 0.9
-    (queue,) = [one for one in found["contention"] if one["kind"] == "contention"]
+    (queue,) = [row for row in found["contention"] if row["kind"] == "contention"]
     assert (queue["alerts"], queue["precision"]) == (1, 1.0)
     assert (queue["happened"], queue["recall"]) == (1, 1.0), "it stands far away when it names the charger: no wait yet"
     assert queue["by_ahead"] == [{"ahead_up_to_s": 900.0, "alerts": 1, "precision": 1.0}]

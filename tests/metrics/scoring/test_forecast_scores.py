@@ -42,9 +42,9 @@ def row(errors: ForecastScores, horizon: int) -> dict[str, float]:
 
 
 def test_a_forecast_that_comes_true_has_no_error() -> None:
-    told = row(driven(1.0, 1.0), 10)
+    numbers = row(driven(1.0, 1.0), 10)
     # those of the first 30 of 40, after which nobody knows what became of them
-    assert (told["cases"], told["distance_median_m"], told["distance_p90_m"]) == (30, 0.0, 0.0)
+    assert (numbers["cases"], numbers["distance_median_m"], numbers["distance_p90_m"]) == (30, 0.0, 0.0)
 
 
 def test_a_slower_robot_is_off_along_its_track_and_a_stray_one_across() -> None:
@@ -61,9 +61,9 @@ def test_a_vendor_is_told_of_with_all_its_models() -> None:
             errors.add([name], [("Alder", model)], said(float(second), (second, 0.0), (second + ahead_m, 0.0)))
     errors.finish()
     (alder,) = errors.figures()["by_vendor"]
-    told = alder["horizons"][9]
-    assert (alder["vendor"], told["cases"]) == ("Alder", 3 * 30)
-    assert [told["distance_median_m"], told["distance_p90_m"]] == pytest.approx([2.0, 2.0], rel=0.02)
+    document = alder["horizons"][9]
+    assert (alder["vendor"], document["cases"]) == ("Alder", 3 * 30)
+    assert [document["distance_median_m"], document["distance_p90_m"]] == pytest.approx([2.0, 2.0], rel=0.02)
 
 
 def test_it_makes_no_difference_how_long_a_log_is_held() -> None:
@@ -99,8 +99,8 @@ def test_bands_cover_the_share_of_errors_within_them() -> None:
         bands[0, :, 2] = 5.0
         errors.add(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)), bands)
     errors.finish()
-    told = row(errors, 5)
-    assert [told["banded"], told["covered_50"], told["covered_90"]] == pytest.approx([35, 17 / 35, 1.0])
+    numbers = row(errors, 5)
+    assert [numbers["banded"], numbers["covered_50"], numbers["covered_90"]] == pytest.approx([35, 17 / 35, 1.0])
     assert row(driven(1.0, 1.0), 5)["covered_90"] is None
 
 
@@ -108,14 +108,16 @@ def wandering(rng: np.random.Generator, t_s: float) -> Forecasts:
     """A robot that says that it will be anywhere, on either of two floors."""
     t = t_s + np.array([0.0, *np.sort(rng.choice(np.arange(1, 24), 3, replace=False) / 2)])
     x, y, yaw = rng.normal(size=(3, 4))
-    one = np.ones(1)
-    return Forecasts(np.array([0, 4]), t, x, y, yaw, rng.choice(2, 4, p=(0.8, 0.2)), one, one, 0 * one, one)
+    ones = np.ones(1)
+    return Forecasts(np.array([0, 4]), t, x, y, yaw, rng.choice(2, 4, p=(0.8, 0.2)), ones, ones, 0 * ones, ones)
 
 
 def errors_by_hand(of: Forecasts, horizon_s: float, reports: list[Forecasts]) -> tuple[float, float, float] | None:
     at_s = of.t_s[0] + horizon_s
-    before = max((report for report in reports if report.t_s[0] <= at_s), key=lambda one: one.t_s[0])
-    after = min((report for report in reports if report.t_s[0] > at_s), key=lambda one: one.t_s[0], default=before)
+    before = max((report for report in reports if report.t_s[0] <= at_s), key=lambda forecasts: forecasts.t_s[0])
+    after = min(
+        (report for report in reports if report.t_s[0] > at_s), key=lambda forecasts: forecasts.t_s[0], default=before
+    )
     gap_s = after.t_s[0] - before.t_s[0]
     if 0 < gap_s <= JOINED_S:
         share = (at_s - before.t_s[0]) / gap_s
@@ -125,11 +127,11 @@ def errors_by_hand(of: Forecasts, horizon_s: float, reports: list[Forecasts]) ->
     knot = np.searchsorted(of.t_s, at_s, side="right") - 1
     if not is_known or of.floor[knot] != before.floor[0]:
         return None
-    told = [column[knot] for column in (of.x_m, of.y_m)]
+    result = [column[knot] for column in (of.x_m, of.y_m)]
     if knot + 1 < 4 and of.floor[knot + 1] == of.floor[knot]:
-        told = [np.interp(at_s, of.t_s, column) for column in (of.x_m, of.y_m)]
+        result = [np.interp(at_s, of.t_s, column) for column in (of.x_m, of.y_m)]
     found = [b + share * (a - b) for a, b in ((after.x_m[0], before.x_m[0]), (after.y_m[0], before.y_m[0]))]
-    off = complex(found[0] - told[0], found[1] - told[1]) * np.exp(-1j * of.yaw_rad[knot])
+    off = complex(found[0] - result[0], found[1] - result[1]) * np.exp(-1j * of.yaw_rad[knot])
     return abs(off), abs(off.real), abs(off.imag)
 
 
@@ -146,12 +148,14 @@ def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() 
     figures = errors.figures()
     for horizon in range(10):
         by_hand = [errors_by_hand(each, horizon + 1.0, of) for of in reports.values() for each in of]
-        known = np.array([one for one in by_hand if one])
-        told = figures["all"][horizon]
+        known = np.array([each for each in by_hand if each])
+        document = figures["all"][horizon]
         assert (
-            told["cases"] == len(known) == sum(figure["horizons"][horizon]["cases"] for figure in figures["by_model"])
+            document["cases"]
+            == len(known)
+            == sum(figure["horizons"][horizon]["cases"] for figure in figures["by_model"])
         )
         for kind, lengths in zip(KINDS, known.T, strict=True):
             counts = np.bincount(bins_of(lengths), minlength=BINS)
-            assert told[f"{kind}_median_m"] == pytest.approx(quantile(counts, 0.5), rel=0.03)
-            assert told[f"{kind}_p90_m"] == pytest.approx(quantile(counts, 0.9), rel=0.03)
+            assert document[f"{kind}_median_m"] == pytest.approx(quantile(counts, 0.5), rel=0.03)
+            assert document[f"{kind}_p90_m"] == pytest.approx(quantile(counts, 0.9), rel=0.03)

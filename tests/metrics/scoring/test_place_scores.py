@@ -38,7 +38,7 @@ def test_predictions_are_counted_by_time_ahead(ahead_s: float, up_to_s: float) -
     say(found, 0.0, [comes(ahead_s)])
     found.add_entry(PlaceEntry("d1", "r", ahead_s + 12.0, 0.0))
     rows = figures(found)
-    assert {one: row["said"] for one, row in rows.items()} == {one: int(one == up_to_s) for one in AHEAD_S}
+    assert {value: row["said"] for value, row in rows.items()} == {each: int(each == up_to_s) for each in AHEAD_S}
     row = rows[up_to_s]
     assert (row["came"], row["late"], row["off_median_s"]) == (1.0, 1.0, pytest.approx(12.0, rel=0.02))
 
@@ -58,14 +58,14 @@ def test_an_early_arrival_is_not_late_but_has_an_error() -> None:
     assert (row["came"], row["late"], row["off_median_s"]) == (1.0, 0.0, pytest.approx(10.0, rel=0.02))
 
 
-@pytest.mark.parametrize(("heard_s", "said"), [(40.0, 0), (200.0, 1)])
-def test_a_robot_that_never_arrives_is_late_by_the_time_to_its_last_report(heard_s: float, said: int) -> None:
+@pytest.mark.parametrize(("heard_s", "expected"), [(40.0, 0), (200.0, 1)])
+def test_a_robot_that_never_arrives_is_late_by_the_time_to_its_last_report(heard_s: float, expected: int) -> None:
     found = PlaceScores([resource("d1", 0, 0)], {"r": heard_s})
     say(found, 0.0, [comes(50.0), comes(5.0, robot="s")])
     found.add_entry(PlaceEntry("d1", "s", 5.0, 0.0))
     row = figures(found)[60.0]
-    assert (row["said"], row["came"]) == (said, 0.0 if said else None)
-    assert row["off_median_s"] == (pytest.approx(150.0, rel=0.02) if said else None)
+    assert (row["said"], row["came"]) == (expected, 0.0 if expected else None)
+    assert row["off_median_s"] == (pytest.approx(150.0, rel=0.02) if expected else None)
 
 
 def test_predictions_for_a_robot_that_left_are_not_counted() -> None:
@@ -96,8 +96,8 @@ def test_an_arrival_is_predicted_in_the_classes_of_time_ahead_of_its_predictions
     found.add_entry(PlaceEntry("d1", "r", 1000.0, 0.0))
     found.add_entry(PlaceEntry("d1", "s", 1000.0, 950.0))
     rows = figures(found)
-    assert {one: row["entries"] for one, row in rows.items()} == {30: 2, 60: 1, 120: 1, 300: 1, 900: 1}
-    assert {one: row["foretold"] for one, row in rows.items()} == {30: 0.0, 60: 1.0, 120: 1.0, 300: 0.0, 900: 0.0}
+    assert {value: row["entries"] for value, row in rows.items()} == {30: 2, 60: 1, 120: 1, 300: 1, 900: 1}
+    assert {value: row["foretold"] for value, row in rows.items()} == {30: 0.0, 60: 1.0, 120: 1.0, 300: 0.0, 900: 0.0}
 
 
 def test_a_place_was_full_as_predicted() -> None:
@@ -106,7 +106,7 @@ def test_a_place_was_full_as_predicted() -> None:
     found.add_entry(PlaceEntry("d1", "r", 50.0, 0.0))
     stays_s = np.array([(-9.0, 200.0), (50.0, 400.0)])
     rows = figures(found, stays_s)
-    assert {one: (row["full_said"], row["full_happened"]) for one, row in rows.items()} == {
+    assert {value: (row["full_said"], row["full_happened"]) for value, row in rows.items()} == {
         30: (0, 0),
         60: (1, 1),
         120: (0, 1),

@@ -76,9 +76,9 @@ def log_of_a_clock(path: Path) -> Path:
         t_s = NOW_S + second
         stamp_s = t_s - SLOW_S * (300 <= second < 480)
         for n, name in enumerate(("A-1", "B-1")):
-            said = [identity(name, stamp_s)] if second == 0 else []
-            said.append(status(name, stamp_s, 20.0 * n, 0.0, operationalState="idle"))
-            lines += [f'{{"received":"{timestamps.write(t_s + 0.05)}","message":{raw.decode()}}}\n' for raw in said]
+            messages = [identity(name, stamp_s)] if second == 0 else []
+            messages.append(status(name, stamp_s, 20.0 * n, 0.0, operationalState="idle"))
+            lines += [f'{{"received":"{timestamps.write(t_s + 0.05)}","message":{raw.decode()}}}\n' for raw in messages]
     path.write_text("".join(lines))
     return path
 

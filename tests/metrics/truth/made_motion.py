@@ -28,7 +28,7 @@ def reported(
         length_m=np.ones(n),
         width_m=np.ones(n),
         bottom_m=np.array(bottom_m or [0.0] * n),
-        top_m=np.array([inf if one == -inf else one + 1.0 for one in bottom_m or [0.0] * n]),
+        top_m=np.array([inf if value == -inf else value + 1.0 for value in bottom_m or [0.0] * n]),
     )
     truth.report([name for name, _, _ in robots], forecasts)
 

@@ -72,9 +72,14 @@ def with_meeting(back_m: float = 10.0) -> Scored:
 def test_an_encounter_counts_with_a_silent_robot_that_stood_there_throughout() -> None:
     met_s = NOW_S + 15.0 + 9.0 - 0.25
     floor = with_meeting()
-    told = floor.absences.figures(0.3, [(PAIR, met_s - 4.0, met_s + 3.0)], 2.0)
-    assert (told["silent_there"], told["meetings"], told["told_of"], told["told_of_share"]) == (1, 1, 1, 1.0)
-    assert (told["raised"], told["about_gone"]) == (1, 0)
+    document = floor.absences.figures(0.3, [(PAIR, met_s - 4.0, met_s + 3.0)], 2.0)
+    assert (document["silent_there"], document["meetings"], document["told_of"], document["told_of_share"]) == (
+        1,
+        1,
+        1,
+        1.0,
+    )
+    assert (document["raised"], document["about_gone"]) == (1, 0)
     late = floor.absences.figures(0.3, [(PAIR, met_s + 0.5, met_s + 3.0)], 2.0)
     over = floor.absences.figures(0.5, [(PAIR, met_s - 9.0, met_s - 3.0)], 2.0)
     assert (late["told_of"], over["told_of"], over["told_of_share"]) == (0, 0, 0.0)
@@ -82,8 +87,8 @@ def test_an_encounter_counts_with_a_silent_robot_that_stood_there_throughout() -
 
 @pytest.mark.parametrize("back_m", [11.0, 25.0])
 def test_a_robot_that_moved_while_silent_has_no_known_encounter(back_m: float) -> None:
-    told = with_meeting(back_m).absences.figures(0.3, [], 2.0)
-    assert (told["silent_there"], told["meetings"], told["told_of_share"]) == (int(back_m < 20), 0, None)
+    document = with_meeting(back_m).absences.figures(0.3, [], 2.0)
+    assert (document["silent_there"], document["meetings"], document["told_of_share"]) == (int(back_m < 20), 0, None)
 
 
 def test_an_advisory_is_about_a_gone_robot_if_it_was_raised_while_that_was_gone() -> None:
@@ -92,6 +97,6 @@ def test_an_advisory_is_about_a_gone_robot_if_it_was_raised_while_that_was_gone(
     floor.drive("other", 20.0, seconds=30)
     floor.absences.finish()
     alerts = [(PAIR, NOW_S + at_s, NOW_S + at_s + 20.0) for at_s in (8.0, 13.0, 15.0, 30.0)]
-    told = floor.absences.figures(0.3, alerts, 2.0)
-    assert (told["raised"], told["about_gone"], told["about_gone_share"]) == (4, 2, 0.5)
+    document = floor.absences.figures(0.3, alerts, 2.0)
+    assert (document["raised"], document["about_gone"], document["about_gone_share"]) == (4, 2, 0.5)
     assert floor.absences.figures(0.3, [], 2.0)["about_gone_share"] is None

@@ -18,5 +18,5 @@ def test_a_robot_that_passes_above_another_has_no_encounter_with_it(above_m: flo
 
 
 def test_an_encounter_begins_when_one_robot_reaches_the_height_of_the_other() -> None:
-    (one,) = driven(PASS, until_s=25, above_m=lambda t_s: 5.0 if t_s < 11 else 0.0).encounters(0.3)
-    assert one.start_s == pytest.approx(11.0, abs=0.11)
+    (encounter,) = driven(PASS, until_s=25, above_m=lambda t_s: 5.0 if t_s < 11 else 0.0).encounters(0.3)
+    assert encounter.start_s == pytest.approx(11.0, abs=0.11)

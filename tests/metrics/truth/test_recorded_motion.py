@@ -42,18 +42,18 @@ def test_poses_are_interpolated_between_reports_unless_these_are_too_far_apart()
     taken: dict[str, list[Report]] = {}
     first = 0
     for second in range(40):
-        told: dict[str, Report] = {}
+        result: dict[str, Report] = {}
         for robot in ("a", "b", "c", "d"):
             if rng.random() < 0.6:
                 t_s = second + float(rng.choice([-1.5, 0.0, 0.03, 0.5]))
                 x_m, y_m, yaw_rad = rng.normal(scale=3.0, size=3).tolist()
                 on, bottom_m = int(rng.choice([-1, 0, 1], p=[0.1, 0.7, 0.2])), float(rng.choice([-inf, 0.0, 5.0]))
                 top_m = inf if bottom_m == -inf else bottom_m + 1
-                told[robot] = (t_s, x_m, y_m, yaw_rad, on, 1.0, second, bottom_m, top_m)
+                result[robot] = (t_s, x_m, y_m, yaw_rad, on, 1.0, second, bottom_m, top_m)
                 if robot not in taken or t_s > taken[robot][-1][0]:
-                    taken.setdefault(robot, []).append(told[robot])
-        if told:
-            reported(motion, told)
+                    taken.setdefault(robot, []).append(result[robot])
+        if result:
+            reported(motion, result)
         if (first + SAMPLES) * STEP_S < second - 3:
             stretch = motion.sampled(first, SAMPLES, STEP_S)
             expected = {robot: found for robot, of in taken.items() if (found := by_hand(of, first))}

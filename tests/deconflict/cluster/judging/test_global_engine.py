@@ -44,17 +44,17 @@ async def drive(urls: list[str], robots: dict[str, Script]) -> None:
     async with AsyncExitStack() as stack:
         sockets = [await stack.enter_async_context(connect(url)) for url in urls]
         while True:
-            for number, (name, one) in enumerate(robots.items()):
+            for number, (name, script) in enumerate(robots.items()):
                 socket = sockets[number % len(sockets)]
                 if name not in known:
-                    await socket.send(identity(name, start_s, manufacturerName=one.vendor))
+                    await socket.send(identity(name, start_s, manufacturerName=script.vendor))
                     known.add(name)
-                await socket.send(one.says(name, time.time() - start_s, start_s))
+                await socket.send(script.says(name, time.time() - start_s, start_s))
             await asyncio.sleep(0.5)
 
 
 def by_kind(listed: dict[str, Any]) -> dict[str, Any]:
-    return {one["kind"]: one for one in listed["advisories"] if one["kind"] != "conflict"}
+    return {advisory["kind"]: advisory for advisory in listed["advisories"] if advisory["kind"] != "conflict"}
 
 
 async def test_a_queue_keeps_its_advisory_when_the_global_engine_dies(tmp_path: Path) -> None:
@@ -71,21 +71,21 @@ async def test_a_queue_keeps_its_advisory_when_the_global_engine_dies(tmp_path: 
         robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")
         await until(base, "/advisories", lambda listed: by_kind(listed)["contention"]["queue_length"] == 3)
         driving.cancel()
-        (told,) = [life for life in await lives(base) if life[0].kind == "contention"]
-        assert told[0].id == found["contention"]["id"]
-        assert [one.revision for one in told] == list(range(1, len(told) + 1))
+        (advisories,) = [life for life in await lives(base) if life[0].kind == "contention"]
+        assert advisories[0].id == found["contention"]["id"]
+        assert [advisory.revision for advisory in advisories] == list(range(1, len(advisories) + 1))
         assert (await table(machines.settings))["watch"] in tasks.keys() - {document["watch"]}
 
 
 async def feed(bus: Bus, robots: dict[str, Script]) -> None:
     """As an ingest whose robots report twice a second, until cancelled; more may come."""
-    start_s, one, line = time.time(), fleet(), Connection(1)
+    start_s, receiving_fleet, line = time.time(), fleet(), Connection(1)
     while True:
         now_s = time.time()
         for name, script in robots.items():
-            one.receive(identity(name, start_s, manufacturerName=script.vendor), now_s, line)
-            one.receive(script.says(name, now_s - start_s, start_s), now_s, line)
-        await bus.send_parcel(EVERY, one.next_batch(now_s).to_bytes())
+            receiving_fleet.receive(identity(name, start_s, manufacturerName=script.vendor), now_s, line)
+            receiving_fleet.receive(script.says(name, now_s - start_s, start_s), now_s, line)
+        await bus.send_parcel(EVERY, receiving_fleet.next_batch(now_s).to_bytes())
         await asyncio.sleep(0.5)
 
 
@@ -102,8 +102,8 @@ async def bounded(bus: Bus, bytes_a_message: int) -> None:
 
 async def test_the_global_engine_keeps_judging_while_nothing_can_be_written_and_writes_it_later(tmp_path: Path) -> None:
     async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(300):
-        told: list[StreamRecord] = []
-        await bus.revisions.follow(told.append, after=StreamPosition(0, "", 0))
+        stream_records: list[StreamRecord] = []
+        await bus.revisions.follow(stream_records.append, after=StreamPosition(0, "", 0))
         await bounded(bus, 1)
         engine, robots = GlobalEngine(SITE, bus, StreamWriter(bus.revisions, Measures()), answer_at_once), scripts()
         chores = (engine.run(lambda: True), engine.outbox.run(), feed(bus, robots))
@@ -113,9 +113,20 @@ async def test_the_global_engine_keeps_judging_while_nothing_can_be_written_and_
         robots["F"] = Script([(0, 30, 60)], [(80, 0, 40)], state=lambda _: "waitingExternalEvent")
         while not counted(engine, AdvisoryState.UPDATED):
             await asyncio.sleep(0.05)
-        assert not told
+        assert not stream_records
         await bounded(bus, -1)
-        while len(life := [one for one in told if one.advisory and one.advisory.kind == "contention"]) < 2:
+        while (
+            len(
+                life := [
+                    stream_record
+                    for stream_record in stream_records
+                    if stream_record.advisory and stream_record.advisory.kind == "contention"
+                ]
+            )
+            < 2
+        ):
             await asyncio.sleep(0.05)
         await end_tasks(*tasks)
-    assert [one.advisory and one.advisory.revision for one in life] == list(range(1, len(life) + 1))
+    assert [stream_record.advisory and stream_record.advisory.revision for stream_record in life] == list(
+        range(1, len(life) + 1)
+    )

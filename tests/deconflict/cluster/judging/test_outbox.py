@@ -26,31 +26,31 @@ async def test_waiting_revisions_are_bounded_and_written_ones_do_not_count(
     monkeypatch.setattr(outbox, "STUCK_S", 0.5)
     broker = Broker(tmp_path)
     async with buses(broker, 1) as (bus,):
-        one = Outbox(StreamWriter(bus.revisions, Measures()))
-        writing = asyncio.create_task(one.run())
+        filled_outbox = Outbox(StreamWriter(bus.revisions, Measures()))
+        writing = asyncio.create_task(filled_outbox.run())
         for revision in range(1, 25):
             written = asyncio.Event()
-            one.add_pass([(HOME, made(1, revision))], written.set)
+            filled_outbox.add_pass([(HOME, made(1, revision))], written.set)
             async with asyncio.timeout(PATIENCE_S):
                 await written.wait()
-            assert one.has_room()
+            assert filled_outbox.has_room()
         broker.kill()
-        one.add_pass((HOME, made(2, revision, robots=PAIR)) for revision in range(1, 10))
-        assert one.has_room()
-        one.add_pass([])
+        filled_outbox.add_pass((HOME, made(2, revision, robots=PAIR)) for revision in range(1, 10))
+        assert filled_outbox.has_room()
+        filled_outbox.add_pass([])
         with pytest.raises(UnwrittenError, match="wait for a NATS server that has accepted none"):
-            await until(one.has_room)
+            await until(filled_outbox.has_room)
         await end_tasks(writing)
 
 
 async def test_a_pass_of_any_number_of_revisions_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outbox, "MOST_WAITING", 10)
     async with buses(Broker(tmp_path), 1) as (bus,):
-        one, written = Outbox(StreamWriter(bus.revisions, Measures())), asyncio.Event()
-        one.add_pass([(HOME, made(1, revision)) for revision in range(1, 100)], written.set)
-        assert not one.has_room()
-        writing = asyncio.create_task(one.run())
+        filled_outbox, written = Outbox(StreamWriter(bus.revisions, Measures())), asyncio.Event()
+        filled_outbox.add_pass([(HOME, made(1, revision)) for revision in range(1, 100)], written.set)
+        assert not filled_outbox.has_room()
+        writing = asyncio.create_task(filled_outbox.run())
         async with asyncio.timeout(PATIENCE_S):
             await written.wait()
-        await until(one.has_room)
+        await until(filled_outbox.has_room)
         await end_tasks(writing)

@@ -29,10 +29,10 @@ def _untaught() -> Iterable[None]:
 
 
 def by_id(advisories: Iterable[ConflictAdvisory]) -> dict[str, list[ConflictAdvisory]]:
-    told = defaultdict(list)
+    revisions = defaultdict(list)
     for advisory in advisories:
-        told[advisory.id].append(advisory)
-    return dict(told)
+        revisions[advisory.id].append(advisory)
+    return dict(revisions)
 
 
 def compared(courses: dict[str, Course], datums: dict[str, str], shards: Shards, seconds: int) -> Counter[str]:
@@ -43,18 +43,18 @@ def compared(courses: dict[str, Course], datums: dict[str, str], shards: Shards,
     for tick in range(TICKS * seconds):
         batches = ingests.batches(tick)
         whole += single.step(tick, batches)
-        parts += [one.advisory for one in shards.step(tick, batches)]
+        parts += [shard_revision.advisory for shard_revision in shards.step(tick, batches)]
         assert sorted(parts, key=lambda part: (part.updated_at, part.robots, part.revision)) == sorted(
-            whole, key=lambda one: (one.updated_at, one.robots, one.revision)
+            whole, key=lambda advisory: (advisory.updated_at, advisory.robots, advisory.revision)
         )
     near = single.engine.measures.values[NEAR_MISSES]
     assert joined_sum(shards, NEAR_MISSES) == near
-    return Counter(one.state.value for one in whole) | Counter({NEAR_MISSES: int(near[()])})
+    return Counter(advisory.state.value for advisory in whole) | Counter({NEAR_MISSES: int(near[()])})
 
 
 def joined_sum(shards: Shards, name: str) -> dict[tuple[str, ...], float]:
     """What all shards measure together."""
-    return combine([one for shard in shards.shards for one in shard.measures()]).values[name]
+    return combine([measure for shard in shards.shards for measure in shard.measures()]).values[name]
 
 
 def strips(grid: Grid, count: int, half_m: float) -> Callable[[Tile], int]:
@@ -87,11 +87,11 @@ def test_shards_publish_what_one_engine_publishes_whatever_the_tiling(
         split |= {tile.quarters()[1] for tile in split}
     shards = Shards(grid, count, split if halvings else ())
     shards.cover((HALL, LOFT), 100.0, (lambda _: int(rng.integers(count))) if mixed else strips(grid, count, 90.0))
-    told = compared(courses, datums, shards, 16)
-    assert told.pop(NEAR_MISSES) > 0
+    counts = compared(courses, datums, shards, 16)
+    assert counts.pop(NEAR_MISSES) > 0
     counted = joined_sum(shards, "deconflict_advisories_total")
-    assert counted == {("conflict", state): float(count) for state, count in told.items()}
-    assert told[AdvisoryState.RAISED.value] > 0
+    assert counted == {("conflict", state): float(count) for state, count in counts.items()}
+    assert counts[AdvisoryState.RAISED.value] > 0
     assert mixed or shards.heard < 0.9 * count * shards.rows
 
 
@@ -111,7 +111,7 @@ def test_an_advisory_stays_with_the_owner_of_its_home_however_far_the_pair_drive
     courses: dict[str, Course] = {"A": behind, "B": lambda t: (-18.8 + 1.6 * t, 0.0, 0.0)}
     shards = halves(Shards(Grid(20.0), 2))
     compared(courses, {}, shards, 65)
-    raised, *_, cleared = shards.told
+    raised, *_, cleared = shards.revisions
     assert raised.home == cleared.home
     assert raised.home.x_m < 0
     cleared_s = cleared.advisory.updated_at.timestamp() - NOW_S
@@ -133,8 +133,8 @@ def test_a_robot_that_appears_elsewhere_leaves_no_copy_behind() -> None:
         whole += single.step(tick, batches)
         shards.step(tick, batches)
     lives = [
-        [(one.robots, one.state) for one in told if one.state is not AdvisoryState.UPDATED]
-        for told in (whole, [one.advisory for one in shards.told])
+        [(advisory.robots, advisory.state) for advisory in advisories if advisory.state is not AdvisoryState.UPDATED]
+        for advisories in (whole, [shard_revision.advisory for shard_revision in shards.revisions])
     ]
     assert lives[0] == lives[1]
     assert len(lives[0]) == 4
@@ -163,7 +163,10 @@ def test_a_shard_that_takes_over_tiles_continues_their_advisories(told_in_time: 
             shards.owners = dict.fromkeys(shards.owners, 1)
             shards.allot()
             shards.shards[0].set_tiles(())
-        parts += [one.advisory for one in shards.step(tick, batches, lost=not told_in_time and tick < TICKS * 8)]
+        parts += [
+            shard_revision.advisory
+            for shard_revision in shards.step(tick, batches, lost=not told_in_time and tick < TICKS * 8)
+        ]
     assert [part.id for part in parts] == [whole[0].id] * len(parts)
     assert [part.revision for part in parts] == list(range(1, len(parts) + 1))
     assert parts[-1].state is AdvisoryState.CLEARED

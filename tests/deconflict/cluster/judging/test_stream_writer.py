@@ -73,8 +73,13 @@ async def test_any_writer_restores_open_advisories_to_a_server_that_lost_its_sto
                 await asyncio.sleep(0.05)
             assert await writers[0].write(HOME, cleared(1, revision=3)) is None
             await end_tasks(*kept)
-        told = [await both[0].revisions.last(key_of(one)) for one in (made(1), made(2, robots=OTHERS))]
-    assert [one and (one.seq, one.advisory) for one in told] == [(2, cleared(1, revision=3)), None]
+        stream_records = [
+            await both[0].revisions.last(key_of(advisory)) for advisory in (made(1), made(2, robots=OTHERS))
+        ]
+    assert [stream_record and (stream_record.seq, stream_record.advisory) for stream_record in stream_records] == [
+        (2, cleared(1, revision=3)),
+        None,
+    ]
 
 
 async def test_an_open_advisory_is_written_once_more_before_it_expires(tmp_path: Path) -> None:

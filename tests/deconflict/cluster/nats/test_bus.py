@@ -35,10 +35,10 @@ pytestmark = needs_server
 
 
 async def test_a_repeated_revision_is_stored_once_and_another_in_its_place_is_refused(tmp_path: Path) -> None:
-    async with buses(Broker(tmp_path), 2) as (one, other):
-        first = await one.revisions.write(HOME, made(1), 0)
-        second = await one.revisions.write(HOME, made(1, revision=2), first)
-        assert await one.revisions.write(HOME, made(1, revision=2), first) == second
+    async with buses(Broker(tmp_path), 2) as (bus, other):
+        first = await bus.revisions.write(HOME, made(1), 0)
+        second = await bus.revisions.write(HOME, made(1, revision=2), first)
+        assert await bus.revisions.write(HOME, made(1, revision=2), first) == second
         with pytest.raises(OverruledError):
             await other.revisions.write(HOME, cleared(1, revision=2), first)
         stands = await other.revisions.last(key_of(made(1)))
@@ -85,9 +85,9 @@ async def test_a_role_ends_though_no_server_was_ever_there() -> None:
 def three(folder: Path) -> dict[str, Broker]:
     """Servers that keep everything thrice, by name."""
     routes = [f"nats://127.0.0.1:{port}" for port in free_ports(3)]
-    told = ("--cluster_name", "three", "--routes", ",".join(routes))
+    found = ("--cluster_name", "three", "--routes", ",".join(routes))
     return {
-        name: Broker(folder / name, "-n", name, "--cluster", route, *told)
+        name: Broker(folder / name, "-n", name, "--cluster", route, *found)
         for name, route in zip("abc", routes, strict=True)
     }
 
@@ -95,26 +95,26 @@ def three(folder: Path) -> dict[str, Broker]:
 async def test_the_loss_of_one_server_of_three_costs_neither_rows_nor_advisories(tmp_path: Path) -> None:
     servers = three(tmp_path)
     settings = Cluster(nats=tuple(server.address for server in servers.values()), copies=3)
-    one, other = (Bus(settings, 1.0) for _ in range(2))
+    first, other = (Bus(settings, 1.0) for _ in range(2))
     heard: list[int] = []
     try:
         async with asyncio.timeout(300):
-            for each in (one, other):
+            for each in (first, other):
                 assert await open_bus(each, asyncio.Event())
             await other.follow_channel("x", lambda parcel: heard.append(int(parcel)))
-            writer = StreamWriter(one.revisions, Measures())
+            writer = StreamWriter(first.revisions, Measures())
             assert await writer.write(HOME, made(1)) is None
-            await sent(one, heard, 0)
-            leader = (await one.connection.js.stream_info(f"{one.name}-rows")).cluster
+            await sent(first, heard, 0)
+            leader = (await first.connection.js.stream_info(f"{first.name}-rows")).cluster
             assert leader
             servers[str(leader.leader)].kill()
             assert await writer.write(HOME, made(1, revision=2)) is None
-            await sent(one, heard, 1000)
+            await sent(first, heard, 1000)
             stands = await other.revisions.last(key_of(made(1)))
             assert stands
             assert stands.advisory == made(1, revision=2)
     finally:
-        for each in (one, other):
+        for each in (first, other):
             await each.close()
         for server in servers.values():
             server.kill()

@@ -18,9 +18,9 @@ from tests.deconflict.cluster.made_cluster import Broker, needs_server
 SECRET, OTHER = "correct-horse-battery", "another-horse-battery"
 
 
-async def reaches(broker: Broker, **told: str) -> bool:
+async def reaches(broker: Broker, **fields: str) -> bool:
     """Whether a bus opens, and reads the table."""
-    bus = Bus(Cluster(nats=(broker.address,), **told), 1.0)
+    bus = Bus(Cluster(nats=(broker.address,), **fields), 1.0)
     async with asyncio.timeout(300):
         await bus.open()
         table = await bus.state.table()
@@ -79,7 +79,7 @@ def test_missing_credentials_are_named_before_anything_starts(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("told", "says"),
+    ("fields", "says"),
     [
         ({"token": "env:A", "user": "ada", "password": "env:B"}, "one or the other"),
         ({"user": "ada"}, "cluster.password"),
@@ -88,6 +88,6 @@ def test_missing_credentials_are_named_before_anything_starts(tmp_path: Path) ->
         ({"token": "hunter2"}, "not the secret itself"),
     ],
 )
-def test_invalid_credentials_name_the_key(told: dict[str, str], says: str) -> None:
+def test_invalid_credentials_name_the_key(fields: dict[str, str], says: str) -> None:
     with pytest.raises(SiteError, match=says):
-        site_from_document({"cluster": {"nats": ["nats://a"], **told}})
+        site_from_document({"cluster": {"nats": ["nats://a"], **fields}})

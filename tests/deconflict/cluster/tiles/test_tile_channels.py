@@ -32,49 +32,49 @@ def batch_at(tick: int, **courses: Course) -> Batch:
 
 
 def test_a_robot_goes_to_its_tile_and_once_more_to_its_last_tile() -> None:
-    one = sorter()
+    channel_sorter = sorter()
     west, east = batch_at(0, A=lambda _: (19.0, 5.0, 0.0)), batch_at(0, A=lambda _: (21.0, 5.0, 0.0))
     there, here = (channel(Tile(HALL, column, 0)) for column in (0, 1))
-    assert set(one.sort(west)) == {there, EVERY}
-    assert set(one.sort(east)) == {there, here, EVERY}
-    assert set(one.sort(east)) == {here, EVERY}
+    assert set(channel_sorter.sort(west)) == {there, EVERY}
+    assert set(channel_sorter.sort(east)) == {there, here, EVERY}
+    assert set(channel_sorter.sort(east)) == {here, EVERY}
 
 
 def test_a_robot_that_may_pass_the_reach_goes_to_its_floor() -> None:
-    told = sorter().sort(batch_at(0, A=lambda t: (7.0 * t, 5.0, 0.0)))
-    assert set(told) == {channel(Tile(HALL, 0, 0)), wide_channel(HALL), EVERY}
-    assert wide_channel(LOFT) not in told
+    batches = sorter().sort(batch_at(0, A=lambda t: (7.0 * t, 5.0, 0.0)))
+    assert set(batches) == {channel(Tile(HALL, 0, 0)), wide_channel(HALL), EVERY}
+    assert wide_channel(LOFT) not in batches
 
 
 def test_a_smaller_reach_applies_at_once() -> None:
-    one, batch = sorter(), batch_at(0, A=lambda t: (1.5 * t, 5.0, 0.0))
-    assert wide_channel(HALL) not in one.sort(batch)
-    one.renew(SITE.conflict, 10.0)
-    assert wide_channel(HALL) in one.sort(batch)
+    channel_sorter, batch = sorter(), batch_at(0, A=lambda t: (1.5 * t, 5.0, 0.0))
+    assert wide_channel(HALL) not in channel_sorter.sort(batch)
+    channel_sorter.renew(SITE.conflict, 10.0)
+    assert wide_channel(HALL) in channel_sorter.sort(batch)
 
 
 def test_a_forgotten_robot_goes_to_everybody_once() -> None:
-    one, batch = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
-    one.sort(batch)
-    told = one.sort(batch.take(np.zeros(0, np.int64), (robot("A"),)))
-    assert {name: part.gone for name, part in told.items()} == dict.fromkeys((GONE, EVERY), (robot("A"),))
-    assert one.roots() == set()
+    channel_sorter, batch = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
+    channel_sorter.sort(batch)
+    batches = channel_sorter.sort(batch.take(np.zeros(0, np.int64), (robot("A"),)))
+    assert {name: part.gone for name, part in batches.items()} == dict.fromkeys((GONE, EVERY), (robot("A"),))
+    assert channel_sorter.roots() == set()
 
 
 def test_a_tile_in_which_two_may_meet_needs_an_owner_though_it_is_empty() -> None:
     """Two that come to a corner of the grid along its lines meet on the other side of them."""
-    one = sorter()
-    one.sort(batch_at(0, A=lambda t: (t - 8.0, 0.0, 0.0)))
-    assert Tile(HALL, -1, -1) in one.roots()
+    channel_sorter = sorter()
+    channel_sorter.sort(batch_at(0, A=lambda t: (t - 8.0, 0.0, 0.0)))
+    assert Tile(HALL, -1, -1) in channel_sorter.roots()
 
 
 def test_a_large_batch_is_split_into_parcels_that_a_server_accepts() -> None:
     some = batch_at(0, **{f"R-{number}": (lambda _: (0.0, 0.0, 0.0)) for number in range(40)})
     large = Batch.joined([some] * (4 * MOST_BYTES // len(some.to_bytes())))
-    told = parcels_of(large.take(np.arange(len(large)), ("gone",)))
-    assert len(told) >= 3
-    assert max(map(len, told)) <= MOST_BYTES
-    parts = [Batch.from_bytes(one) for one in told]
+    messages = parcels_of(large.take(np.arange(len(large)), ("gone",)))
+    assert len(messages) >= 3
+    assert max(map(len, messages)) <= MOST_BYTES
+    parts = [Batch.from_bytes(message) for message in messages]
     assert Batch.joined(parts).robots == large.robots
     assert [part.gone for part in parts] == [("gone",)] + [()] * (len(parts) - 1)
 
@@ -93,16 +93,16 @@ def test_any_floor_name_becomes_one_token_of_a_subject(name: str) -> None:
 def test_floors_that_two_ingests_number_differently_are_the_same() -> None:
     floors, hall = FloorNumbers(Measures()), batch_at(0, A=lambda _: (19.0, 5.0, 0.0))
     (loft, _) = Ingests({"A": lambda _: (1.0, 1.0, 0.0)}, {"A": LOFT}).batches(0)
-    told = [floors.renumbered(one) for one in (hall, loft, hall)]
-    assert [one.floors[one.forecasts.floor[0]] for one in told] == [HALL, LOFT, HALL]
+    batches = [floors.renumbered(batch) for batch in (hall, loft, hall)]
+    assert [batch.floors[batch.forecasts.floor[0]] for batch in batches] == [HALL, LOFT, HALL]
     assert hall.forecasts.floor[0] == loft.forecasts.floor[0]
 
 
 def test_a_robot_whose_floor_is_not_listed_goes_to_its_last_tile_and_is_refused_by_the_engines() -> None:
-    one, batch, measures = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0)), Measures()
-    one.sort(batch)
+    channel_sorter, batch, measures = sorter(), batch_at(0, A=lambda _: (19.0, 5.0, 0.0)), Measures()
+    channel_sorter.sort(batch)
     wrong = replace(batch, forecasts=replace(batch.forecasts, floor=batch.forecasts.floor + 7))
-    told = one.sort(wrong)
-    assert set(told) == {channel(Tile(HALL, 0, 0)), EVERY}
-    assert len(FloorNumbers(measures).joined([batch, told[EVERY]])) == 1
+    batches = channel_sorter.sort(wrong)
+    assert set(batches) == {channel(Tile(HALL, 0, 0)), EVERY}
+    assert len(FloorNumbers(measures).joined([batch, batches[EVERY]])) == 1
     assert measures.values["deconflict_invalid_forecasts_total"] == {("floor-not-listed",): 1}

@@ -25,7 +25,7 @@ def load_of(tile: Tile, per_s: dict[Tile, float]) -> float:
 
 def test_the_tiles_of_a_lost_member_go_to_the_others() -> None:
     table = settled(OwnerTable(), ["a", "b", "c"], {})
-    assert {table.of(one) for one in "abc"} != {frozenset()}
+    assert {table.of(name) for name in "abc"} != {frozenset()}
     after = settled(table, ["a", "c"], {}, 1)
     assert after.owners.keys() == table.owners.keys()
     assert set(after.owners.values()) == {"a", "c"}

@@ -16,16 +16,16 @@ from tests.deconflict.contention.scenes import Scene, Script, raised, resource, 
 from tests.helpers.saying import robot
 
 
-def charger(place: str, x: float, y: float = 0.0, **told: Any) -> Resource:
-    return resource(place, x, y, kind="charger", service_s=900.0, **told)
+def charger(place: str, x: float, y: float = 0.0, **fields: Any) -> Resource:
+    return resource(place, x, y, kind="charger", service_s=900.0, **fields)
 
 
 def at(level_pct: float, drain_pct_per_s: float = 0.0) -> Levels:
     return lambda t: level_pct - drain_pct_per_s * t
 
 
-def stands(x: float, level: Levels, lasts_s: float | None = None, state: str = "idle", **told: Any) -> Driver:
-    return Driver([(0, x, 20)], state=lambda _: state, level=level, lasts_s=lasts_s, **told)
+def stands(x: float, level: Levels, lasts_s: float | None = None, state: str = "idle", **fields: Any) -> Driver:
+    return Driver([(0, x, 20)], state=lambda _: state, level=level, lasts_s=lasts_s, **fields)
 
 
 def inside(place: Resource, level_pct: float = 50.0) -> Driver:
@@ -86,28 +86,36 @@ def test_a_measured_drain_counts_more_than_the_reported_run_time() -> None:
 
 
 def told_of(scene: Scene, until_s: float) -> list[ContentionAdvisory]:
-    return [one for one in raised(scene.run(until_s), "contention") if isinstance(one, ContentionAdvisory)]
+    return [
+        advisory for advisory in raised(scene.run(until_s), "contention") if isinstance(advisory, ContentionAdvisory)
+    ]
 
 
 def test_a_taken_charger_is_a_shortage_for_a_robot_that_needs_it() -> None:
     scene = Scene(site(C1), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)})
-    (one,) = told_of(scene, 15)
-    assert (one.resource, one.resources, one.expected, one.demand, one.queue_length) == ("c1", ("c1",), 1, 2, 1)
-    assert one.probability is not None
-    assert one.probability >= 0.8
-    assert set(one.robots) == {robot("A"), robot("B")}
-    assert one.severity == "caution"
-    assert 60 <= one.time_to_conflict_s <= 900
-    assert one.wait_s > 10
-    assert "will probably be full" in one.summary
-    assert "Alder B 24 %" in one.summary
-    assert one.recommendation is None
+    (advisory,) = told_of(scene, 15)
+    assert (advisory.resource, advisory.resources, advisory.expected, advisory.demand, advisory.queue_length) == (
+        "c1",
+        ("c1",),
+        1,
+        2,
+        1,
+    )
+    assert advisory.probability is not None
+    assert advisory.probability >= 0.8
+    assert set(advisory.robots) == {robot("A"), robot("B")}
+    assert advisory.severity == "caution"
+    assert 60 <= advisory.time_to_conflict_s <= 900
+    assert advisory.wait_s > 10
+    assert "will probably be full" in advisory.summary
+    assert "Alder B 24 %" in advisory.summary
+    assert advisory.recommendation is None
 
 
 def test_a_robot_that_has_announced_its_arrival_is_not_expected_twice() -> None:
     b = Driver([(0, 60, 0), (60, 0, 0)], [(60, 0, 0)], level=at(24.0), lasts_s=600.0)
-    (one,) = told_of(Scene(site(C1), {"A": inside(C1), "B": b}), 15)
-    assert (one.expected, one.probability, one.resources) == (0, None, ())
+    (advisory,) = told_of(Scene(site(C1), {"A": inside(C1), "B": b}), 15)
+    assert (advisory.expected, advisory.probability, advisory.resources) == (0, None, ())
 
 
 @pytest.mark.parametrize("level_pct", [35.0, 60.0])
@@ -127,15 +135,15 @@ def test_a_vendor_that_charges_at_one_of_two_chargers_needs_that_one() -> None:
     slot = scene.engine._shared.contention.robots._slots.by_uuid[robot("A")]
     batteries.arrive_at_charger(slot, 24.0)
     batteries.leave_charger(slot, "Alder", "c1", 90.0)
-    (one,) = told_of(scene, 30)
-    assert one.resources == ("c1",)
+    (advisory,) = told_of(scene, 30)
+    assert advisory.resources == ("c1",)
 
 
 def test_a_shortage_has_one_advisory_until_the_need_is_over() -> None:
     b = Driver([(0, 20, 20)], state=lambda t: "idle" if t < 60 else "disabled", level=at(24.0), lasts_s=600.0)
     scene = Scene(site(C1), {"A": inside(C1), "B": b})
-    told = [one for one in scene.run(100) if one.kind == "contention"]
-    assert [one.state for one in told if one.state != "updated"] == ["raised", "cleared"]
+    advisories = [advisory for advisory in scene.run(100) if advisory.kind == "contention"]
+    assert [advisory.state for advisory in advisories if advisory.state != "updated"] == ["raised", "cleared"]
     assert scene.engine.open() == []
 
 
@@ -144,7 +152,7 @@ def test_the_probability_of_more_than_a_number_is_that_of_all_cases(likely: tupl
     for count in range(len(likely) + 1):
         cases = product((0, 1), repeat=len(likely))
         expected = sum(
-            np.prod([one if came else 1 - one for came, one in zip(case, likely, strict=True)])
+            np.prod([value if came else 1 - value for came, value in zip(case, likely, strict=True)])
             for case in cases
             if sum(case) > count
         )
@@ -164,16 +172,23 @@ def test_chargers_among_which_a_robot_may_choose_are_one_pool() -> None:
 
 
 @pytest.mark.parametrize(
-    ("robots", "likely", "told"), [(2, 0.99, False), (3, 0.99, True), (3, 0.8, False), (8, 0.6, True)]
+    ("robots", "likely", "expected"), [(2, 0.99, False), (3, 0.99, True), (3, 0.8, False), (8, 0.6, True)]
 )
-def test_a_shortage_is_as_likely_as_more_robots_than_there_is_room_for(robots: int, likely: float, told: bool) -> None:
+def test_a_shortage_is_as_likely_as_more_robots_than_there_is_room_for(
+    robots: int, likely: float, expected: bool
+) -> None:
     geometry = PlaceGeometry([C1, C2], ())
     found = [need(f"r{number}", likely, "c1", "c2") for number in range(robots)]
     shortage = charger_shortages(found, {}, geometry, 0.0, {"c1": 900.0, "c2": 900.0})
-    assert bool(shortage) is told
+    assert bool(shortage) is expected
     if shortage:
-        (one,) = shortage
-        assert (one.capacity, one.from_s, one.wait_s, len(one.needs)) == (2, 60.0, 900.0, robots)
+        (charger_shortage,) = shortage
+        assert (
+            charger_shortage.capacity,
+            charger_shortage.from_s,
+            charger_shortage.wait_s,
+            len(charger_shortage.needs),
+        ) == (2, 60.0, 900.0, robots)
 
 
 def test_robots_with_announced_arrivals_take_room_until_they_leave() -> None:
@@ -182,8 +197,8 @@ def test_robots_with_announced_arrivals_take_room_until_they_leave() -> None:
     leaving = forecast_queues({"c1": [QueueEntry(False, -9.0, "s", 30.0, 0.0)]}, geometry, 0.0)
     staying = forecast_queues({"c1": [QueueEntry(False, -9.0, "s", 400.0, 0.0)]}, geometry, 0.0)
     assert charger_shortages(found, leaving, geometry, 0.0, {"c1": 900.0}) == []
-    (one,) = charger_shortages(found, staying, geometry, 0.0, {"c1": 900.0})
-    assert (one.announced, one.wait_s) == (("s",), 340.0)
+    (charger_shortage,) = charger_shortages(found, staying, geometry, 0.0, {"c1": 900.0})
+    assert (charger_shortage.announced, charger_shortage.wait_s) == (("s",), 340.0)
 
 
 def test_a_standing_shortage_needs_a_lower_probability() -> None:

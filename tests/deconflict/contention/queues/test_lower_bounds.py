@@ -22,8 +22,8 @@ def least(tasks: list[Task], places: int) -> int:
 
 
 def tasks(weights: st.SearchStrategy[int], most: int) -> st.SearchStrategy[list[Task]]:
-    one = st.builds(Task, st.integers(0, 300), st.integers(1, 100), weights)
-    return st.lists(one, min_size=1, max_size=most)
+    search_strategy = st.builds(Task, st.integers(0, 300), st.integers(1, 100), weights)
+    return st.lists(search_strategy, min_size=1, max_size=most)
 
 
 @given(tasks(st.integers(0, 9), 4), st.integers(1, 2))

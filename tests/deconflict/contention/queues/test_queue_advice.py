@@ -50,13 +50,13 @@ def test_a_late_answer_delays_no_look_and_is_given_when_it_is_ready() -> None:
     with ThreadPoolExecutor(1) as pool:
         scene = queues()
         scene.engine = Engine(scene.site, submit=slow)
-        (one,) = raised(scene.run(8), "contention")
-        assert one.recommendation is None
+        (advisory,) = raised(scene.run(8), "contention")
+        assert advisory.recommendation is None
         assert scene.engine.measures.values["deconflict_advice_late_total"] == {(): 1}
         free.set()
         wait([pool.submit(lambda: None)])
-        told = scene.run(12, 8)
-    assert any(later.id == one.id and later.recommendation for later in told)
+        advisories = scene.run(12, 8)
+    assert any(later.id == advisory.id and later.recommendation for later in advisories)
 
 
 @pytest.mark.parametrize("chargers", [MOST_SOLVED, 3 * MOST_SOLVED])
@@ -69,10 +69,10 @@ def test_many_contended_places_get_their_advice_in_turn(chargers: int) -> None:
 
     scene = queues(chargers)
     scene.engine = Engine(scene.site, submit=counted)
-    told: list[AnyAdvisory] = []
+    advisories: list[AnyAdvisory] = []
     for second in range(12):
         asked.append(0)
-        told += scene.run(second + 1, second)
+        advisories += scene.run(second + 1, second)
     assert max(asked) == MOST_SOLVED
-    advised = {one.id for one in told if one.recommendation}
-    assert len(advised) == chargers == len(raised(told, "contention"))
+    advised = {advisory.id for advisory in advisories if advisory.recommendation}
+    assert len(advised) == chargers == len(raised(advisories, "contention"))

@@ -89,10 +89,10 @@ def test_many_places_are_served_as_each_is_alone(
     lists: list[tuple[list[tuple[bool, float, float, tuple[float, float]]], int]],
 ) -> None:
     wanted: dict[str, list[QueueEntry]] = {}
-    for number, (told, _) in enumerate(lists):
+    for number, (each, _) in enumerate(lists):
         wanted[f"d{number}"] = [
             QueueEntry(coming, arrival_s, f"r{row:02}", service_s, 0.0, *heights_m)
-            for row, (coming, arrival_s, service_s, heights_m) in enumerate(told)
+            for row, (coming, arrival_s, service_s, heights_m) in enumerate(each)
         ]
     places = [resource(f"d{number}", 9.0 * number, 0, capacity=most) for number, (_, most) in enumerate(lists)]
     found = forecast_queues(wanted, PlaceGeometry(places, ()), 0.0)

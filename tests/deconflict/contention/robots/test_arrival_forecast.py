@@ -28,7 +28,7 @@ def report_of(
     floors = tuple(sorted({floor for floor, _, _ in (here, *points)} - {""}))
     numbers = {floor: number for number, floor in enumerate(floors)} | {"": -1}
     rows = np.array([(numbers[floor], x_m, y_m) for floor, x_m, y_m in (here, *points)])
-    floor, x_m, y_m, zero, one = rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2], np.zeros(1), np.ones(1)
+    floor, x_m, y_m, zero, values = rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2], np.zeros(1), np.ones(1)
     return Batch(
         now_s=now_s,
         floors=floors,
@@ -44,7 +44,9 @@ def report_of(
         basis=np.array([0]),
         doubt_m=zero,
         amounts=np.full(1, np.nan, AMOUNTS),
-        forecasts=Forecasts(np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], one, one, zero, one),
+        forecasts=Forecasts(
+            np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], values, values, zero, values
+        ),
         destinations=Destinations(np.array([0, len(points)]), np.array(told_s, float), x_m[1:], y_m[1:], floor[1:]),
         gone=(),
     )
@@ -130,8 +132,8 @@ def test_skipping_unchanged_reports_finds_the_same_arrivals() -> None:
         robot = f"r{trip_number % 3}"
         way_m = np.array([9.0, 0.0]) + np.cumsum(rng.normal(scale=0.2, size=(400, 2)), axis=0)
         for t, (x_m, y_m) in enumerate(way_m.tolist()):
-            told = slice(t // 100 % 2, 3 + t // 150 % 2)
-            at, to, told_s = ("hall", x_m, y_m), points[told], [t + 40.0, t + 60.0, t + 90.0, t + 99.0][told]
+            result = slice(t // 100 % 2, 3 + t // 150 % 2)
+            at, to, told_s = ("hall", x_m, y_m), points[result], [t + 40.0, t + 60.0, t + 90.0, t + 99.0][result]
             found = arrivals_of(again, report_of(robot, float(t), at, to, told_s))
             kept = anew.add(robot, float(t), at, to, told_s)
             assert found == ([(0, kept)] if kept else [])

@@ -17,19 +17,19 @@ def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[PlannedStop, ...
         scene.fleet.receive(script.says(name, 0.0), NOW_S, LINE)
     robots = RobotTable(PlaceGeometry([DOCK], ()))
     robots.update(scene.fleet.next_batch(NOW_S))
-    one, other = sorted(robots.values(), key=lambda seen: seen.y_m)
+    first, other = sorted(robots.values(), key=lambda seen: seen.y_m)
     assert other.stops == ()
-    return one.stops
+    return first.stops
 
 
 def test_stops_that_a_robot_is_at_already_are_left_out() -> None:
-    assert [one.x_m for one in told((0, 0), (5, 0.6, 0), (60, 40, 0), (90, 9, 0))] == [40, 9]
+    assert [stop.x_m for stop in told((0, 0), (5, 0.6, 0), (60, 40, 0), (90, 9, 0))] == [40, 9]
 
 
 def test_a_stop_in_the_resource_that_a_robot_has_is_left_out() -> None:
-    assert [one.x_m for one in told((39.1, 0), (5, 40.9, 0), (60, 9, 0))] == [9]
-    assert [one.x_m for one in told((39.1, 0), (5, 40.9, 0), (50, 39.2, 0), (60, 9, 0), (70, 40, 0))] == [9, 40]
-    assert [one.x_m for one in told((38.9, 0), (5, 40.9, 0), (60, 9, 0))] == [40.9, 9]
+    assert [stop.x_m for stop in told((39.1, 0), (5, 40.9, 0), (60, 9, 0))] == [9]
+    assert [stop.x_m for stop in told((39.1, 0), (5, 40.9, 0), (50, 39.2, 0), (60, 9, 0), (70, 40, 0))] == [9, 40]
+    assert [stop.x_m for stop in told((38.9, 0), (5, 40.9, 0), (60, 9, 0))] == [40.9, 9]
 
 
 def test_a_stop_is_expected_as_announced_but_no_sooner_than_possible() -> None:

@@ -105,7 +105,7 @@ def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> t
         scene.fleet.receive(script.says("a", float(second)), NOW_S + second, LINE)
         robots.update(scene.fleet.next_batch(NOW_S + second))
     found = robots[robot("a")].stops
-    return [one.expected_s - NOW_S - at_s for one in found], [one.spread_s for one in found]
+    return [stop.expected_s - NOW_S - at_s for stop in found], [stop.spread_s for stop in found]
 
 
 def test_a_standing_robot_is_expected_later_the_longer_it_is_overdue() -> None:
@@ -140,16 +140,16 @@ def test_a_robot_that_has_not_left_in_time_is_expected_to_stay() -> None:
     a = Script([(0, 0, 0)], [(30, 40, 0)], state=waits)
     scene = Scene(site(DOCK), {"A": a, "B": Script([(0, 0, 130), (130, 0, 0)], [(130, 0, 0)])})
     assert raised(scene.run(30), "contention") == []
-    (one,) = raised(scene.run(118, from_s=30), "contention")
-    assert isinstance(one, ContentionAdvisory)
-    assert one.wait_s > 10
+    (advisory,) = raised(scene.run(118, from_s=30), "contention")
+    assert isinstance(advisory, ContentionAdvisory)
+    assert advisory.wait_s > 10
 
 
 def test_a_robot_that_waits_at_a_taken_place_has_arrived() -> None:
     inside = Script([(0, 0, 0)], state=lambda _: "idle")
     scene = Scene(site(DOCK), {"A": inside, "B": Script([(0, 30, 0), (26, 4, 0), (500, 4, 0)], [(30, 0, 0)])})
-    (one,) = raised(scene.run(20), "contention")
-    assert isinstance(one, ContentionAdvisory)
+    (advisory,) = raised(scene.run(20), "contention")
+    assert isinstance(advisory, ContentionAdvisory)
     revisions = [each for each in scene.run(45, from_s=20) if isinstance(each, ContentionAdvisory)]
     assert scene.engine.open() != []
     assert all(each.queue_length == 1 for each in revisions)

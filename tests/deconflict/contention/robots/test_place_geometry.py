@@ -18,7 +18,7 @@ LANE = aisle("lane", 4, 10)
 def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> Forecasts:
     """One robot of 1.0 x 0.5 m; knots of seconds from now, x, y and floor."""
     t, x, y, floor = (np.array(column, float) for column in zip(*knots, strict=True))
-    one = np.ones(1)
+    ones = np.ones(1)
     return Forecasts(
         np.array([0, len(t)]),
         NOW_S + t,
@@ -26,10 +26,10 @@ def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> F
         y,
         np.full(len(t), yaw_rad),
         floor.astype(np.int64),
-        1.0 * one,
-        0.5 * one,
-        -inf * one,
-        inf * one,
+        1.0 * ones,
+        0.5 * ones,
+        -inf * ones,
+        inf * ones,
     )
 
 
@@ -89,10 +89,10 @@ def test_paths_end_where_a_robot_changes_floors_or_its_future_is_unknown() -> No
     found = paths_ahead(Lookahead(x_m, x_m, y_m, x_m, floor), known)
     last = np.repeat([STEPS, 8, 8, 0], 50)
     there = np.minimum(np.arange(STEPS + 1), last[:, None])
-    legs_m = np.hypot(*(np.diff(np.take_along_axis(one, there, 1), axis=1) for one in (x_m, y_m)))
+    legs_m = np.hypot(*(np.diff(np.take_along_axis(each, there, 1), axis=1) for each in (x_m, y_m)))
     assert found.way_m == pytest.approx(legs_m.sum(axis=1))
     there = np.minimum(there, known[:, None])
-    lines_m = np.stack([np.take_along_axis(one, there, 1) for one in (x_m, y_m)], axis=-1)
+    lines_m = np.stack([np.take_along_axis(each, there, 1) for each in (x_m, y_m)], axis=-1)
     assert np.array_equal(found.lines_m, lines_m)
     assert np.array_equal(found.boxes_m, np.concatenate([lines_m.min(axis=1), lines_m.max(axis=1)], axis=1))
 

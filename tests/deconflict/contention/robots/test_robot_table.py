@@ -25,9 +25,9 @@ def script(rng: np.random.Generator, number: int, seconds: int) -> Script:
         halted_s = float(rng.choice([0.1, rng.uniform(3, 9)]))
         knots += [(t_s, x_m, y_m), (t_s + halted_s, x_m, y_m)]
         t_s += halted_s
-    said = rng.choice(["navigating", "navigating", "waiting", "idle"], seconds).tolist()
+    found = rng.choice(["navigating", "navigating", "waiting", "idle"], seconds).tolist()
     stops = [(float(seconds), 20.5, 0.0), (seconds + 9.0, 70.0, 0.0)][number % 3 :]
-    return Script(knots, stops, lambda t: str(said[int(t)]))
+    return Script(knots, stops, lambda t: str(found[int(t)]))
 
 
 def batches(seconds: int) -> list[Batch]:
@@ -36,28 +36,28 @@ def batches(seconds: int) -> list[Batch]:
     scene = Scene(site(DOCK, LANE), {f"r{number}": script(rng, number, seconds) for number in range(12)})
     found = []
     for t in range(seconds):
-        for name, one in scene.robots.items():
-            scene.fleet.receive(one.says(name, float(t)), NOW_S + t, LINE)
+        for name, made_script in scene.robots.items():
+            scene.fleet.receive(made_script.says(name, float(t)), NOW_S + t, LINE)
         found.append(scene.fleet.next_batch(NOW_S + t))
     return found
 
 
 def known(robots: RobotTable) -> dict[str, list[str]]:
     """All that is told of each robot, and the way that it has left."""
-    told = {uuid: [repr(getattr(one, each.name)) for each in fields(one)] for uuid, one in robots.items()}
+    lines = {uuid: [repr(getattr(robot, each.name)) for each in fields(robot)] for uuid, robot in robots.items()}
     waiting = np.flatnonzero(robots.records["waits"]).tolist()
     left = zip(waiting, robots.paths(waiting), strict=True)
-    return {uuid: list(one) for uuid, one in told.items()} | {
+    return {uuid: list(texts) for uuid, texts in lines.items()} | {
         f"way of {robots.uuids[slot]}": [way.wkt] for slot, way in left
     }
 
 
 def test_joined_batches_leave_the_same_table_as_single_ones() -> None:
-    said, waited = batches(60), 0
+    made_batches, waited = batches(60), 0
     each, many = (RobotTable(PlaceGeometry([DOCK], [LANE])) for _ in range(2))
     for first in range(0, 60, 5):
-        parts = [replace(part, now_s=NOW_S + first) for part in said[first : first + 5]]
-        left = [one for part in parts for one in each.update(part)]
+        parts = [replace(part, now_s=NOW_S + first) for part in made_batches[first : first + 5]]
+        left = [item for part in parts for item in each.update(part)]
         assert sorted(left) == sorted(many.update(Batch.joined(parts)))
         assert known(each) == known(many)
         waited += sum("way" in name for name in known(each))
@@ -76,13 +76,16 @@ def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
             at_x_m, at_y_m, _ = stood.get(uuid, (np.inf, np.inf, 0.0))
             if hypot(x_m - at_x_m, y_m - at_y_m) > STANDS_M:
                 stood[uuid] = x_m, y_m, event_s
-            one = robots[uuid]
-            assert one.goes == (batch.basis[row] != Basis.STATIONARY and one.way_m > WAY_M)
-            assert (one.stood_s, one.stands) == (stood[uuid][2], not one.goes or event_s - stood[uuid][2] >= STANDS_S)
-            assert (one.here == "d1") == (abs(one.x_m - 20) <= 1 and abs(one.y_m) <= 1)
+            robot = robots[uuid]
+            assert robot.goes == (batch.basis[row] != Basis.STATIONARY and robot.way_m > WAY_M)
+            assert (robot.stood_s, robot.stands) == (
+                stood[uuid][2],
+                not robot.goes or event_s - stood[uuid][2] >= STANDS_S,
+            )
+            assert (robot.here == "d1") == (abs(robot.x_m - 20) <= 1 and abs(robot.y_m) <= 1)
             waits = robots.records["waits"][robots.uuids.index(uuid)]
-            assert not waits or not (one.goes or one.state in RESTING)
-            stands += one.stands
+            assert not waits or not (robot.goes or robot.state in RESTING)
+            stands += robot.stands
     assert stands > 100
 
 
@@ -92,22 +95,22 @@ def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
         robots.update(batch)
     ends_m, standing_m, going_m, ends, standing, going = collect_boxes(robots.records, robots.stops, ROUNDING_M)
     uuid = robots.uuids.__getitem__
-    told = [
+    found = [
         (robot.uuid, number)
         for robot in robots.values()
         for number, stop in enumerate(robot.stops)
         if not stop.resource
     ]
-    assert sorted((uuid(slot), number) for slot, number in ends.tolist()) == sorted(told)
+    assert sorted((uuid(slot), number) for slot, number in ends.tolist()) == sorted(found)
     assert {uuid(slot) for slot in standing.tolist()} == {robot.uuid for robot in robots.values() if robot.stands}
     assert {uuid(slot) for slot in going.tolist()} >= {robot.uuid for robot in robots.values() if robot.goes}
     for box_m, (slot, number) in zip(ends_m.tolist(), ends.tolist(), strict=True):
         stop = robots[uuid(slot)].stops[number]
         assert box_m == [stop.x_m, stop.y_m] * 2
     for box_m, slot in zip(standing_m, standing.tolist(), strict=True):
-        one = robots[uuid(slot)]
-        by_m = hypot(one.length_m, one.width_m) / 2 + ROUNDING_M
-        np.testing.assert_allclose(box_m, [one.x_m - by_m, one.y_m - by_m, one.x_m + by_m, one.y_m + by_m])
+        view = robots[uuid(slot)]
+        by_m = hypot(view.length_m, view.width_m) / 2 + ROUNDING_M
+        np.testing.assert_allclose(box_m, [view.x_m - by_m, view.y_m - by_m, view.x_m + by_m, view.y_m + by_m])
     for box_m, slot, way in zip(going_m, going.tolist(), robots.paths(going.tolist()), strict=True):
         by_m = robots[uuid(slot)].width_m / 2 + LEAST_M
         west, south, east, north = way.bounds

@@ -52,12 +52,12 @@ wants = st.lists(
 
 def free(given: list[Want]) -> set[Node]:
     """Who goes on, one after the other."""
-    gone = {("z", 0)} | {one for one in ROBOTS if all(want.waiter != one for want in given)}
+    gone = {("z", 0)} | {robot for robot in ROBOTS if all(want.waiter != robot for want in given)}
     while True:
         more = {
-            one
-            for one in ROBOTS
-            if one not in gone and all(gone & set(want.holders) for want in given if want.waiter == one)
+            robot
+            for robot in ROBOTS
+            if robot not in gone and all(gone & set(want.holders) for want in given if want.waiter == robot)
         }
         if not more:
             return gone

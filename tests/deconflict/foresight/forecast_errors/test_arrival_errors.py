@@ -54,8 +54,8 @@ def test_it_goes_on_after_a_restart() -> None:
     arrival_errors, resumed = ArrivalErrors(), ArrivalErrors()
     arrival_errors.record("Alder", alike(20, 40.0), alike(20, 30.0), NOW_S)
     resumed.resume(unpacked(packed({"arrival_errors": arrival_errors.learned()}))["arrival_errors"])
-    for one in (arrival_errors, resumed):
-        one.record("Alder", alike(20, 40.0), alike(20, -1.0), NOW_S + HALF_LIFE_S)
+    for learned_errors in (arrival_errors, resumed):
+        learned_errors.record("Alder", alike(20, 40.0), alike(20, -1.0), NOW_S + HALF_LIFE_S)
     assert told(resumed) == told(arrival_errors)
     ArrivalErrors().resume(ArrivalErrors().learned())
 

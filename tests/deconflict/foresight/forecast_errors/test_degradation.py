@@ -30,12 +30,12 @@ def run(
     detector: DegradationDetector, begin_s: int, end_s: int, size_m: float, kind: int = 0, seed: int = 1
 ) -> list[dict[str, LevelChange]]:
     """The result of each minute while the errors of a vendor's robots have these sizes."""
-    rng, told = default_rng(seed), []
+    rng, by_step = default_rng(seed), []
     for second in range(begin_s, end_s):
         detector.add_errors(errors(rng, kind, 3, size_m), KINDS, NOW_S + second)
         if second % 60 == 0:
-            told.append(detector.changed())
-    return told
+            by_step.append(detector.changed())
+    return by_step
 
 
 def test_worse_forecasts_are_reported_with_their_begin_until_they_recover() -> None:
@@ -51,12 +51,12 @@ def test_worse_forecasts_are_reported_with_their_begin_until_they_recover() -> N
 @pytest.mark.parametrize("seed", range(4))
 def test_a_steady_vendor_is_never_flagged_in_a_day(seed: int) -> None:
     detector, rng = DegradationDetector(), default_rng(seed)
-    told = []
+    by_step = []
     for step in range(0, 86_400, 10):
         busy = 1 + 0.2 * np.sin(2 * np.pi * step / 86_400)
         detector.add_errors(errors(rng, 0, 10, 0.2 * busy), KINDS, NOW_S + step)
-        told.append(detector.changed())
-    assert not any(told)
+        by_step.append(detector.changed())
+    assert not any(by_step)
 
 
 def test_each_vendor_is_compared_with_itself_and_standing_robots_do_not_count() -> None:

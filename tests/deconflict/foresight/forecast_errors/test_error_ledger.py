@@ -141,8 +141,8 @@ def test_a_kind_of_which_nothing_is_left_is_not_kept() -> None:
 def test_learning_of_another_shape_is_refused_and_changes_nothing() -> None:
     ledger = Ledger()
     ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
-    told = ledger.learned()
-    for wrong in ({}, told | {"counts": np.zeros((1, 2))}, told | {"kinds": [["Alder", "", 77]]}):
+    document = ledger.learned()
+    for wrong in ({}, document | {"counts": np.zeros((1, 2))}, document | {"kinds": [["Alder", "", 77]]}):
         with pytest.raises(UnreadableError):
             ledger.resume(wrong)
     assert len(ledger.kinds) == 1

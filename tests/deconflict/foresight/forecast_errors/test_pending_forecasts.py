@@ -49,10 +49,10 @@ def run(course: list[tuple[float, float]], says_mps: float, yaw_rad: float = 0.0
 
 
 def test_a_robot_that_does_what_it_says_has_no_error() -> None:
-    told = run([(0.8 * n, 0.0) for n in range(14)], 0.8)
-    assert len(told[0]) == 0
-    assert [len(one) for one in told[1:]] == [min(n, HORIZONS) for n in range(1, 14)]
-    assert max(one["radial_m"].max() for one in told[1:]) < 1e-6
+    by_step = run([(0.8 * n, 0.0) for n in range(14)], 0.8)
+    assert len(by_step[0]) == 0
+    assert [len(values) for values in by_step[1:]] == [min(n, HORIZONS) for n in range(1, 14)]
+    assert max(numbers["radial_m"].max() for numbers in by_step[1:]) < 1e-6
 
 
 def test_one_that_is_slower_falls_behind_along_its_heading_by_the_horizon() -> None:
@@ -81,7 +81,7 @@ def test_robots_stand_by_their_forecasts_or_their_last_two_reports() -> None:
     """A track that is not finite is left out."""
     pending, robots = PendingForecasts(), np.zeros(3, ROBOT)
     pending.grow(3)
-    told = []
+    found = []
     for n in range(2):
         forecasts = [
             straight(NOW_S + n, 0.0, 0.0, 0.8),
@@ -93,9 +93,9 @@ def test_robots_stand_by_their_forecasts_or_their_last_two_reports() -> None:
         alike = np.ones(3)
         reports = ReportedTracks(np.arange(3), np.array([0, 0, 0]), since_s, alike / 5, alike, alike / 2, track)
         half = np.zeros((2, 3))
-        told.append(pending.add_reports(robots, half, reports, BANDS_M)[1].tolist())
+        found.append(pending.add_reports(robots, half, reports, BANDS_M)[1].tolist())
         assert half.tolist() == [[0.5] * 3, [0.25] * 3]
-    assert told == [[False, True, False], [True, True, False]]
+    assert found == [[False, True, False], [True, True, False]]
     assert robots["rests"].tolist() == [False, True, False]
     track[:, 5, 0] = np.nan
     _, stands = pending.add_reports(robots, half, reports._replace(event_s=since_s + 1, track=track), BANDS_M)
@@ -104,10 +104,10 @@ def test_robots_stand_by_their_forecasts_or_their_last_two_reports() -> None:
 
 
 def test_reports_between_whole_seconds_are_joined() -> None:
-    told = run([(0.7 * n, 0.0) for n in range(10)], 1.0, every_s=0.7)
-    assert sum(map(len, told)) > 8
-    for one in told:
-        assert one["along_m"] == pytest.approx(0, abs=1e-6)
+    by_step = run([(0.7 * n, 0.0) for n in range(10)], 1.0, every_s=0.7)
+    assert sum(map(len, by_step)) > 8
+    for numbers in by_step:
+        assert numbers["along_m"] == pytest.approx(0, abs=1e-6)
 
 
 def test_a_gap_in_the_reports_gives_no_error() -> None:
@@ -125,13 +125,13 @@ def test_a_repeated_report_counts_once() -> None:
 
 def test_a_report_that_is_older_than_the_newest_is_left_out() -> None:
     pending, punctual = PendingForecasts(), PendingForecasts()
-    told = [straight(NOW_S + n, 0.8 * n, 0.0, 1.0) for n in range(5)]
-    for one in told[:4]:
-        add_report(pending, one)
-        add_report(punctual, one)
+    by_step = [straight(NOW_S + n, 0.8 * n, 0.0, 1.0) for n in range(5)]
+    for forecasts in by_step[:4]:
+        add_report(pending, forecasts)
+        add_report(punctual, forecasts)
     assert len(add_report(pending, straight(NOW_S + 1.5, 9.0, 9.0, 1.0))) == 0
     assert pending.heard_s[0] == NOW_S + 3
-    late, expected = add_report(pending, told[4]), add_report(punctual, told[4])
+    late, expected = add_report(pending, by_step[4]), add_report(punctual, by_step[4])
     assert len(expected) == 4
     for name in ("along_m", "horizon_s"):
         assert late[name].tolist() == expected[name].tolist()
@@ -152,17 +152,19 @@ def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
         x_m, y_m = (np.cumsum(rng.normal(0, 1.5, (2, len(t_s))), axis=1) + rng.uniform(-25, 25, (2, 1))).tolist()
         forecasts.append(robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)))
         add_report(pending, forecasts[-1], slot)
-    slots, told, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
+    slots, result, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
     rank = rng.permutation(robots)
-    found = pending.candidate_pairs(told, slots, rank, reach_m, NOW_S + 1.3, 10.0)
+    found = pending.candidate_pairs(result, slots, rank, reach_m, NOW_S + 1.3, 10.0)
     until_s = np.array([forecast.t_s[0] for forecast in forecasts])[:, None] + TRACK_S
     at_s = np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s)
-    way = np.concatenate([poses_at(one, s[:1], s - s[0]) for one, s in zip(forecasts, at_s, strict=True)])[..., :2]
+    way = np.concatenate([poses_at(forecasts, s[:1], s - s[0]) for forecasts, s in zip(forecasts, at_s, strict=True)])[
+        ..., :2
+    ]
     step_m = np.hypot(*np.diff(way, axis=1).transpose(2, 0, 1)).max(axis=1)
     near = {
         (a, b)
         for a, b in combinations(slots.tolist(), 2)
-        if (told[a] or told[b])
+        if (result[a] or result[b])
         and (np.hypot(*(way[a] - way[b]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
     }
     assert sorted((min(pair), max(pair)) for pair in found.tolist()) == sorted(near)

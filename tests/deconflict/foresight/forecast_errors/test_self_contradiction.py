@@ -109,19 +109,19 @@ def test_replaced_forecasts_go_straight_on_and_the_others_stay() -> None:
     ways["x_mps"][1], ways["y_mps"][1] = 0.5, 0.25
     believed = straight_on(batch, np.array([1]), np.array([1]), ways, 10.0)
     assert believed.basis.tolist() == [Basis.PATH, Basis.VELOCITY]
-    a, b, told = believed.forecasts.single(0), believed.forecasts.single(1), batch.forecasts
-    assert a.x_m.tolist() == told.single(0).x_m.tolist()
+    a, b, forecasts = believed.forecasts.single(0), believed.forecasts.single(1), batch.forecasts
+    assert a.x_m.tolist() == forecasts.single(0).x_m.tolist()
     assert (b.x_m.tolist(), b.y_m.tolist()) == ([0.0, 5.0], [9.0, 11.5])
-    assert (b.t_s - told.single(1).t_s[0]).tolist() == [0.0, 10.0]
+    assert (b.t_s - forecasts.single(1).t_s[0]).tolist() == [0.0, 10.0]
     assert (b.length_m.tolist(), b.yaw_rad.tolist()) == (
-        told.single(1).length_m.tolist(),
-        [told.single(1).yaw_rad[0]] * 2,
+        forecasts.single(1).length_m.tolist(),
+        [forecasts.single(1).yaw_rad[0]] * 2,
     )
 
 
 def test_two_robots_that_wrongly_say_they_stand_are_predicted_to_meet_and_distrusted() -> None:
     stage = Stage({"a": Walk((-12.0, 0.0), (1.0, 0.0), (0.0, 0.0)), "b": Walk((12.0, 0.0), (-1.0, 0.0), (0.0, 0.0))})
-    told = stage.run(9)
-    assert told[2].get(("a", "b"), 0.0) < 0.1
-    assert told[8]["a", "b"] > 0.5
+    by_step = stage.run(9)
+    assert by_step[2].get(("a", "b"), 0.0) < 0.1
+    assert by_step[8]["a", "b"] > 0.5
     assert [name for name in ("a", "b") if stage.foresight.is_distrusted(name)] == ["a", "b"]

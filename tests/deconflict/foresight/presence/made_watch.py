@@ -40,18 +40,18 @@ class Watch:
         if self.learned:
             self.presence.resume(self.learned)
 
-    def identify(self, name: str, **said: Any) -> None:
-        self.fleet.receive(identity(name, NOW_S + self.now_s, **said), NOW_S + self.now_s, LINE)
+    def identify(self, name: str, **fields: Any) -> None:
+        self.fleet.receive(identity(name, NOW_S + self.now_s, **fields), NOW_S + self.now_s, LINE)
 
-    def say(self, name: str, x: float, y: float = 0.0, speed_mps: float = 0.0, **said: Any) -> None:
+    def say(self, name: str, x: float, y: float = 0.0, speed_mps: float = 0.0, **fields: Any) -> None:
         """A report: the robot goes along x at that speed, for as long as it says; datum and state may be given too."""
         at_s = NOW_S + self.now_s
-        datum, path_s = said.pop("datum", HALL), said.pop("path_s", 10)
-        location = {"x": x, "y": y, "angle": angle(0.0), "planarDatum": datum} | said.pop("place", {})
+        datum, path_s = fields.pop("datum", HALL), fields.pop("path_s", 10)
+        location = {"x": x, "y": y, "angle": angle(0.0), "planarDatum": datum} | fields.pop("place", {})
         if speed_mps:
             ahead = ((at_s + second, x + speed_mps * second, y, 0.0) for second in range(1, path_s + 1))
-            said = {"path": points(*ahead)} | said
-        self.fleet.receive(status(name, at_s, location=location, **said), at_s, LINE)
+            fields = {"path": points(*ahead)} | fields
+        self.fleet.receive(status(name, at_s, location=location, **fields), at_s, LINE)
 
     def tick(self, everything: bool = False) -> PresenceChanges:
         """Receive the reports since the last tick, and advance."""
@@ -72,25 +72,27 @@ class Watch:
             self.now_s = min(self.now_s + tick_s, until_s)
             self.tick()
 
-    def drive(self, name: str, x: float, y: float = 0.0, speed_mps: float = 1.0, seconds: int = 5, **said: Any) -> None:
+    def drive(
+        self, name: str, x: float, y: float = 0.0, speed_mps: float = 1.0, seconds: int = 5, **fields: Any
+    ) -> None:
         """A robot reports once a second along x, the last time where the seconds end."""
         for second in range(seconds + 1):
-            self.say(name, x + speed_mps * second, y, speed_mps, **said)
+            self.say(name, x + speed_mps * second, y, speed_mps, **fields)
             self.tick()
             if second < seconds:
                 self.wait(1.0)
 
-    def stand(self, name: str, x: float, y: float = 0.0, seconds: int = 5, **said: Any) -> None:
+    def stand(self, name: str, x: float, y: float = 0.0, seconds: int = 5, **fields: Any) -> None:
         """A robot reports once a second that it is idle where it stands."""
-        self.drive(name, x, y, 0.0, seconds, **{"operationalState": "idle"} | said)
+        self.drive(name, x, y, 0.0, seconds, **{"operationalState": "idle"} | fields)
 
     def there(self, name: str) -> float:
         return self.presence.there(robot(name))
 
     def outcomes(self) -> dict[str, float]:
         """Silences that have ended, by outcome."""
-        told = self.measures.values.get("deconflict_silences_total", {})
-        return {outcome: count for (_, outcome), count in told.items()}
+        values = self.measures.values.get("deconflict_silences_total", {})
+        return {outcome: count for (_, outcome), count in values.items()}
 
 
 DOOR_M = 20.0

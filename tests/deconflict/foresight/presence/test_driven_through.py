@@ -11,12 +11,12 @@ from tests.helpers.saying import LOFT, identity, robot
 SIZE = {"x": 1.0, "y": 0.6, "z": 0.4}
 
 
-def with_silent(silent_s: float = 20.0, **said: Any) -> Watch:
+def with_silent(silent_s: float = 20.0, **fields: Any) -> Watch:
     """A robot stands at 10, 0, and falls silent."""
     watch = Watch()
     for name in ("silent", "other"):
         watch.identify(name, baseRobotEnvelope=SIZE)
-    watch.stand("silent", 10.0, **said)
+    watch.stand("silent", 10.0, **fields)
     watch.wait(silent_s)
     return watch
 
@@ -123,7 +123,7 @@ def test_if_the_end_of_its_path_is_empty_a_robot_is_believed_to_stand_where_it_w
     watch.wait(20.0)
     watch.drive("other", 12.0, seconds=6)
     assert not is_off(watch)
-    assert [one for changes in watch.changes for one in changes.stopped] == [robot("silent")]
+    assert [name for changes in watch.changes for name in changes.stopped] == [robot("silent")]
     watch.wait(30.0)
     watch.drive("other", 13.0, seconds=4)
     assert not is_off(watch)

@@ -22,7 +22,7 @@ class Story(MadeScene):
     lifecycle: ConflictLifecycle = field(default_factory=lambda: ConflictLifecycle(SETTINGS, 60.0))
     now_s: float = START_S
     why_absent: str | None = None
-    told: list[ConflictAdvisory] = field(default_factory=list)
+    advisories: list[ConflictAdvisory] = field(default_factory=list)
 
     def absence(self, uuid: str) -> str | None:
         return self.why_absent if uuid == "b" else None
@@ -32,13 +32,13 @@ class Story(MadeScene):
 
     def passes(self, seconds: float, start_m: float, probability: float, there: float) -> list[AdvisoryState]:
         """Looks four times a second. Returns the revisions."""
-        told: list[ConflictAdvisory] = []
+        advisories: list[ConflictAdvisory] = []
         for _ in range(round(seconds * 4)):
             self.now_s += 0.25
-            one = Prediction(PAIR, self.now_s + 1.0, 0.0, start_m, True, probability * there, both_present=there)
-            told += self.lifecycle.revise(self.now_s, in_columns([one]), set(PAIR), self)
-        self.told += told
-        return [one.state for one in told if one.state is not AdvisoryState.UPDATED]
+            prediction = Prediction(PAIR, self.now_s + 1.0, 0.0, start_m, True, probability * there, both_present=there)
+            advisories += self.lifecycle.revise(self.now_s, in_columns([prediction]), set(PAIR), self)
+        self.advisories += advisories
+        return [advisory.state for advisory in advisories if advisory.state is not AdvisoryState.UPDATED]
 
 
 def test_within_the_clearance_an_advisory_is_cleared_once_a_robot_has_probably_left() -> None:
@@ -47,7 +47,7 @@ def test_within_the_clearance_an_advisory_is_cleared_once_a_robot_has_probably_l
     assert story.passes(5.0, 0.2, 0.9, 0.6) == []
     story.why_absent = "is silent and has probably left"
     assert story.passes(5.0, 0.2, 0.9, 0.04) == [AdvisoryState.CLEARED]
-    assert story.told[-1].cleared_because == "Alder b is silent and has probably left"
+    assert story.advisories[-1].cleared_because == "Alder b is silent and has probably left"
 
 
 def test_within_the_clearance_an_unlikely_advisory_stays_open_if_both_are_present() -> None:
@@ -70,5 +70,5 @@ def test_an_advisory_that_is_no_longer_predicted_is_cleared_while_a_robot_is_pro
     story.why_absent = "is silent and has probably left"
     for _ in range(12):
         story.now_s += 0.25
-        story.told += story.lifecycle.revise(story.now_s, in_columns([]), set(PAIR), story)
-    assert story.told[-1].cleared_because == "Alder b is silent and has probably left"
+        story.advisories += story.lifecycle.revise(story.now_s, in_columns([]), set(PAIR), story)
+    assert story.advisories[-1].cleared_because == "Alder b is silent and has probably left"

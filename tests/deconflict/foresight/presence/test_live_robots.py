@@ -34,8 +34,8 @@ def nearest(group: set[str], within_m: float, most: int, there: list[str]) -> li
     away = []
     for name in set(there) - group:
         x, y, datum = SPOTS[name]
-        if any(SPOTS[one][2] == datum for one in group):
-            away.append((min(hypot(x - SPOTS[one][0], y - SPOTS[one][1]) for one in group), robot(name)))
+        if any(SPOTS[name][2] == datum for name in group):
+            away.append((min(hypot(x - SPOTS[name][0], y - SPOTS[name][1]) for name in group), robot(name)))
     near = [uuid for away_m, uuid in sorted(away) if away_m <= within_m][:most]
     return sorted([*map(robot, group), *near])
 
@@ -69,6 +69,6 @@ def test_forecasts_of_several_batches_are_each_robots_newest() -> None:
     assert sorted(keys) == sorted(wanted)
     for row, key in enumerate(keys):
         name = next(name for name in SPOTS if robot(name) == key)
-        one = found.single(row)
-        assert (one.x_m[0], one.y_m[0]) == SPOTS[name][:2]
-        assert one.t_s[0] == NOW_S + (name in ("R2", "R4"))
+        forecasts = found.single(row)
+        assert (forecasts.x_m[0], forecasts.y_m[0]) == SPOTS[name][:2]
+        assert forecasts.t_s[0] == NOW_S + (name in ("R2", "R4"))

@@ -86,7 +86,7 @@ def test_returns_elsewhere_do_not_make_an_exit() -> None:
     cases = [outcomes.case("Alder", DOOR, LastSeen.GOING) for _ in range(5)]
     for case in cases:
         outcomes.count(case, {LEFT: 1.0})
-    assert [(one.x_m, one.y_m, one.robots) for one in outcomes.exits()] == [(40.0, 5.0, 5)]
+    assert [(usual_exit.x_m, usual_exit.y_m, usual_exit.robots) for usual_exit in outcomes.exits()] == [(40.0, 5.0, 5)]
     for case in cases:
         outcomes.count(case, {ELSEWHERE: 1.0})
     assert outcomes.exits() == []

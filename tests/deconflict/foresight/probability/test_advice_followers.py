@@ -18,17 +18,17 @@ def advice(holds: tuple[Hold, ...] = (), slots: tuple[Slot, ...] = ()) -> Recomm
     return Recommendation(holds=holds, slots=slots, cost_s=5, bound_s=5, proven_optimal=True)
 
 
-def crossing(told: bool) -> Stage:
+def crossing(expected: bool) -> Stage:
     """Two robots would meet. One stops 4 s before, advised or not, drives on 8 s later, and passes behind the other."""
     stage = Stage({"a": Walk((0.0, -12.0), (0.0, 1.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
     stage.run(TOLD_S + 1)
-    if told:
+    if expected:
         stage.foresight.note_advice(NOW_S + TOLD_S, {"a": NOW_S + TOLD_S + WAITS_S})
     at = -12.0 + TOLD_S
     stage.walks["a"] = Walk((0.0, at), (0.0, 0.0), says=(0.0, 1.0))
     for t_s in range(TOLD_S + 1, TOLD_S + WAITS_S + 1):
         stage.second(t_s)
-    assert stage.foresight.robots_following_advice(NOW_S + TOLD_S + WAITS_S) == (["a"] if told else [])
+    assert stage.foresight.robots_following_advice(NOW_S + TOLD_S + WAITS_S) == (["a"] if expected else [])
     stage.walks["a"] = Walk((0.0, at - TOLD_S - WAITS_S), (0.0, 1.0))
     for t_s in range(TOLD_S + WAITS_S + 1, 40):
         stage.second(t_s)
@@ -36,15 +36,17 @@ def crossing(told: bool) -> Stage:
 
 
 def test_a_conflict_that_advice_prevented_does_not_lower_later_probabilities() -> None:
-    told, untold = crossing(True), crossing(False)
+    stage, untold = crossing(True), crossing(False)
     outcomes, others = (
-        one.foresight.measures.values["deconflict_probability_outcomes_total"] for one in (told, untold)
+        staged.foresight.measures.values["deconflict_probability_outcomes_total"] for staged in (stage, untold)
     )
     assert others["passed",] > outcomes.get(("passed",), 0) + 5
     assert outcomes["left",] > others.get(("left",), 0)
     seen, alike = np.array([[1.0, 2.0, 2.0, 0.3, 0.0]]), np.zeros(1, np.int64)
     prior = Stage({}).foresight.contact.estimate(seen, alike).probability
-    after_told, after_untold = (one.foresight.contact.estimate(seen, alike).probability for one in (told, untold))
+    after_told, after_untold = (
+        staged.foresight.contact.estimate(seen, alike).probability for staged in (stage, untold)
+    )
     assert after_untold < prior - 0.01
     assert after_told == pytest.approx(prior, abs=0.002)
 
@@ -102,6 +104,6 @@ def test_open_advice_gives_the_end_of_each_wait() -> None:
         for robot, wait_s in (("x", 0.0), ("y", 9.0))
     )
     raised = made(1, recommendation=advice(holds=(hold,)))
-    told = waits_until_s([raised, made(2), made(3, recommendation=advice(slots=slots))])
-    assert told == {ROBOTS[0]: raised.updated_at.timestamp() + 4.0, "y": start_at.timestamp()}
+    values = waits_until_s([raised, made(2), made(3, recommendation=advice(slots=slots))])
+    assert values == {ROBOTS[0]: raised.updated_at.timestamp() + 4.0, "y": start_at.timestamp()}
     assert waits_until_s([cleared(1, recommendation=advice(holds=(hold,)))]) == {}

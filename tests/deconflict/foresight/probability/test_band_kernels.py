@@ -37,10 +37,10 @@ def sd_m(robots: Robots, bands_m: Floats, newest: Floats, slots: tuple[int, int]
     """Standard deviation of the distance of two robots, `after_s` from now."""
     square = 0.0
     for slot in slots:
-        one = robots[slot]
-        silent_s = 0.0 if one["rests"] else max(NOW_S - newest[slot, 0], 0.0)
-        reach = band_m(bands_m[one["kind"]], after_s + silent_s) * max(one["surprise"], 1.0) / EIGHTY
-        square += reach**2 + one["doubt_m"] ** 2
+        row = robots[slot]
+        silent_s = 0.0 if row["rests"] else max(NOW_S - newest[slot, 0], 0.0)
+        reach = band_m(bands_m[row["kind"]], after_s + silent_s) * max(row["surprise"], 1.0) / EIGHTY
+        square += reach**2 + row["doubt_m"] ** 2
     return float(np.sqrt(square) + EXACT_M)
 
 
@@ -77,7 +77,7 @@ def test_measured_overlaps_equal_those_computed_pair_by_pair() -> None:
         within = [
             (WITHIN_M - m) / sd_m(robots, bands_m, newest, slots, s - NOW_S) for m, s in zip(apart, at_s, strict=True)
         ]
-        soonest = max(one for one, s in zip(within, at_s, strict=True) if s - NOW_S <= SOON * HORIZON_S)
+        soonest = max(each for each, s in zip(within, at_s, strict=True) if s - NOW_S <= SOON * HORIZON_S)
         assert pairs["near_s"][row] == at_s[int(np.argmin(apart))]
         assert pairs["near_m"][row] == max(min(apart), 0.0)
         assert pairs["now_m"][row] == max(known_m[n, PAST], 0.0)

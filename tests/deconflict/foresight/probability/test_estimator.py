@@ -11,24 +11,24 @@ from tests.helpers.made_encounters import NOW_S
 
 
 def test_the_probability_of_crossing_robots_rises_as_they_come_nearer() -> None:
-    told = Stage({"b": Walk((-12.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, -12.0), (0.0, 1.0))}).run(12)
-    course = [one[("a", "b")] for one in told[4:10]]
+    by_step = Stage({"b": Walk((-12.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, -12.0), (0.0, 1.0))}).run(12)
+    course = [values[("a", "b")] for values in by_step[4:10]]
     assert course == sorted(course)
     assert course[-1] > 0.9
 
 
 def test_robots_that_never_come_near_are_not_watched() -> None:
-    told = Stage({"a": Walk((0.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 30.0), (1.0, 0.0))}).run(12)
-    assert all(one == {} for one in told)
+    by_step = Stage({"a": Walk((0.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 30.0), (1.0, 0.0))}).run(12)
+    assert all(values == {} for values in by_step)
 
 
 def test_a_wrong_forecast_does_not_hide_a_conflict() -> None:
     # it says that it will pass 2.5 m away, and has said as wrong things before
     wrong = Walk((0.0, -12.0), (0.0, 1.0), says=(0.3, 1.0))
-    told = Stage({"a": wrong, "b": Walk((-12.0, 0.0), (1.0, 0.0))}).run(11)
+    by_step = Stage({"a": wrong, "b": Walk((-12.0, 0.0), (1.0, 0.0))}).run(11)
     honest = Stage({"a": Walk((3.0, -12.0), (0.0, 1.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))}).run(11)
-    assert told[9][("a", "b")] > 0.3
-    assert honest[9].get(("a", "b"), 0.0) < told[9][("a", "b")] / 3
+    assert by_step[9][("a", "b")] > 0.3
+    assert honest[9].get(("a", "b"), 0.0) < by_step[9][("a", "b")] / 3
 
 
 def test_a_robot_is_distrusted_while_it_contradicts_its_own_motion() -> None:

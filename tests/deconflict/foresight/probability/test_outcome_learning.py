@@ -82,7 +82,7 @@ def test_outcomes_equal_those_computed_pair_by_pair() -> None:
     questions.ask(NOW_S, asked, np.zeros((len(asked), FEATURES)))
     (question,) = questions.answered(NOW_S + 16, every, lambda _: until_s)
     outcomes = question.interacted
-    found = {int(one["code"]): (one["started_s"], one["last_within_s"]) for one in every}
+    found = {int(row["code"]): (row["started_s"], row["last_within_s"]) for row in every}
     expected = []
     for code in asked.tolist():
         started_s, below_s = found.get(code, (-np.inf, -np.inf))
@@ -92,8 +92,8 @@ def test_outcomes_equal_those_computed_pair_by_pair() -> None:
             met = NOW_S < started_s <= min(NOW_S + 10, last_s)
             part = int(min(max((started_s if met else last_s) - NOW_S, 0), STAYED - met))
             expected.append((code, met, part, not met and part < STAYED))
-    told = (question.code.tolist(), outcomes.met.tolist(), outcomes.part.tolist(), outcomes.left.tolist())
-    assert list(zip(*told, strict=True)) == expected
+    result = (question.code.tolist(), outcomes.met.tolist(), outcomes.part.tolist(), outcomes.left.tolist())
+    assert list(zip(*result, strict=True)) == expected
     assert 5 < outcomes.met.sum() < len(expected) < len(asked)
 
 

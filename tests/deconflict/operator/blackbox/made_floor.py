@@ -52,14 +52,14 @@ class Floor:
 
     def order(self) -> BlackBoxRequest:
         settings = SITE.blackbox
-        begins_s = min(one.at_s for one in self.near) - settings.before_s - 15.0
+        begins_s = min(near_pair.at_s for near_pair in self.near) - settings.before_s - 15.0
         snapshot = next((snapshot for snapshot in reversed(self.snapshots) if snapshot.at_s <= begins_s), None)
         span = BoxSpan.around(self.near, settings.before_s, settings.after_s, snapshot)
-        told = [one for one in self.decided if one.updated_at.timestamp() <= span.until_s]
+        advisories = [advisory for advisory in self.decided if advisory.updated_at.timestamp() <= span.until_s]
         shelf = self.data / FOLDER
         shelf.mkdir(exist_ok=True)
         with closing(Store(self.data)) as store:
-            store.append(told)
+            store.append(advisories)
         return BlackBoxRequest(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, store.path, ())
 
 

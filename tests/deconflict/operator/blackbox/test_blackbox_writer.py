@@ -42,14 +42,14 @@ def test_a_near_miss_has_its_facts_and_the_delay_that_would_have_avoided_it(box:
         robot("B-1"): "Alder B-1",
     }
     assert 0 < miss["separation_m"] < miss["clearance_m"]
-    delays = {one["name"]: one["later_s"] for one in miss["avoided_by"]}
+    delays = {row["name"]: row["later_s"] for row in miss["avoided_by"]}
     assert 0 < delays["Alder B-1"] <= 0.5, "the one behind need have been only a little later"
     assert delays["Alder A-1"] > delays["Alder B-1"] + 1
     assert f"no conflict had Alder B-1 come {delays['Alder B-1']:g} s later" in miss["summary"]
 
 
 def test_the_stated_delay_avoids_the_near_miss_and_a_delay_one_step_shorter_does_not(tmp_path: Path, box: Box) -> None:
-    later_s = {one["name"]: one["later_s"] for one in box["near_misses"][0]["avoided_by"]}["Alder B-1"]
+    later_s = {row["name"]: row["later_s"] for row in box["near_misses"][0]["avoided_by"]}["Alder B-1"]
     for delay_s, meets in ((later_s, False), (later_s - 0.1, True)):
         directory = tmp_path / str(meets)
         again = lived(directory, crossing(30.0, 1.7 + delay_s), 45)
@@ -64,29 +64,31 @@ def test_every_line_carries_the_hash_of_the_one_before(floor: Floor, box: Box) -
 
 @pytest.mark.parametrize("change", ["alter", "drop", "swap", "cut", "end"])
 def test_a_change_is_found(floor: Floor, box: Box, change: str) -> None:
-    told = lines(floor, box)
+    messages = lines(floor, box)
     if change == "alter":
-        told[200] = (
-            told[200].replace(b'"linear":', b'"linear": ', 1) if b'"linear":' in told[200] else told[200][:-2] + b" }\n"
+        messages[200] = (
+            messages[200].replace(b'"linear":', b'"linear": ', 1)
+            if b'"linear":' in messages[200]
+            else messages[200][:-2] + b" }\n"
         )
     elif change == "drop":
-        del told[200]
+        del messages[200]
     elif change == "swap":
-        told[200], told[201] = told[201], told[200]
+        messages[200], messages[201] = messages[201], messages[200]
     elif change == "cut":
-        told = told[:200]
+        messages = messages[:200]
     else:
-        del told[-1]
+        del messages[-1]
     with pytest.raises(ChainBrokenError):
-        verified(told)
+        verified(messages)
 
 
 def test_the_box_has_what_a_replay_needs_and_no_secret(floor: Floor, box: Box) -> None:
-    told = lines(floor, box)
-    Site.model_validate(json.loads(told[0])["blackbox"]["site"])
-    assert b"ALDER_TOKEN" not in told[0]
-    assert b"10.0.0.1" not in told[0]
-    messages = [one["message"] for line in told if "message" in (one := json.loads(line))]
+    sent = lines(floor, box)
+    Site.model_validate(json.loads(sent[0])["blackbox"]["site"])
+    assert b"ALDER_TOKEN" not in sent[0]
+    assert b"10.0.0.1" not in sent[0]
+    messages = [document["message"] for line in sent if "message" in (document := json.loads(line))]
     identified = {message["uuid"] for message in messages if "robotSerialNumber" in message}
     assert identified == {robot("A-1"), robot("B-1"), robot("C-1")}, "said long before the box begins"
 
@@ -96,7 +98,7 @@ def test_the_next_box_continues_the_chain_of_the_last(tmp_path: Path) -> None:
     first, second = write_blackbox(floor.order()), write_blackbox(floor.order())
     assert first
     assert second
-    last = [file_of(floor, one) for one in (first, second)][-1]
+    last = [file_of(floor, document) for document in (first, second)][-1]
     assert json.loads(next(lines_of(last)))["before"] == first["sha256"]
 
 

@@ -17,8 +17,8 @@ CLEARANCE_M = 0.3
 
 def track(*reports: tuple[float, float, float, float], floors: tuple[int, ...] = ()) -> RecordedTrack:
     """A robot of 1 x 1 x 1 m, by time, x, y and bottom."""
-    told = zip(reports, floors or (0,) * len(reports), strict=True)
-    known = [ReportedPose(t, x, y, 0.0, floor, bottom, bottom + 1.0) for (t, x, y, bottom), floor in told]
+    rows = zip(reports, floors or (0,) * len(reports), strict=True)
+    known = [ReportedPose(t, x, y, 0.0, floor, bottom, bottom + 1.0) for (t, x, y, bottom), floor in rows]
     return RecordedTrack("A", "acme", known, 1.0, 1.0)
 
 

@@ -53,9 +53,9 @@ class GivenSources:
 
     async def measures(self) -> list[dict[str, Any]]:
         self._ask("receiver")
-        told = Measures()
-        told.count("deconflict_messages_total", "Acme", "accepted", by=7)
-        return [told.as_document()]
+        measures = Measures()
+        measures.count("deconflict_messages_total", "Acme", "accepted", by=7)
+        return [measures.as_document()]
 
     async def health(self) -> dict[str, Any]:
         self._ask("supervisor")

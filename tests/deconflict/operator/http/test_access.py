@@ -120,7 +120,7 @@ async def test_sessions_are_bounded_and_the_oldest_ends(
     ):
         for browser in (first, second):
             await browser.post("/login", data={"token": READER})
-        assert [(await one.get("/advisories")).status_code for one in (first, second)] == [401, 200]
+        assert [(await client.get("/advisories")).status_code for client in (first, second)] == [401, 200]
 
 
 async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_opened(
@@ -181,9 +181,9 @@ async def test_the_role_read_may_not_acknowledge(tmp_path: Path, people: tuple[P
         assert (refused.status_code, "takes the role acknowledge" in refused.text) == (403, True)
         assert (await client.post("/advisories/advisory-1/any", headers=bearer(LEADER))).status_code in (404, 405)
         await face.publish(made(1))
-        said = {"name": "Somebody Else", "reason": "called back"}
+        fields = {"name": "Somebody Else", "reason": "called back"}
         path = "/advisories/advisory-1/acknowledgement"
-        answered = (await client.post(path, json=said, headers=bearer(LEADER))).json()
+        answered = (await client.post(path, json=fields, headers=bearer(LEADER))).json()
         assert answered["acknowledgement"]["name"] == "Ada"
         assert (await client.post("/anything", headers=bearer(LEADER))).status_code == 403
 

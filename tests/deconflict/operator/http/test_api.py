@@ -24,20 +24,20 @@ API_PAGE = Path(__file__).parents[4] / "docs" / "api.md"
 
 @pytest.fixture
 async def face(tmp_path: Path) -> AsyncIterator[Served]:
-    async with served(tmp_path) as one:
-        yield one
+    async with served(tmp_path) as served_face:
+        yield served_face
 
 
 @pytest.fixture
 async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
-    async with httpx.AsyncClient(base_url=face.http, timeout=PATIENCE_S) as one:
-        yield one
+    async with httpx.AsyncClient(base_url=face.http, timeout=PATIENCE_S) as http:
+        yield http
 
 
 async def ids(client: httpx.AsyncClient, query: str = "") -> list[str]:
     answer = await client.get("/advisories" + query)
     assert answer.status_code == 200, answer.text
-    return [one["id"] for one in answer.json()["advisories"]]
+    return [advisory["id"] for advisory in answer.json()["advisories"]]
 
 
 async def test_advisories_are_the_open_ones_newest_first_with_the_place_in_the_stream(
@@ -159,8 +159,8 @@ async def test_the_schema_describes_what_is_published(face: Served, client: http
     schema = (await client.get("/schema/advisory")).json()
     Draft202012Validator.check_schema(schema)
     validator = Draft202012Validator(schema)
-    for one in await face.publish(made(1), cleared(1)):
-        validator.validate(json.loads(one.model_dump_json()))
+    for advisory in await face.publish(made(1), cleared(1)):
+        validator.validate(json.loads(advisory.model_dump_json()))
     assert not validator.is_valid(made(1).model_dump(mode="json") | {"severity": "mild"})
     assert not validator.is_valid(made(1).model_dump(mode="json") | {"safety_rated": True})
 
@@ -247,9 +247,9 @@ async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
     async with served(tmp_path) as face, connect(face.stream()) as following:
         host, port = face.address.split(":")
         torn = b"POST /advisories/none/acknowledgement HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n\r\n{"
-        for said in (b"", b"GET /heal", begun, begun + b"\r\n" + begun, torn):
+        for message in (b"", b"GET /heal", begun, begun + b"\r\n" + begun, torn):
             reader, writer = await asyncio.open_connection(host, int(port))
-            writer.write(said)
+            writer.write(message)
             async with asyncio.timeout(PATIENCE_S):
                 with suppress(ConnectionResetError):
                     await reader.read()
@@ -271,8 +271,8 @@ async def test_no_more_connections_are_accepted_than_files_may_be_open(tmp_path:
                 with suppress(ConnectionResetError):
                     assert await reader.read() == b""
             assert refused(face, "face-full") == 1
-            for one in (writer, idle):
-                one.close()
+            for stream_writer in (writer, idle):
+                stream_writer.close()
             await until(lambda: face.connections() == 2)
             async with httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
                 assert (await client.get(f"{face.http}/healthz")).status_code == 200

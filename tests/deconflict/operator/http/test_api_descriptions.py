@@ -12,8 +12,8 @@ def references(part: Any) -> set[str]:
     """Every `$ref` below a part of a document."""
     if isinstance(part, dict):
         own = {part["$ref"]} if isinstance(part.get("$ref"), str) else set()
-        return own.union(*(references(one) for one in part.values()))
-    return set().union(*(references(one) for one in part)) if isinstance(part, list) else set()
+        return own.union(*(references(each) for each in part.values()))
+    return set().union(*(references(each) for each in part)) if isinstance(part, list) else set()
 
 
 def found(document: dict[str, Any], reference: str) -> Any:
@@ -33,14 +33,14 @@ def test_the_openapi_document_is_valid_and_has_every_route() -> None:
 
 def test_every_reference_of_the_asyncapi_document_resolves() -> None:
     document = asyncapi()
-    told = references(document)
-    assert len(told) > 10
-    assert all(reference.startswith("#/") and found(document, reference) for reference in told)
+    lines = references(document)
+    assert len(lines) > 10
+    assert all(reference.startswith("#/") and found(document, reference) for reference in lines)
 
 
 def test_each_channel_has_an_operation_servers_and_messages() -> None:
     document = asyncapi()
-    operated = {one["channel"]["$ref"] for one in document["operations"].values()}
+    operated = {value["channel"]["$ref"] for value in document["operations"].values()}
     assert operated == {f"#/channels/{name}" for name in document["channels"]}
     for channel in document["channels"].values():
         assert channel["servers"]
@@ -51,7 +51,7 @@ def test_each_channel_has_an_operation_servers_and_messages() -> None:
 def test_the_message_of_the_asyncapi_document_is_an_advisory_of_any_kind() -> None:
     document = asyncapi()
     payload = document["components"]["messages"]["revision"]["payload"]
-    told = Draft202012Validator({**payload, "components": document["components"]})
-    for one in (made(1, severity=Severity.CRITICAL), deadlock("a", "b", "c")):
-        assert list(told.iter_errors(one.model_dump(mode="json"))) == []
-    assert list(told.iter_errors({**made(1).model_dump(mode="json"), "kind": "rumour"}))
+    result = Draft202012Validator({**payload, "components": document["components"]})
+    for advisory in (made(1, severity=Severity.CRITICAL), deadlock("a", "b", "c")):
+        assert list(result.iter_errors(advisory.model_dump(mode="json"))) == []
+    assert list(result.iter_errors({**made(1).model_dump(mode="json"), "kind": "rumour"}))

@@ -29,14 +29,14 @@ DEMO = Path(__file__).parents[4] / "deconflict" / "settings" / "sites" / "demo.t
 
 @pytest.fixture
 async def face(tmp_path: Path) -> AsyncIterator[Served]:
-    async with served(tmp_path) as one:
-        yield one
+    async with served(tmp_path) as served_face:
+        yield served_face
 
 
 @pytest.fixture
 async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
-    async with httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as one:
-        yield one
+    async with httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as http:
+        yield http
 
 
 async def test_every_file_of_the_page_is_served_and_loads_only_from_this_service(client: httpx.AsyncClient) -> None:
@@ -63,9 +63,9 @@ def test_no_module_of_the_page_creates_markup_from_data() -> None:
 
 def test_the_site_has_its_floors_in_order_and_the_places_on_them() -> None:
     document = site_document(load(DEMO))
-    assert [one["name"] for one in document["floors"]] == ["Ground hall", "Mezzanine"]
-    assert {one["name"] for one in document["floors"][0]["marks"]} >= {"Column A1", "Column C3"}
-    floors = {one["id"] for one in document["floors"]}
+    assert [floor["name"] for floor in document["floors"]] == ["Ground hall", "Mezzanine"]
+    assert {mark["name"] for mark in document["floors"][0]["marks"]} >= {"Column A1", "Column C3"}
+    floors = {floor["id"] for floor in document["floors"]}
     assert all(place["floor"] in floors and len(place["polygon"]) >= 3 for place in document["places"])
 
 
@@ -84,7 +84,7 @@ async def test_the_past_has_the_advisories_that_were_open_then(face: Served, cli
     await face.publish(made(1), cleared(1), made(2))
     at_s = (START + timedelta(minutes=1)).timestamp()
     past = (await client.get(f"/past?at_s={at_s}")).json()
-    assert [one["id"] for one in past["advisories"]] == ["advisory-1"]
+    assert [advisory["id"] for advisory in past["advisories"]] == ["advisory-1"]
     assert past["floor"]["now_s"] == at_s
     assert (await client.get("/past?at_s=nan")).status_code == 422
     face.sources.down.add("recording")

@@ -17,8 +17,8 @@ RESTARTING = 1012
 
 @pytest.fixture
 async def face(tmp_path: Path) -> AsyncIterator[Served]:
-    async with served(tmp_path) as one:
-        yield one
+    async with served(tmp_path) as served_face:
+        yield served_face
 
 
 async def heard(face: Served, after: int | None, last: int) -> list[int]:

@@ -36,15 +36,15 @@ def test_a_row_has_the_poses_of_the_batch(fleet: Fleet) -> None:
     fleet.receive(status("A-1", NOW_S, 2.0, 1.0, path=path), NOW_S + 0.25, LINE)
     batch, picture = fleet.next_batch(NOW_S + 0.3), FloorFrames()
     picture.add_batch(batch, whole=True)
-    told = frame(picture, 0)
-    (row,) = told["robots"]
+    document = frame(picture, 0)
+    (row,) = document["robots"]
     assert row[:6] == [robot("A-1"), batch.vendors[0], batch.names[0], "navigating", 0, "path"]
-    assert (told["floors"], told["now_s"], told["whole"]) == ([HALL], NOW_S + 0.3, True)
+    assert (document["floors"], document["now_s"], document["whole"]) == ([HALL], NOW_S + 0.3, True)
     assert row[7] == NOW_S + 0.25
-    knots, one = np.reshape(row[11], (-1, 4)), batch.forecasts
-    expected = np.stack([one.t_s - batch.event_s[0], one.x_m, one.y_m, one.yaw_rad], axis=1)
+    knots, forecasts = np.reshape(row[11], (-1, 4)), batch.forecasts
+    expected = np.stack([forecasts.t_s - batch.event_s[0], forecasts.x_m, forecasts.y_m, forecasts.yaw_rad], axis=1)
     assert np.abs(knots - expected).max() < 0.006
-    assert row[9:11] == [one.length_m[0], one.width_m[0]]
+    assert row[9:11] == [forecasts.length_m[0], forecasts.width_m[0]]
 
 
 def test_the_row_ends_where_the_robot_leaves_the_floor(fleet: Fleet) -> None:
@@ -77,10 +77,10 @@ def test_following_frame_by_frame_is_the_same_as_the_whole(fleet: Fleet) -> None
         moved(fleet, *names, at_s=NOW_S + step * 40, x=float(step))
         picture.add_batch(fleet.next_batch(NOW_S + step * 40), whole=step == 0)
         if step % 3 == 0:
-            told = frame(picture, version)
-            known = {} if told["whole"] else known
-            known |= {row[0]: row for row in told["robots"]}
-            known = {uuid: row for uuid, row in known.items() if uuid not in told["gone"]}
+            document = frame(picture, version)
+            known = {} if document["whole"] else known
+            known |= {row[0]: row for row in document["robots"]}
+            known = {uuid: row for uuid, row in known.items() if uuid not in document["gone"]}
             version = picture.version
             assert known == {row[0]: row for row in frame(picture, 0)["robots"]}
     assert known

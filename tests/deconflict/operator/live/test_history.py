@@ -31,10 +31,10 @@ def driven(log: Path, seconds: int) -> dict[int, str]:
     seen = {}
     for second in range(seconds):
         clock[0] = now_s = NOW_S + second
-        said = [status("A-1", now_s, x=float(second)), status("A-2", now_s, y=float(second))]
+        messages = [status("A-1", now_s, x=float(second)), status("A-2", now_s, y=float(second))]
         if second == 5:
-            said.insert(0, identity("A-2", now_s))
-        for raw in said:
+            messages.insert(0, identity("A-2", now_s))
+        for raw in messages:
             recorder.received(raw, now_s, LINE, fleet.receive(raw, now_s, LINE))
         recorder.tick(now_s)
         assert recorder.sync()
@@ -57,9 +57,9 @@ def test_before_and_without_a_recording_the_floor_is_empty(tmp_path: Path) -> No
     assert recorded_span(tmp_path / "none") is None
     driven(tmp_path, 3)
     assert rows(floor_at(Site(), tmp_path, NOW_S - 1)) == []
-    told = recorded_span(tmp_path)
-    assert told
-    assert told[0] == pytest.approx(NOW_S, abs=1e-5)
+    found = recorded_span(tmp_path)
+    assert found
+    assert found[0] == pytest.approx(NOW_S, abs=1e-5)
 
 
 async def test_a_worker_process_reads_one_request_at_a_time_and_refuses_too_many(tmp_path: Path) -> None:
@@ -67,8 +67,10 @@ async def test_a_worker_process_reads_one_request_at_a_time_and_refuses_too_many
     past = History(Site(), tmp_path)
     try:
         asked = [past.floor_at(NOW_S + second) for second in range(MOST_WAITING + 1)]
-        told = await asyncio.gather(*asked, return_exceptions=True)
-        assert [rows(one) for one in told[:-1] if isinstance(one, str)] == [rows(seen[i]) for i in range(MOST_WAITING)]
-        assert isinstance(told[-1], BusyError)
+        found = await asyncio.gather(*asked, return_exceptions=True)
+        assert [rows(each) for each in found[:-1] if isinstance(each, str)] == [
+            rows(seen[i]) for i in range(MOST_WAITING)
+        ]
+        assert isinstance(found[-1], BusyError)
     finally:
         past.close()

@@ -15,19 +15,19 @@ NOW_S = 1_792_000_000.0
 
 
 def fleet(*names: str) -> Fleet:
-    one = fleet_of(Site(), Measures())
+    receiving_fleet = fleet_of(Site(), Measures())
     for name in names:
-        one.receive(status(name, NOW_S), NOW_S, Connection(1))
-    return one
+        receiving_fleet.receive(status(name, NOW_S), NOW_S, Connection(1))
+    return receiving_fleet
 
 
 async def test_a_follower_gets_each_batch_in_the_order_of_the_engine() -> None:
     kept = RecentBatches()
     for step in range(3):
         kept.add(NOW_S + step, fleet(f"A-{step}").next_batch(NOW_S + step).to_bytes())
-    told = await kept.after(round(NOW_S * 1e6))
-    assert told
-    number, whole, batch = unpacked_batch(told)
+    message = await kept.after(round(NOW_S * 1e6))
+    assert message
+    number, whole, batch = unpacked_batch(message)
     assert batch
     assert (number, whole, batch.robots) == (round((NOW_S + 1) * 1e6), False, (robot("A-1"),))
 
@@ -70,7 +70,7 @@ async def test_a_new_follower_and_one_too_far_behind_need_the_whole_floor() -> N
 def test_a_snapshot_of_the_floor_changes_nothing_for_the_engine() -> None:
     looked, alone = fleet("A-1", "A-2"), fleet("A-1", "A-2")
     assert looked.snapshot(NOW_S).robots == (robot("A-1"), robot("A-2"))
-    for one in (looked, alone):
-        one.receive(identity("A-2", NOW_S), NOW_S, Connection(1))
+    for receiving_fleet in (looked, alone):
+        receiving_fleet.receive(identity("A-2", NOW_S), NOW_S, Connection(1))
     assert looked.next_batch(NOW_S + 1).to_bytes() == alone.next_batch(NOW_S + 1).to_bytes()
     assert looked.unidentified() == [robot("A-1")]

@@ -150,6 +150,6 @@ async def held_now(port: int) -> dict[str, str]:
 
 async def retained(port: int, wanted: set[str]) -> dict[str, str]:
     """What is held, as soon as it is of these topics and no others."""
-    while set(held := await held_now(port)) != {f"deconflict/{one}" for one in wanted}:
+    while set(held := await held_now(port)) != {f"deconflict/{name}" for name in wanted}:
         await asyncio.sleep(0.05)
     return held

@@ -60,5 +60,8 @@ async def test_revisions_missed_while_broker_or_service_was_down_are_sent_later(
 
 def test_a_clearing_revision_is_sent_and_then_the_topic_is_emptied() -> None:
     line = PublishedLine(7, cleared(1).model_dump_json())
-    assert [(one.payload, one.retain) for one in messages_of("hall", line)] == [(line.text, False), (None, True)]
-    assert {one.topic for one in messages_of("hall", line)} == {"hall/advisories/advisory-1"}
+    assert [(message.payload, message.retain) for message in messages_of("hall", line)] == [
+        (line.text, False),
+        (None, True),
+    ]
+    assert {message.topic for message in messages_of("hall", line)} == {"hall/advisories/advisory-1"}

@@ -38,11 +38,11 @@ from tests.helpers.patience import PATIENCE_S
 async def outlets(folder: Path) -> AsyncIterator[tuple[Outlets, Store, Publisher]]:
     (folder / "secret").write_text(SECRET)
     with kept(folder) as (store, publisher):
-        one = Outlets(store, publisher)
+        running = Outlets(store, publisher)
         try:
-            yield one, store, publisher
+            yield running, store, publisher
         finally:
-            await one.close()
+            await running.close()
             await publisher.close()
 
 
@@ -57,12 +57,12 @@ def waiting(publisher: Publisher) -> set[str]:
 
 async def test_a_changed_outlet_resumes_and_the_others_keep_running(tmp_path: Path) -> None:
     with hearing() as first, hearing() as second, hearing() as other:
-        async with outlets(tmp_path) as (one, _, publisher):
-            one.renew([hook(first, tmp_path), hook(other, tmp_path, "wms")], None)
+        async with outlets(tmp_path) as (running, _, publisher):
+            running.renew([hook(first, tmp_path), hook(other, tmp_path, "wms")], None)
             await until(lambda: waiting(publisher) == {"mes", "wms"})
             await publisher.publish([made(1)])
             await delivered(publisher, 1)
-            one.renew([hook(second, tmp_path), hook(other, tmp_path, "wms")], None)
+            running.renew([hook(second, tmp_path), hook(other, tmp_path, "wms")], None)
             await publisher.publish([made(2), made(3)])
             await delivered(publisher, 3)
             await delivered(publisher, 3, "wms")
@@ -74,25 +74,25 @@ async def test_a_stuck_outlet_with_a_new_address_loses_nothing(tmp_path: Path) -
     with hearing() as gone:
         stuck = hook(gone, tmp_path)
     with hearing() as other:
-        async with outlets(tmp_path) as (one, _, publisher):
-            one.renew([stuck], None)
+        async with outlets(tmp_path) as (running, _, publisher):
+            running.renew([stuck], None)
             await until(lambda: waiting(publisher))
             await publisher.publish([made(1), made(2)])
             await until(lambda: publisher.measures.values["deconflict_outlet_failures_total"]["mes",] > 1)
-            one.renew([hook(other, tmp_path)], None)
+            running.renew([hook(other, tmp_path)], None)
             await heard(other, 2)
         assert numbers(other.heard) == [1, 2]
 
 
 async def test_a_removed_outlet_sends_nothing_and_has_no_measures(tmp_path: Path) -> None:
     with hearing() as other:
-        async with outlets(tmp_path) as (one, _, publisher):
-            one.renew([hook(other, tmp_path)], None)
+        async with outlets(tmp_path) as (running, _, publisher):
+            running.renew([hook(other, tmp_path)], None)
             await until(lambda: waiting(publisher))
-            one.renew([], None)
+            running.renew([], None)
             assert not waiting(publisher)
             await publisher.publish([made(1)])
-            one.renew([hook(other, tmp_path, "new")], None)
+            running.renew([hook(other, tmp_path, "new")], None)
             await until(lambda: waiting(publisher))
             await publisher.publish([made(2)])
             await heard(other, 1)
@@ -101,12 +101,12 @@ async def test_a_removed_outlet_sends_nothing_and_has_no_measures(tmp_path: Path
 
 async def test_without_its_secret_nothing_changes(tmp_path: Path) -> None:
     with hearing() as other:
-        async with outlets(tmp_path) as (one, _, publisher):
-            one.renew([hook(other, tmp_path)], None)
+        async with outlets(tmp_path) as (running, _, publisher):
+            running.renew([hook(other, tmp_path)], None)
             await until(lambda: waiting(publisher))
             broken = hook(other, tmp_path, "new").model_copy(update={"secret": "env:NOWHERE_TO_BE_FOUND"})
             with pytest.raises(SecretError, match="NOWHERE_TO_BE_FOUND"):
-                one.renew([broken], Mqtt(host="127.0.0.1"))
+                running.renew([broken], Mqtt(host="127.0.0.1"))
             await publisher.publish([made(1)])
             await heard(other, 1)
         assert waiting(publisher) == {"mes"}
@@ -114,15 +114,15 @@ async def test_without_its_secret_nothing_changes(tmp_path: Path) -> None:
 
 async def test_a_changed_secret_signs_from_then_on_and_a_lost_one_stays(tmp_path: Path) -> None:
     with hearing() as other:
-        async with outlets(tmp_path) as (one, _, publisher):
-            one.renew([hook(other, tmp_path)], None)
+        async with outlets(tmp_path) as (running, _, publisher):
+            running.renew([hook(other, tmp_path)], None)
             await until(lambda: waiting(publisher))
             (tmp_path / "secret").write_text("another secret that both know")
-            one.refresh()
+            running.refresh()
             await publisher.publish([made(1)])
             await heard(other, 1)
             (tmp_path / "secret").unlink()
-            one.refresh()
+            running.refresh()
             await publisher.publish([made(2)])
             await heard(other, 2)
         for headers, body in other.heard:
@@ -136,22 +136,22 @@ async def test_an_outlet_with_an_unexpected_error_restarts_and_is_counted_and_lo
 ) -> None:
     faults = [RuntimeError("a fault"), RuntimeError("another")]
 
-    def faulty(*told: Any) -> dict[str, str]:
+    def faulty(*rows: Any) -> dict[str, str]:
         if faults:
             raise faults.pop(0)
-        return signed(*told)
+        return signed(*rows)
 
     monkeypatch.setattr(webhooks, "signed", faulty)
     with hearing() as other:
-        async with outlets(tmp_path) as (one, _, publisher):
-            one.renew([hook(other, tmp_path)], None)
+        async with outlets(tmp_path) as (running, _, publisher):
+            running.renew([hook(other, tmp_path)], None)
             await until(lambda: waiting(publisher))
             await publisher.publish([made(1), made(2)])
             await delivered(publisher, 2)
             assert publisher.measures.values["deconflict_outlet_failures_total"]["mes",] == 2
         assert numbers(other.heard) == [1, 2]
-    told = [record.exc_text or "" for record in caplog.records if record.name == "deconflict.operator.outlets.outlets"]
-    assert [text.splitlines()[-1] for text in told] == ["RuntimeError: a fault", "RuntimeError: another"]
+    lines = [record.exc_text or "" for record in caplog.records if record.name == "deconflict.operator.outlets.outlets"]
+    assert [text.splitlines()[-1] for text in lines] == ["RuntimeError: a fault", "RuntimeError: another"]
 
 
 @dataclass
@@ -182,13 +182,13 @@ async def test_an_outlet_never_runs_twice_however_quickly_it_changes(
     may_end, numbered = asyncio.Event(), count()
     monkeypatch.setattr(Outlets, "_create", lambda *_: Lingering(begun, next(numbered), may_end))
     with hearing() as other:
-        async with outlets(tmp_path) as (one, _, _):
+        async with outlets(tmp_path) as (running, _, _):
             try:
-                one.renew([hook(other, tmp_path)], None)
+                running.renew([hook(other, tmp_path)], None)
                 await until(lambda: begun)
                 for name in ("twice", "", "thrice"):
                     changed = hook(other, tmp_path).model_copy(update={"url": f"{other.url}&{name}"})
-                    one.renew([changed] if name else [], None)
+                    running.renew([changed] if name else [], None)
                     for _ in range(10):
                         await asyncio.sleep(0)
                 assert begun == [0]
@@ -205,13 +205,13 @@ async def test_a_replaced_broker_is_left_with_the_state_offline(tmp_path: Path) 
         asyncio.timeout(PATIENCE_S),
         broker() as first,
         broker() as second,
-        outlets(tmp_path) as (one, store, publisher),
+        outlets(tmp_path) as (running, store, publisher),
     ):
-        one.renew([], Mqtt(host="127.0.0.1", port=first, retry_s=(0.05, 0.2)))
+        running.renew([], Mqtt(host="127.0.0.1", port=first, retry_s=(0.05, 0.2)))
         await until(lambda: waiting(publisher))
         await publisher.publish([made(1), made(2)])
         await until(lambda: store.position("mqtt") == 2)
-        one.renew([], Mqtt(host="127.0.0.1", port=second, retry_s=(0.05, 0.2)))
+        running.renew([], Mqtt(host="127.0.0.1", port=second, retry_s=(0.05, 0.2)))
         await publisher.publish([cleared(2)])
         await retained(second, {"service", "advisories/advisory-1"})
         left = await retained(first, {"service", "advisories/advisory-1", "advisories/advisory-2"})

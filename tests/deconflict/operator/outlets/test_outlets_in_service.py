@@ -26,12 +26,12 @@ async def test_a_conflict_reaches_every_outlet(tmp_path: Path) -> None:
                 driving = asyncio.create_task(drive(f"ws://127.0.0.1:{receiver.receiver.port}", CROSSING, 20))
                 await until(lambda: other.heard)
                 headers, body = other.heard[0]
-                told = verified(headers, body, SECRET, time.time())
+                advisory = verified(headers, body, SECRET, time.time())
                 async with asyncio.timeout(PATIENCE_S):
                     held = await holding
                 driving.cancel()
-    assert (told.kind, told.state, told.seq) == ("conflict", "raised", 1)
-    assert set(held) == {"deconflict/service", f"deconflict/advisories/{told.id}"}
+    assert (advisory.kind, advisory.state, advisory.seq) == ("conflict", "raised", 1)
+    assert set(held) == {"deconflict/service", f"deconflict/advisories/{advisory.id}"}
 
 
 async def held_of_an_advisory(port: int) -> dict[str, str]:

@@ -122,17 +122,17 @@ async def test_an_outlet_killed_on_a_full_disk_loses_nothing_and_resends_what_ha
             await heard(other, 2 * (2 * lives - 1))
             dying.send_signal(signal.SIGKILL)
             dying.wait(PATIENCE_S)
-        told = numbers(other.heard)
-        assert told == list(range(1, 2 * (2 * lives - 1) + 1))
+        made_numbers = numbers(other.heard)
+        assert made_numbers == list(range(1, 2 * (2 * lives - 1) + 1))
         (small_disk / "ballast").unlink()
         with kept(small_disk) as (store, publisher):
             stored = store.last_seq()
-            assert 2 * (lives - 1) <= stored < told[-1]
+            assert 2 * (lives - 1) <= stored < made_numbers[-1]
             assert placed(small_disk) <= stored, "what is told next would be passed over"
             async with posting(other.url, store, publisher, tmp_path):
                 published = await publisher.publish([made(50), cleared(50)])
                 await until(lambda: numbers(other.heard)[-1] == published[-1].seq)
-        assert numbers(other.heard)[len(told) :][-2:] == [stored + 1, stored + 2]
+        assert numbers(other.heard)[len(made_numbers) :][-2:] == [stored + 1, stored + 2]
 
 
 def test_a_position_never_goes_back_and_is_known_before_it_is_stored(tmp_path: Path) -> None:

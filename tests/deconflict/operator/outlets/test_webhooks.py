@@ -19,8 +19,10 @@ async def test_each_revision_is_posted_signed_and_in_order(tmp_path: Path) -> No
             published = await publisher.publish([made(1), made(2)])
             published += await publisher.publish([cleared(1)])
             await until(lambda: len(other.heard) == 3)
-        told = [verified(headers, body, SECRET, float(headers["webhook-timestamp"])) for headers, body in other.heard]
-        assert told == published
+        advisories = [
+            verified(headers, body, SECRET, float(headers["webhook-timestamp"])) for headers, body in other.heard
+        ]
+        assert advisories == published
 
 
 async def test_a_refused_revision_is_sent_again_before_the_next(tmp_path: Path) -> None:

@@ -7,10 +7,10 @@ from ingest.measures.measures import Measures
 def test_the_newest_file_is_read_and_no_other_is_left(tmp_path: Path) -> None:
     file = LearnedFile(tmp_path, Measures())
     assert file.read() == b""
-    for told in (b"old", b"new"):
-        file.write(told)
+    for each in (b"old", b"new"):
+        file.write(each)
     assert file.read() == b"new"
-    assert [one.name for one in tmp_path.iterdir()] == [file.path.name]
+    assert [path.name for path in tmp_path.iterdir()] == [file.path.name]
 
 
 def test_an_unreadable_file_is_set_aside_and_counted(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_an_unreadable_file_is_set_aside_and_counted(tmp_path: Path) -> None:
     file.write(b"damaged")
     file.set_aside("it is damaged")
     assert file.read() == b""
-    assert [one.read_bytes() for one in tmp_path.iterdir()] == [b"damaged"]
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"damaged"]
     assert measures.values[FAILURES] == {("read",): 1, ("write",): 0}
 
 

@@ -79,7 +79,7 @@ async def test_a_repeated_publish_wakes_no_subscriber_and_counts_nothing(store: 
     publisher = Publisher(store, measures)
     await publisher.publish([made(1)])
     following = asyncio.create_task(publisher.after(1))
-    assert [one.seq for one in await publisher.publish([made(1)])] == [1]
+    assert [advisory.seq for advisory in await publisher.publish([made(1)])] == [1]
     await asyncio.sleep(0)
     assert not following.done()
     await publisher.publish([made(1), made(2)])
@@ -98,7 +98,7 @@ async def test_what_cannot_be_written_is_set_aside_and_holds_up_nothing(
     store, measures = Store(tmp_path), Measures()
     publisher = Publisher(store, measures)
     published = await publisher.publish([made(1), UNEQUAL, TOO_LARGE, made(1, 2), HIGH])
-    assert [(one.id, one.revision) for one in published] == [("advisory-1", 1), ("advisory-1", 2)]
+    assert [(advisory.id, advisory.revision) for advisory in published] == [("advisory-1", 1), ("advisory-1", 2)]
     assert [line.seq for line in await publisher.after(0)] == [1, 4]
     assert (store.unstored, publisher.failing) == (0, None)
     assert measures.values["deconflict_advisories_set_aside_total"] == {("invalid",): 0, ("unwritable",): 3}
@@ -107,7 +107,7 @@ async def test_what_cannot_be_written_is_set_aside_and_holds_up_nothing(
     store.close()
     again = Store(tmp_path)
     assert again.last_seq() == 5, "the number of what was set aside is not used again"
-    assert [(one.id, one.seq) for one in again.after(0)] == [("advisory-1", 1), ("advisory-1", 4)]
+    assert [(advisory.id, advisory.seq) for advisory in again.after(0)] == [("advisory-1", 1), ("advisory-1", 4)]
     again.close()
 
 

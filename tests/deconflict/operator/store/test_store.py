@@ -33,8 +33,8 @@ def reopened(store: Store) -> Store:
 def test_revisions_are_numbered_in_order_and_read_back_whole(store: Store) -> None:
     sent = [made(1), made(2), made(1, 2)]
     stored = store.append(sent)
-    assert [one.seq for one in stored] == [1, 2, 3]
-    assert [one.model_copy(update={"seq": 0}) for one in stored] == sent
+    assert [advisory.seq for advisory in stored] == [1, 2, 3]
+    assert [advisory.model_copy(update={"seq": 0}) for advisory in stored] == sent
     assert store.after(0) == stored
     again = reopened(store)
     assert again.after(0) == stored
@@ -44,8 +44,8 @@ def test_revisions_are_numbered_in_order_and_read_back_whole(store: Store) -> No
 
 def test_after_gives_what_lies_above_and_no_more_than_the_limit(store: Store) -> None:
     store.append([made(number) for number in range(1, 8)])
-    assert [one.seq for one in store.after(2, limit=3)] == [3, 4, 5]
-    assert [one.seq for one in store.after(5)] == [6, 7]
+    assert [advisory.seq for advisory in store.after(2, limit=3)] == [3, 4, 5]
+    assert [advisory.seq for advisory in store.after(5)] == [6, 7]
     assert store.after(7) == []
 
 
@@ -53,13 +53,13 @@ def test_a_revision_sent_again_keeps_its_number_and_its_first_content(store: Sto
     (first,) = store.append([made(1)])
     resent = store.append([made(1, summary="another"), made(2), made(2)])
     assert resent[0] == first
-    assert [one.seq for one in resent] == [1, 2, 2]
-    assert [one.seq for one in store.after(0)] == [1, 2]
+    assert [advisory.seq for advisory in resent] == [1, 2, 2]
+    assert [advisory.seq for advisory in store.after(0)] == [1, 2]
 
 
 def test_latest_gives_the_newest_revision_of_each_and_open_means_not_cleared(store: Store) -> None:
     store.append([made(1), made(2), made(3), made(1, 2), cleared(2)])
-    assert [(one.id, one.revision) for one in store.open()] == [("advisory-1", 2), ("advisory-3", 1)]
+    assert [(advisory.id, advisory.revision) for advisory in store.open()] == [("advisory-1", 2), ("advisory-3", 1)]
     assert [advisory.id for advisory in store.latest("cleared").advisories] == ["advisory-2"]
     listing = store.latest("all", limit=2)
     assert [advisory.id for advisory in listing.advisories] == ["advisory-2", "advisory-1"]
@@ -71,7 +71,7 @@ def test_an_older_revision_that_comes_late_is_kept_but_not_the_latest(store: Sto
     store.append([made(1), cleared(1, 3)])
     store.append([made(1, 2)])
     assert store.open() == []
-    assert [one.revision for one in store.get("advisory-1")] == [1, 2, 3]
+    assert [advisory.revision for advisory in store.get("advisory-1")] == [1, 2, 3]
 
 
 def test_latest_by_vendor_and_by_robot_looks_at_both_robots(store: Store) -> None:
@@ -99,14 +99,14 @@ def test_pruning_removes_old_cleared_advisories_and_reuses_no_number(store: Stor
     store.append([made(1), made(2), cleared(2), made(3), cleared(3)])
     assert store.prune(START + timedelta(minutes=3)) == 1
     assert store.get("advisory-2") == []
-    assert [one.seq for one in store.after(0)] == [1, 4, 5]
+    assert [advisory.seq for advisory in store.after(0)] == [1, 4, 5]
     assert store.prune(START + timedelta(days=1)) == 1
     with closing(sqlite3.connect(store.path)) as raw:
         left = {table: raw.execute(rows).fetchall() for table, rows in ROWS.items()}
     assert left == {table: [("advisory-1",)] for table in ROWS}
     again = reopened(store)
     assert again.last_seq() == 5
-    assert [one.seq for one in again.append([made(4)])] == [6]
+    assert [advisory.seq for advisory in again.append([made(4)])] == [6]
     again.close()
 
 
@@ -142,13 +142,13 @@ def test_many_threads_may_append_and_read(store: Store) -> None:
             store.append([made(number)])
             assert store.latest("all", limit=1).seq <= store.last_seq()
 
-    threads = [Thread(target=write, args=(100 * one,)) for one in range(4)]
-    for one in threads:
-        one.start()
-    for one in threads:
-        one.join()
-    assert [one.seq for one in store.after(0)] == list(range(1, 81))
-    assert len({one.id for one in store.after(0)}) == 80
+    threads = [Thread(target=write, args=(100 * number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [advisory.seq for advisory in store.after(0)] == list(range(1, 81))
+    assert len({advisory.id for advisory in store.after(0)}) == 80
 
 
 def test_kill_9_loses_nothing_that_append_returned_and_doubles_nothing(tmp_path: Path) -> None:
@@ -156,20 +156,20 @@ def test_kill_9_loses_nothing_that_append_returned_and_doubles_nothing(tmp_path:
         [sys.executable, "-m", "tests.deconflict.roles.endless_writer", str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE
     )
     assert writer.stdout
-    told = [writer.stdout.readline() for _ in range(50)]
+    messages = [writer.stdout.readline() for _ in range(50)]
     writer.kill()
-    told += writer.stdout.readlines()
+    messages += writer.stdout.readlines()
     writer.stdout.close()
     writer.wait()
-    acknowledged = [(name, int(revision), int(seq)) for name, revision, seq in map(bytes.split, told)]
+    acknowledged = [(name, int(revision), int(seq)) for name, revision, seq in map(bytes.split, messages)]
     assert len(acknowledged) >= 50
 
     store = Store(tmp_path)
-    kept = {(one.id.encode(), one.revision): one.seq for one in store.after(0, limit=-1)}
+    kept = {(advisory.id.encode(), advisory.revision): advisory.seq for advisory in store.after(0, limit=-1)}
     assert all(kept[name, revision] == seq for name, revision, seq in acknowledged)
     assert sorted(kept.values()) == list(range(1, len(kept) + 1))
     resent = store.append([made(number, revision) for number in range(1, 27) for revision in (1, 2)])
-    assert len({one.seq for one in resent}) == 52
+    assert len({advisory.seq for advisory in resent}) == 52
     assert store.last_seq() == max(len(kept), 52)
     store.close()
 
@@ -211,7 +211,7 @@ def test_a_file_of_the_first_format_is_read_and_searched_by_robot(tmp_path: Path
     assert [advisory.id for advisory in store.latest(robot=ROBOTS[1]).advisories] == ["advisory-1"]
     assert [advisory.id for advisory in store.latest(vendor="Acme").advisories] == ["advisory-1"]
     assert store.latest(vendor="Cargo").advisories == []
-    assert [one.seq for one in store.append([made(2)])] == [8]
+    assert [advisory.seq for advisory in store.append([made(2)])] == [8]
     store.close()
 
 
@@ -305,10 +305,13 @@ def test_an_acknowledgement_is_a_revision_of_its_own_and_stays_with_the_advisory
     assert (first.seq, first.revision, second.seq, second.revision) == (3, 1, 4, 1)
     store.append([made(1, 2)])
     again = reopened(store)
-    names = [(one.seq, one.acknowledgement and one.acknowledgement.name) for one in again.get("advisory-1")]
+    names = [
+        (advisory.seq, advisory.acknowledgement and advisory.acknowledgement.name)
+        for advisory in again.get("advisory-1")
+    ]
     assert names == [(1, None), (3, "Kim"), (4, "Ada"), (5, "Ada")]
-    assert {one.id: one.seq for one in again.open()} == {"advisory-1": 5, "advisory-2": 2}
-    assert [one.seq for one in again.append([made(1)])] == [1]
+    assert {advisory.id: advisory.seq for advisory in again.open()} == {"advisory-1": 5, "advisory-2": 2}
+    assert [advisory.seq for advisory in again.append([made(1)])] == [1]
     again.close()
 
 
@@ -321,14 +324,14 @@ def test_open_and_raised_advisories_of_the_past_are_found(store: Store) -> None:
     store.append([made(1), made(2), made(1, 2), cleared(1, 3), made(3)])
     store.acknowledge("advisory-2", answer("Kim"))
     at_s = (START + timedelta(minutes=1, seconds=1)).timestamp()
-    assert [(one.id, one.revision) for one in store.open_at(at_s)] == [("advisory-1", 2)]
-    assert [one.id for one in store.open_at(at_s + 90)] == ["advisory-2"]
-    assert [one.id for one in store.raised_between(at_s - 60, at_s + 90)] == ["advisory-1", "advisory-2"]
+    assert [(advisory.id, advisory.revision) for advisory in store.open_at(at_s)] == [("advisory-1", 2)]
+    assert [advisory.id for advisory in store.open_at(at_s + 90)] == ["advisory-2"]
+    assert [advisory.id for advisory in store.raised_between(at_s - 60, at_s + 90)] == ["advisory-1", "advisory-2"]
 
 
 def test_a_file_of_the_second_format_keeps_its_numbers_and_never_gives_one_again(tmp_path: Path) -> None:
     old = sqlite3.connect(tmp_path / FILE_NAME)
-    for statement in (one for step in UPGRADES[:2] for one in step):
+    for statement in (name for step in UPGRADES[:2] for name in step):
         old.execute(statement)
     kept = made(2, seq=7)
     old.execute("INSERT INTO revisions VALUES (9, 'pruned', 1, '{}')")
@@ -341,7 +344,7 @@ def test_a_file_of_the_second_format_keeps_its_numbers_and_never_gives_one_again
     store = Store(tmp_path)
     assert store.open() == [kept]
     assert store.open_at(kept.updated_at.timestamp() + 1) == [kept]
-    assert [one.seq for one in store.append([made(3)])] == [10]
+    assert [advisory.seq for advisory in store.append([made(3)])] == [10]
     store.close()
 
 
@@ -350,12 +353,12 @@ def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burd
     tmp_path: Path, version: int
 ) -> None:
     old = sqlite3.connect(tmp_path / FILE_NAME)
-    for statement in (one for step in UPGRADES[:version] for one in step):
+    for statement in (name for step in UPGRADES[:version] for name in step):
         old.execute(statement)
     given, kept = answer("Kim"), made(2, seq=7)
     answered = kept.model_copy(update={"seq": 8, "acknowledgement": given})
-    for one, answers in ((kept, 0), (answered, 1)):
-        row = (one.seq, one.id, 1, answers, one.updated_at.timestamp(), one.model_dump_json())
+    for advisory, answers in ((kept, 0), (answered, 1)):
+        row = (advisory.seq, advisory.id, 1, answers, advisory.updated_at.timestamp(), advisory.model_dump_json())
         old.execute("INSERT INTO revisions VALUES (?, ?, ?, ?, ?, ?)", row)
     old.execute(
         "INSERT INTO advisories VALUES (?, 1, 8, 1, ?, 'conflict', ?, 1)",
@@ -374,7 +377,10 @@ def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burd
     assert store.get(kept.id) == [kept, answered]
     assert store.encounters() == {ROBOTS: 5}
     assert store.position("mqtt") == (7 if version > 3 else None)
-    assert [(one.seq, one.acknowledgement) for one in store.append([made(3), cleared(2)])] == [(9, None), (10, given)]
+    assert [(revision.seq, revision.acknowledgement) for revision in store.append([made(3), cleared(2)])] == [
+        (9, None),
+        (10, given),
+    ]
     store.close()
 
 
@@ -392,5 +398,5 @@ def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None
     store.flush()
     assert store.unstored == 0
     again = reopened(store)
-    assert [(one.id, one.seq) for one in again.after(0)] == [("advisory-1", 1), ("advisory-2", 2)]
+    assert [(advisory.id, advisory.seq) for advisory in again.after(0)] == [("advisory-1", 1), ("advisory-2", 2)]
     again.close()

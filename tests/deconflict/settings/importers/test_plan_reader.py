@@ -70,7 +70,7 @@ def test_a_plant_model_of_either_form_becomes_a_site_in_metres(x: str, y: str, t
     crossing, *aisles = site.zones
     assert crossing.name == "B1"
     outline = shapely.Polygon(crossing.polygon)
-    assert all(outline.contains(shapely.Point(one)) for one in ((8.0, 0.0), (8.0, 6.0), (0.0, 6.0)))
+    assert all(outline.contains(shapely.Point(each)) for each in ((8.0, 0.0), (8.0, 6.0), (0.0, 6.0)))
     assert not outline.contains(shapely.Point(0.0, 0.0))
     assert [aisle.axis for aisle in aisles] == [((0.0, 0.0), (8.0, 0.0)), ((8.0, 0.0), (8.0, 6.0))]
 

@@ -9,7 +9,7 @@ from metrics.monitoring.exposition import render
 
 async def test_following_the_advice_of_the_running_service_ends_each_drill_at_the_promised_cost(tmp_path: Path) -> None:
     outcomes = await played(DRILLS, tmp_path, render)
-    for drill, one in zip(DRILLS, outcomes, strict=True):
-        assert one.ended, one
-        assert one.advised, one
-        assert one.kept is drill.heeds, one
+    for drill, outcome in zip(DRILLS, outcomes, strict=True):
+        assert outcome.ended, outcome
+        assert outcome.advised, outcome
+        assert outcome.kept is drill.heeds, outcome

@@ -20,7 +20,7 @@ from ingest.port.connection import Connection
 
 NOW_S = 1_790_000_000.0
 SECONDS = 60
-HEEDED = [one.name for one in DRILLS if one.heeds]
+HEEDED = [drill.name for drill in DRILLS if drill.heeds]
 
 
 @cache
@@ -30,35 +30,37 @@ def played(*, ignored: bool) -> dict[str, DrillOutcome]:
     everybody, outcomes = errand_group(setups), DrillOutcomes(DRILLS, setups)
     fleet, engine = fleet_of(site, Measures()), Engine(site)
     service = SiteService(everybody, PlaceGeometry(site.resources, site.zones), NOW_S)
-    lines = [Connection(row, vendor=one.member.make.vendor.value) for row, one in enumerate(everybody.errands)]
+    lines = [Connection(row, vendor=driven.member.make.vendor.value) for row, driven in enumerate(everybody.errands)]
     for step in range(round(SECONDS / STEP_S)):
         now_s = NOW_S + step * STEP_S
-        for row, one in enumerate(everybody.errands):
-            every = round(one.member.make.report_every_s / STEP_S)
+        for row, errand in enumerate(everybody.errands):
+            every = round(errand.member.make.report_every_s / STEP_S)
             if (step + 3 * row) % every == 0:
-                for message in DIALECTS[one.member.make.vendor].messages(one.robot(), now_s, introduce=step < every):
+                for message in DIALECTS[errand.member.make.vendor].messages(
+                    errand.robot(), now_s, introduce=step < every
+                ):
                     assert fleet.receive(message, now_s, lines[row]) is None
         engine.receive(fleet.next_batch(now_s))
         for advisory in engine.step(now_s):
             outcomes.add_revision(advisory, passed_on=service.pass_on(advisory))
         everybody.step(STEP_S)
-    return {one.drill: one for one in outcomes.now()}
+    return {outcome.drill: outcome for outcome in outcomes.now()}
 
 
 @pytest.mark.parametrize("name", HEEDED)
 def test_following_the_advice_ends_it_at_the_promised_cost(name: str) -> None:
-    one = played(ignored=False)[name]
-    assert one.lead_s
-    assert one.lead_s > 5
-    assert one.kept, one
-    assert one.worst != "critical"
-    assert "double_occupancy" not in one.kinds
-    assert "blockage" not in one.kinds
+    outcome = played(ignored=False)[name]
+    assert outcome.lead_s
+    assert outcome.lead_s > 5
+    assert outcome.kept, outcome
+    assert outcome.worst != "critical"
+    assert "double_occupancy" not in outcome.kinds
+    assert "blockage" not in outcome.kinds
 
 
-@pytest.mark.parametrize("name", [one.name for one in DRILLS if one.kind != "conflict"])
+@pytest.mark.parametrize("name", [drill.name for drill in DRILLS if drill.kind != "conflict"])
 def test_advisories_and_advice_are_the_same_if_robots_ignore_them(name: str) -> None:
-    heard, ignored = (played(ignored=one)[name] for one in (False, True))
+    heard, ignored = (played(ignored=each)[name] for each in (False, True))
     assert heard.told == ignored.told
     assert heard.lead_s == ignored.lead_s
     assert heard.advised
@@ -67,10 +69,10 @@ def test_advisories_and_advice_are_the_same_if_robots_ignore_them(name: str) -> 
 
 @pytest.mark.parametrize("name", ["aisle head-on", "swap", "ring of three"])
 def test_a_ring_that_no_robot_breaks_is_a_deadlock(name: str) -> None:
-    one = played(ignored=True)[name]
-    assert not one.through
-    assert one.ended == ""
-    assert one.worst == "critical"
+    outcome = played(ignored=True)[name]
+    assert not outcome.through
+    assert outcome.ended == ""
+    assert outcome.worst == "critical"
 
 
 def test_a_robot_that_ignores_advice_enters_an_occupied_dock() -> None:
@@ -79,13 +81,13 @@ def test_a_robot_that_ignores_advice_enters_an_occupied_dock() -> None:
 
 @pytest.mark.parametrize("name", ["lift with a twin standing free", "charger queue"])
 def test_ignored_advice_costs_what_it_would_have_saved(name: str) -> None:
-    heard, ignored = (played(ignored=one)[name] for one in (False, True))
+    heard, ignored = (played(ignored=each)[name] for each in (False, True))
     assert ignored.late_s > heard.late_s + 3
 
 
 def test_the_conflict_of_robots_that_ignore_advice_stays_open_until_they_have_passed() -> None:
-    one = played(ignored=False)["robots that ignore advice"]
-    assert "should wait" in one.advised
-    assert one.passed_on == []
-    assert one.worst == "critical"
-    assert one.ended == "they have passed each other"
+    outcome = played(ignored=False)["robots that ignore advice"]
+    assert "should wait" in outcome.advised
+    assert outcome.passed_on == []
+    assert outcome.worst == "critical"
+    assert outcome.ended == "they have passed each other"

@@ -23,45 +23,45 @@ def run(party: ErrandGroup, seconds: float) -> None:
 
 
 def test_an_errand_follows_its_reported_plan() -> None:
-    one = errand()
-    plan, party = one.robot().plan, ErrandGroup([one])
+    driven = errand()
+    plan, party = driven.robot().plan, ErrandGroup([driven])
     for step in range(1, 250):
         run(party, STEP_S)
-        told, _ = plan.at(np.array([step * STEP_S]))
-        assert (one.x_m, one.y_m) == pytest.approx(tuple(told[0, :2]), abs=1e-6)
-        assert one.yaw_rad == pytest.approx(told[0, 2], abs=0.02)
-    assert one.through_s == pytest.approx(15 / PACE_MPS + 3 + 2 * QUARTER_S)
-    assert one.late_s == pytest.approx(0.0, abs=1e-6)
+        values, _ = plan.at(np.array([step * STEP_S]))
+        assert (driven.x_m, driven.y_m) == pytest.approx(tuple(values[0, :2]), abs=1e-6)
+        assert driven.yaw_rad == pytest.approx(values[0, 2], abs=0.02)
+    assert driven.through_s == pytest.approx(15 / PACE_MPS + 3 + 2 * QUARTER_S)
+    assert driven.late_s == pytest.approx(0.0, abs=1e-6)
 
 
 def test_an_instruction_is_in_the_plan_and_costs_its_time() -> None:
-    one = errand()
-    comes_s = one.comes_s("dock") or 0.0
+    driven = errand()
+    comes_s = driven.comes_s("dock") or 0.0
     assert comes_s == pytest.approx(10 / PACE_MPS + QUARTER_S)
-    run(ErrandGroup([one]), 2.0)
-    one.wait(6.0)
-    assert one.comes_s("dock") == pytest.approx(comes_s + 6.0)
-    one.wait(-4.0)
-    assert one.comes_s("dock") == pytest.approx(comes_s + 2.0)
-    run(ErrandGroup([one]), 40.0)
-    assert one.late_s == pytest.approx(2.0)
+    run(ErrandGroup([driven]), 2.0)
+    driven.wait(6.0)
+    assert driven.comes_s("dock") == pytest.approx(comes_s + 6.0)
+    driven.wait(-4.0)
+    assert driven.comes_s("dock") == pytest.approx(comes_s + 2.0)
+    run(ErrandGroup([driven]), 40.0)
+    assert driven.late_s == pytest.approx(2.0)
 
 
 def test_a_robot_that_is_sent_elsewhere_stays_there_as_long() -> None:
-    one = errand()
-    one.go_instead(Visit(5, 7, "twin"))
-    assert one.comes_s("dock") is None
-    run(ErrandGroup([one]), 40.0)
-    assert one.late_s == pytest.approx(2.0 + (5**2 + 2**2) ** 0.5 - 5.0, abs=0.3)
+    driven = errand()
+    driven.go_instead(Visit(5, 7, "twin"))
+    assert driven.comes_s("dock") is None
+    run(ErrandGroup([driven]), 40.0)
+    assert driven.late_s == pytest.approx(2.0 + (5**2 + 2**2) ** 0.5 - 5.0, abs=0.3)
 
 
 def test_a_deaf_robot_ignores_instructions() -> None:
-    one = errand(ignores_advice=True)
-    one.wait(5.0)
-    one.go_instead(Visit(9, 9, "twin"))
-    one.go([Visit(9, 9, "parking")])
-    run(ErrandGroup([one]), 40.0)
-    assert one.late_s == pytest.approx(0.0, abs=1e-6)
+    driven = errand(ignores_advice=True)
+    driven.wait(5.0)
+    driven.go_instead(Visit(9, 9, "twin"))
+    driven.go([Visit(9, 9, "parking")])
+    run(ErrandGroup([driven]), 40.0)
+    assert driven.late_s == pytest.approx(0.0, abs=1e-6)
 
 
 def test_an_errand_predicts_when_its_front_enters_an_outline() -> None:

@@ -71,12 +71,14 @@ def test_a_drive_has_the_crossings_of_its_path_in_order() -> None:
     nodes = layout.route(layout.bays[1].node, layout.bays[20].node, np.ones(len(layout.places)))
     way = drive(lane(layout, nodes, 0.47), layout.heading_rad(layout.bays[1]), ALDER)
     found = passages(layout, nodes, way)
-    assert [one.node for one in found] == [node for node in nodes if node in layout.crossings]
-    for one in found:
-        x, y = layout.places[one.node]
-        inside = slice(round(one.enter_m / way.step_m), round(one.leave_m / way.step_m))
+    assert [each.node for each in found] == [node for node in nodes if node in layout.crossings]
+    for made_crossing_passage in found:
+        x, y = layout.places[made_crossing_passage.node]
+        inside = slice(
+            round(made_crossing_passage.enter_m / way.step_m), round(made_crossing_passage.leave_m / way.step_m)
+        )
         assert np.hypot(way.x_m[inside] - x, way.y_m[inside] - y).min() < 1.5
-        assert 2.5 < one.leave_m - one.enter_m < 6.0
+        assert 2.5 < made_crossing_passage.leave_m - made_crossing_passage.enter_m < 6.0
 
 
 def test_a_path_that_returns_to_its_start_has_its_crossings_in_order() -> None:
@@ -93,7 +95,7 @@ def test_a_path_that_returns_to_its_start_has_its_crossings_in_order() -> None:
             way = drive(lane(layout, nodes, 0.7), layout.heading_rad(start), ALDER)
             found = passages(layout, nodes, way)
             assert all(before.leave_m <= after.enter_m + 0.2 for before, after in pairwise(found))
-            assert all(one.enter_m < one.leave_m for one in found)
+            assert all(made_crossing_passage.enter_m < made_crossing_passage.leave_m for made_crossing_passage in found)
             ways += 1
             break
     assert ways > 20

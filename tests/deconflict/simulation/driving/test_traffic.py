@@ -28,16 +28,16 @@ def world(seed: int, robots: int = 24) -> World:
     return World(layout_for(robots), participants(robots), np.random.default_rng(seed))
 
 
-def states(one: World, seconds: float) -> Iterator[Floats]:
+def states(simulated: World, seconds: float) -> Iterator[Floats]:
     for _ in range(round(seconds / STEP_S)):
-        one.step(STEP_S)
-        yield np.column_stack([one.locations(), one.floor, one.battery_pct])
+        simulated.step(STEP_S)
+        yield np.column_stack([simulated.locations(), simulated.floor, simulated.battery_pct])
 
 
-def touching(one: World) -> list[tuple[int, int]]:
+def touching(simulated: World) -> list[tuple[int, int]]:
     """Pairs whose bodies touch."""
-    x, y, yaw, length_m, width_m = one.envelopes().T
-    pairs = cKDTree(np.column_stack([x + 1e5 * one.floor, y])).query_pairs(2.0, output_type="ndarray")
+    x, y, yaw, length_m, width_m = simulated.envelopes().T
+    pairs = cKDTree(np.column_stack([x + 1e5 * simulated.floor, y])).query_pairs(2.0, output_type="ndarray")
     a, b = pairs.T
     poses = np.stack([x, y, yaw])
     gap_m = gaps(poses[:, a], poses[:, b], (length_m[a], width_m[a]), (length_m[b], width_m[b]))
@@ -62,23 +62,23 @@ class Seen:
 @pytest.fixture(scope="module", params=[(12, 2), (24, 1), (60, 1)], ids=str)
 def seen(request: pytest.FixtureRequest) -> Seen:
     robots, seed = request.param
-    one = world(seed, robots)
-    found, stops = Seen(robots, np.zeros(robots), np.zeros(robots), np.zeros(robots)), Stops(one)
+    simulated = world(seed, robots)
+    found, stops = Seen(robots, np.zeros(robots), np.zeros(robots), np.zeros(robots)), Stops(simulated)
     moved_s = np.zeros(robots)
     for _ in range(round(MINUTES * 60 / STEP_S)):
-        before, floor, doing = one.locations(), one.floor, one.doing.copy()
-        one.step(STEP_S)
+        before, floor, doing = simulated.locations(), simulated.floor, simulated.doing.copy()
+        simulated.step(STEP_S)
         stops.update(STEP_S)
-        same = one.floor == floor
-        step_mps = np.hypot(*(one.locations() - before)[:, :2].T) / STEP_S
+        same = simulated.floor == floor
+        step_mps = np.hypot(*(simulated.locations() - before)[:, :2].T) / STEP_S
         found.fastest_mps = np.maximum(found.fastest_mps, np.where(same, step_mps, 0.0))
-        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Activity.STANDING)] = one.t_s
-        found.still_s = np.maximum(found.still_s, one.t_s - moved_s)
-        found.trips += (doing == Activity.DRIVING) & (one.doing == Activity.STANDING)
-        found.charged |= set(np.flatnonzero(one.charging).tolist())
+        moved_s[(np.abs(simulated.speed_mps) > 0.03) | (simulated.doing == Activity.STANDING)] = simulated.t_s
+        found.still_s = np.maximum(found.still_s, simulated.t_s - moved_s)
+        found.trips += (doing == Activity.DRIVING) & (simulated.doing == Activity.STANDING)
+        found.charged |= set(np.flatnonzero(simulated.charging).tolist())
         found.rode |= set(np.flatnonzero(~same).tolist())
-        found.doing |= {Activity(code) for code in np.unique(one.doing)}
-        found.touched += touching(one)
+        found.doing |= {Activity(code) for code in np.unique(simulated.doing)}
+        found.touched += touching(simulated)
     found.stops = stops.found
     return found
 
@@ -125,50 +125,50 @@ def test_the_same_seed_is_the_same_world() -> None:
 
 
 def test_no_two_robots_stop_in_one_bay() -> None:
-    one = world(2)
-    for _ in states(one, 120.0):
-        taken = one.trips.bay[one.doing == Activity.STANDING]
+    simulated = world(2)
+    for _ in states(simulated, 120.0):
+        taken = simulated.trips.bay[simulated.doing == Activity.STANDING]
         assert len(set(taken.tolist())) == len(taken)
 
 
 @pytest.mark.parametrize(("robots", "seed"), [(12, 3), (12, 4), (60, 2)])
 def test_with_other_seeds_bodies_never_touch_and_no_robot_is_stuck(robots: int, seed: int) -> None:
-    one = world(seed, robots)
+    simulated = world(seed, robots)
     moved_s = np.zeros(robots)
-    for _ in states(one, 180.0):
-        moved_s[(np.abs(one.speed_mps) > 0.03) | (one.doing == Activity.STANDING)] = one.t_s
-        assert touching(one) == []
-        assert (one.t_s - moved_s).max() < LONGEST_STILL_S
+    for _ in states(simulated, 180.0):
+        moved_s[(np.abs(simulated.speed_mps) > 0.03) | (simulated.doing == Activity.STANDING)] = simulated.t_s
+        assert touching(simulated) == []
+        assert (simulated.t_s - moved_s).max() < LONGEST_STILL_S
 
 
 def head_on(seed: int) -> World:
     """Two robots that drive at each other on one line."""
-    one = world(seed, 2)
+    simulated = world(seed, 2)
     for robot, (start, end) in enumerate((((0.0, 12.0), (30.0, 12.0)), ((30.0, 12.0), (0.0, 12.0)))):
         yaw = float(np.arctan2(0.0, end[0] - start[0]))
-        one.tracks.set_drive(robot, drive([start, end], yaw, one.members[robot].make))
-        one.trips.bay[robot] = 1
-    one.doing[:] = Activity.DRIVING
-    return one
+        simulated.tracks.set_drive(robot, drive([start, end], yaw, simulated.members[robot].make))
+        simulated.trips.bay[robot] = 1
+    simulated.doing[:] = Activity.DRIVING
+    return simulated
 
 
 def test_two_oncoming_robots_brake_before_they_touch() -> None:
-    one = head_on(1)
-    for _ in states(one, 15.0):
+    simulated = head_on(1)
+    for _ in states(simulated, 15.0):
         pass
-    [(_, gap_m)] = near_pairs(one.envelopes(), one.floor, 1.2)
+    [(_, gap_m)] = near_pairs(simulated.envelopes(), simulated.floor, 1.2)
     assert gap_m > 0.4
-    assert np.all(np.abs(one.speed_mps) < 0.05)
-    assert one.yields_to.tolist() == [1, 0]
+    assert np.all(np.abs(simulated.speed_mps) < 0.05)
+    assert simulated.yields_to.tolist() == [1, 0]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_one_of_two_mutually_waiting_robots_makes_room(seed: int) -> None:
-    one = head_on(seed)
+    simulated = head_on(seed)
     through = np.zeros(2, np.bool_)
-    for _ in states(one, 120.0):
-        assert touching(one) == []
-        through |= one.progress_m > 17.0
+    for _ in states(simulated, 120.0):
+        assert touching(simulated) == []
+        through |= simulated.progress_m > 17.0
         if through.all():
             return
     pytest.fail("they stand in each other's way for good")
@@ -181,9 +181,9 @@ def test_more_robots_than_bays_are_refused() -> None:
 
 @pytest.mark.parametrize("robots", [1, 4, 240])
 def test_any_number_of_robots_moves(robots: int) -> None:
-    one = world(1, robots)
-    began = one.locations()
-    for _ in states(one, 20.0):
+    simulated = world(1, robots)
+    began = simulated.locations()
+    for _ in states(simulated, 20.0):
         pass
-    moved_m = np.hypot(*(one.locations() - began)[:, :2].T)
+    moved_m = np.hypot(*(simulated.locations() - began)[:, :2].T)
     assert np.mean(moved_m > 1.0) > 0.7

@@ -34,7 +34,7 @@ SAMPLE_FINDINGS = {
 
 
 @pytest.fixture(scope="module")
-def told() -> list[RobotState]:
+def states() -> list[RobotState]:
     """Everybody's state at several moments of two minutes."""
     world = World(layout_for(24), participants(24), np.random.default_rng(1))
     found: list[RobotState] = []
@@ -45,9 +45,9 @@ def told() -> list[RobotState]:
     return found
 
 
-def of(told: list[RobotState], vendor: VendorName, *, moving: bool = False) -> list[RobotState]:
-    mine = [one for one in told if one.member.make.vendor is vendor]
-    return [one for one in mine if one.state == "navigating" and one.linear_mps > 0.3] if moving else mine
+def of(robots: list[RobotState], vendor: VendorName, *, moving: bool = False) -> list[RobotState]:
+    mine = [state for state in robots if state.member.make.vendor is vendor]
+    return [state for state in mine if state.state == "navigating" and state.linear_mps > 0.3] if moving else mine
 
 
 def status(robot: RobotState) -> dict[str, Any]:
@@ -58,8 +58,8 @@ def seconds(stamp: str) -> float:
     return datetime.fromisoformat(stamp).timestamp()
 
 
-def test_every_message_of_every_vendor_is_accepted(told: list[RobotState]) -> None:
-    for robot in told:
+def test_every_message_of_every_vendor_is_accepted(states: list[RobotState]) -> None:
+    for robot in states:
         first, second = DIALECTS[robot.member.make.vendor].messages(robot, NOW_S, introduce=True)
         identity, now = read(first), read(second)
         assert isinstance(identity, Identity)
@@ -70,44 +70,48 @@ def test_every_message_of_every_vendor_is_accepted(told: list[RobotState]) -> No
 
 
 @pytest.mark.parametrize("vendor", [VendorName.ALDER, VendorName.BASALT, VendorName.WALKERS])
-def test_three_vendors_keep_to_the_standard(told: list[RobotState], vendor: VendorName) -> None:
-    for robot in of(told, vendor):
+def test_three_vendors_keep_to_the_standard(states: list[RobotState], vendor: VendorName) -> None:
+    for robot in of(states, vendor):
         for message in DIALECTS[vendor].messages(robot, NOW_S, introduce=True):
             reading = read(message)
             assert reading.findings == ()
 
 
-def test_all_timestamps_of_alder_are_three_seconds_fast(told: list[RobotState]) -> None:
-    for robot in of(told, VendorName.ALDER, moving=True):
-        said = status(robot)
-        assert seconds(said["timestamp"]) == pytest.approx(NOW_S + 3.0, abs=1e-3)
-        after_s = [seconds(point["timestamp"]) - NOW_S - 3.0 for point in said["path"]]
+def test_all_timestamps_of_alder_are_three_seconds_fast(states: list[RobotState]) -> None:
+    for robot in of(states, VendorName.ALDER, moving=True):
+        document = status(robot)
+        assert seconds(document["timestamp"]) == pytest.approx(NOW_S + 3.0, abs=1e-3)
+        after_s = [seconds(point["timestamp"]) - NOW_S - 3.0 for point in document["path"]]
         assert after_s == pytest.approx(range(1, 11), abs=2e-3)
         planned, _ = robot.plan.at(np.arange(1.0, 11.0))
-        assert np.array([(point["x"], point["y"]) for point in said["path"]]) == pytest.approx(planned[:, :2], abs=1e-3)
+        assert np.array([(point["x"], point["y"]) for point in document["path"]]) == pytest.approx(
+            planned[:, :2], abs=1e-3
+        )
 
 
-def test_corvid_sends_like_the_sample_sender(told: list[RobotState]) -> None:
-    for robot in of(told, VendorName.CORVID, moving=True):
-        said = status(robot)
-        assert said["uuid"] == robot.member.uuid.upper()
-        assert said["location"]["planarDatum"] == SITE_MAPS[robot.floor].datum.upper()
-        stamps = [said["timestamp"], *(point["timestamp"] for point in said["path"])]
+def test_corvid_sends_like_the_sample_sender(states: list[RobotState]) -> None:
+    for robot in of(states, VendorName.CORVID, moving=True):
+        document = status(robot)
+        assert document["uuid"] == robot.member.uuid.upper()
+        assert document["location"]["planarDatum"] == SITE_MAPS[robot.floor].datum.upper()
+        stamps = [document["timestamp"], *(point["timestamp"] for point in document["path"])]
         assert all(re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+0000", stamp) for stamp in stamps)
         after_s = [seconds(stamp) - seconds(stamps[0]) for stamp in stamps[1:]]
         assert after_s == [2.0 * second for second in range(1, 11)]
-        assert all("planarDatum" in point and "planarDatumUUID" not in point for point in said["path"])
+        assert all("planarDatum" in point and "planarDatumUUID" not in point for point in document["path"])
         planned, _ = robot.plan.at(np.array(after_s) + np.floor(NOW_S) - NOW_S)
-        assert np.array([(point["x"], point["y"]) for point in said["path"]]) == pytest.approx(planned[:, :2], abs=1e-3)
-        reading = read(json.dumps(said).encode())
+        assert np.array([(point["x"], point["y"]) for point in document["path"]]) == pytest.approx(
+            planned[:, :2], abs=1e-3
+        )
+        reading = read(json.dumps(document).encode())
         assert set(reading.findings) <= SAMPLE_FINDINGS
         assert {"uuid-upper-case", "stamp-offset-no-colon", "datum-key", "path-too-far"} <= set(reading.findings)
 
 
-def test_the_maps_of_the_bundled_site_put_basalts_robots_at_their_true_positions(told: list[RobotState]) -> None:
+def test_the_maps_of_the_bundled_site_put_basalts_robots_at_their_true_positions(states: list[RobotState]) -> None:
     bundled = site_file.load(demo_site())
     frames = FrameRegistry(bundled.datums, bundled.vendors)
-    for robot in of(told, VendorName.BASALT):
+    for robot in of(states, VendorName.BASALT):
         reading = read(DIALECTS[VendorName.BASALT].messages(robot, NOW_S)[-1])
         assert isinstance(reading, Status)
         frame = frames.frame("Basalt", reading.datum)
@@ -118,8 +122,8 @@ def test_the_maps_of_the_bundled_site_put_basalts_robots_at_their_true_positions
         assert np.hypot(reading.x - robot.x_m, reading.y - robot.y_m) > 10.0
 
 
-def test_few_people_report_a_path_but_all_report_a_speed(told: list[RobotState]) -> None:
-    walking = of(told, VendorName.WALKERS, moving=True)
+def test_few_people_report_a_path_but_all_report_a_speed(states: list[RobotState]) -> None:
+    walking = of(states, VendorName.WALKERS, moving=True)
     with_path = [robot for robot in walking if "path" in status(robot)]
     assert 0 < len(with_path) < len(walking) / 2
     for robot in walking:
@@ -127,8 +131,8 @@ def test_few_people_report_a_path_but_all_report_a_speed(told: list[RobotState])
 
 
 @pytest.mark.parametrize("vendor", [VendorName.ALDER, VendorName.BASALT])
-def test_a_path_to_the_other_floor_names_its_datum(told: list[RobotState], vendor: VendorName) -> None:
-    below = next(robot for robot in of(told, vendor, moving=True) if robot.floor == 0)
+def test_a_path_to_the_other_floor_names_its_datum(states: list[RobotState], vendor: VendorName) -> None:
+    below = next(robot for robot in of(states, vendor, moving=True) if robot.floor == 0)
     plan = FleetPlan(np.array([0.0, 4.5]), np.array([[9.0, 8.0, 0.0], [3.0, 2.0, 1.0]]), np.array([0, 1]))
     path = status(replace(below, plan=plan))["path"]
     above = DIALECTS[vendor].maps[1]
@@ -141,7 +145,7 @@ def test_the_bundled_site_knows_every_vendor_and_fits() -> None:
     bundled = site_file.load(demo_site())
     assert not site_file.fit_problems(bundled)
     assert {vendor.name for vendor in bundled.vendors} == set(VendorName)
-    assert [datum.id for datum in bundled.datums] == [one.datum for one in SITE_MAPS]
+    assert [datum.id for datum in bundled.datums] == [dialect_map.datum for dialect_map in SITE_MAPS]
     for make in MAKES:
         vendor = next(vendor for vendor in bundled.vendors if vendor.name == make.vendor)
         assert (vendor.participant == "person") == make.person

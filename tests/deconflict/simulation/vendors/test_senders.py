@@ -172,12 +172,12 @@ async def test_the_service_can_connect_to_basalts_fleet_manager(unused_tcp_port:
         async with background(work) as running:
             await service.until(lambda: len(service.vendors) == 3)
             async with asyncio.timeout(PATIENCE_S), connect(f"ws://127.0.0.1:{unused_tcp_port}") as dialled:
-                said = [json.loads(await dialled.recv()) for _ in range(8)]
+                document = [json.loads(await dialled.recv()) for _ in range(8)]
             stop.set()
             await running
-    names = {one["manufacturerName"] for one in said if "manufacturerName" in one}
+    names = {row["manufacturerName"] for row in document if "manufacturerName" in row}
     assert names == {"Basalt"}
-    assert len({one["uuid"] for one in said}) == 2
+    assert len({row["uuid"] for row in document}) == 2
     assert "Basalt" not in service.vendors
 
 

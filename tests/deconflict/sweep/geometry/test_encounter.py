@@ -111,10 +111,12 @@ def test_yaw_turns_the_shorter_way() -> None:
 @given(standing_robots)
 def test_the_separation_is_that_of_the_envelopes_and_the_place_is_midway(robots: tuple[Row, Row]) -> None:
     apart_m, met = separation_m(*robots, 0.0), encounter(*robots, 0.0)
-    one, other = (envelope(robot, pose_at(robot, 0.0)) for robot in (told.single(row) for told, row in robots))
-    assert apart_m == pytest.approx(one.distance(other), abs=1e-6)
-    for polygon in (one, other):
-        assert polygon.distance(Point(met.x_m, met.y_m)) == pytest.approx(one.distance(other) / 2, abs=1e-6)
+    first, other = (
+        envelope(robot, pose_at(robot, 0.0)) for robot in (forecasts.single(row) for forecasts, row in robots)
+    )
+    assert apart_m == pytest.approx(first.distance(other), abs=1e-6)
+    for polygon in (first, other):
+        assert polygon.distance(Point(met.x_m, met.y_m)) == pytest.approx(first.distance(other) / 2, abs=1e-6)
 
 
 @given(standing_robots)
@@ -135,32 +137,32 @@ def test_envelopes_that_cross_without_a_corner_in_the_other_overlap() -> None:
 @given(st.floats(-1, 12))
 def test_robots_meet_where_their_poses_are(t_s: float) -> None:
     turning: list[Knot] = [(0, 5, -5, 3.0), (4, 6, 0, -3.0), (9, 0, 0, 0.0)]
-    (told, _), _ = robots = two(EASTWARD, turning)
-    poses = [pose_at(told.single(row), t_s) for row in (0, 1)]
+    (forecasts, _), _ = robots = two(EASTWARD, turning)
+    poses = [pose_at(forecasts.single(row), t_s) for row in (0, 1)]
     dx, dy = poses[1].x_m - poses[0].x_m, poses[1].y_m - poses[0].y_m
     dvx, dvy = poses[1].vx_mps - poses[0].vx_mps, poses[1].vy_mps - poses[0].vy_mps
     met = encounter(*robots, t_s)
-    one, other = (envelope(told.single(row), pose) for row, pose in enumerate(poses))
-    assert separation_m(*robots, t_s) == pytest.approx(one.distance(other), abs=1e-9)
+    first, other = (envelope(forecasts.single(row), pose) for row, pose in enumerate(poses))
+    assert separation_m(*robots, t_s) == pytest.approx(first.distance(other), abs=1e-9)
     assert met.closing_speed_mps == pytest.approx(-(dx * dvx + dy * dvy) / np.hypot(dx, dy))
 
 
 def test_robots_meet_by_what_is_swept_as_by_what_they_said() -> None:
     """Robots with widened envelopes, as they are swept, and with headings within one turn."""
     rng, sweeper = np.random.default_rng(81), Sweeper(clearance_m=0.3)
-    said = Forecasts.joined(wanderer(rng, knots=int(rng.integers(1, 6))) for _ in range(40))
-    said = replace(said, yaw_rad=said.yaw_rad + 2 * pi, floor=rng.integers(-1, 3, len(said.t_s)))
-    widened_m, keys = rng.uniform(0, 2, len(said)), [str(row) for row in range(len(said))]
-    wide = replace(said, length_m=said.length_m + widened_m, width_m=said.width_m + widened_m)
+    forecasts = Forecasts.joined(wanderer(rng, knots=int(rng.integers(1, 6))) for _ in range(40))
+    forecasts = replace(forecasts, yaw_rad=forecasts.yaw_rad + 2 * pi, floor=rng.integers(-1, 3, len(forecasts.t_s)))
+    widened_m, keys = rng.uniform(0, 2, len(forecasts)), [str(row) for row in range(len(forecasts))]
+    wide = replace(forecasts, length_m=forecasts.length_m + widened_m, width_m=forecasts.width_m + widened_m)
     assert sweeper.update(keys, wide, widened_m) == ()
-    some, at_s = rng.integers(0, len(said), (500, 2)), NOW_S + rng.uniform(-3, 13, 500)
+    some, at_s = rng.integers(0, len(forecasts), (500, 2)), NOW_S + rng.uniform(-3, 13, 500)
     met, known = sweeper.encounters([(keys[a], keys[b]) for a, b in some.tolist()], at_s), 0
-    for one, (a, b), when_s in zip(met, some.tolist(), at_s.tolist(), strict=True):
-        expected = encounter((said, a), (said, b), when_s)
-        assert (CLASSES[one["kind"]], one["floor"]) == (expected.encounter_class, expected.floor)
-        if not isnan(one["x"]):
+    for entry, (a, b), when_s in zip(met, some.tolist(), at_s.tolist(), strict=True):
+        expected = encounter((forecasts, a), (forecasts, b), when_s)
+        assert (CLASSES[entry["kind"]], entry["floor"]) == (expected.encounter_class, expected.floor)
+        if not isnan(entry["x"]):
             known += 1
-            assert (one["x"], one["y"]) == pytest.approx((expected.x_m, expected.y_m), abs=1e-6)
+            assert (entry["x"], entry["y"]) == pytest.approx((expected.x_m, expected.y_m), abs=1e-6)
     assert known > 400
     (nobody,) = sweeper.encounters([("0", "who?")], at_s[:1])
     assert isnan(nobody["x"])

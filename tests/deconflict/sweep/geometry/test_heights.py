@@ -47,7 +47,7 @@ def crossing(z_m: float) -> Crossing:
 def test_robots_at_one_height_get_warnings_advice_and_near_misses() -> None:
     met = crossing(0.0)
     assert met.conflicts != []
-    assert any(one.holds for one in met.advice)
+    assert any(recommendation.holds for recommendation in met.advice)
     assert met.near_misses == 1
 
 
@@ -55,7 +55,7 @@ def test_robots_above_one_another_get_no_warning_no_advice_and_no_near_miss() ->
     met = crossing(5.0)
     assert met.conflicts == []
     assert met.near_misses == 0
-    assert met.scene.told == []
+    assert met.scene.advisories == []
     assert met.scene.engine.probabilities() == []
 
 
@@ -64,8 +64,8 @@ def test_robots_above_one_another_get_no_warning_no_advice_and_no_near_miss() ->
     [(Box(1.0, 2.0), True), (Box(1.01, 2.0), False), (Box(-3.0, -0.01), False), (Box(-inf, inf), True)],
 )
 def test_heights_overlap_if_they_touch_or_are_unknown(other: Box, together: bool) -> None:
-    one = Box(0.0, 1.0)
-    assert heights_overlap(one, other) is heights_overlap(other, one) is together
+    box = Box(0.0, 1.0)
+    assert heights_overlap(box, other) is heights_overlap(other, box) is together
 
 
 def test_the_largest_group_at_one_height_all_reaches_that_height() -> None:

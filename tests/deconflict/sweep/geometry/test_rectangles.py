@@ -28,8 +28,8 @@ def test_the_gap_is_the_distance_of_the_polygons() -> None:
 def test_parallel_rectangles_and_bars_that_cross() -> None:
     quarter = np.pi / 2
     b = np.array([[2.5, 0, 0], [0, 3.25, quarter], [2, 0, 0], [0, 0, quarter], [0, 0, 0]])
-    one = np.array([[1.0, 1.0, 1.0, 2.0, 1.0], [1.0, 1.0, 1.0, 0.01, 0.5]])
-    found, _ = placed(b, np.zeros(5), one, one)
+    values = np.array([[1.0, 1.0, 1.0, 2.0, 1.0], [1.0, 1.0, 1.0, 0.01, 0.5]])
+    found, _ = placed(b, np.zeros(5), values, values)
     np.testing.assert_allclose(found, [0.5, 1.25, 0, 0, 0], atol=1e-12)
 
 

@@ -31,14 +31,14 @@ def test_a_refused_report_stands_until_none_has_come_for_a_while() -> None:
     claims = OwnershipClaims()
     claims.add_refused("r", "Alder", "Mallory", NOW_S)
     claims.add_refused("s", "Alder", "Mallory", NOW_S + 5)
-    told = Claim("Alder", "Mallory", ("r", "s"), 2, NOW_S)
-    assert claims.standing(NOW_S + 5 + HELD_S) == (told,)
+    claim = Claim("Alder", "Mallory", ("r", "s"), 2, NOW_S)
+    assert claims.standing(NOW_S + 5 + HELD_S) == (claim,)
     assert claims.standing(NOW_S + 5.1 + HELD_S) == ()
 
 
 def test_a_robot_that_jumps_three_times_is_in_two_places() -> None:
-    (told,) = seen(*(at(t / 2, 40.0 * (t % 2)) for t in range(JUMPS + 1)))
-    assert told == Claim("Alder", "Alder", ("r",), 1, NOW_S + JUMPS / 2)
+    (claim,) = seen(*(at(t / 2, 40.0 * (t % 2)) for t in range(JUMPS + 1)))
+    assert claim == Claim("Alder", "Alder", ("r",), 1, NOW_S + JUMPS / 2)
 
 
 def test_a_change_of_floor_is_a_jump() -> None:
@@ -50,7 +50,7 @@ def test_a_possible_motion_makes_no_claim() -> None:
     was_found = [at(0, 0.0), at(1, 60.0), at(2, 61.0), at(3, 62.0), at(4, 63.0)]
     by_lift = [at(0, 0.0), at(20, 0.0, floor=1), at(40, 0.0), at(60, 0.0, floor=1)]
     delayed = [at(8.0 * t, 60.0 * (t % 2)) for t in range(6)]
-    assert [seen(*one) for one in (drives, was_found, by_lift, delayed)] == [()] * 4
+    assert [seen(*sightings) for sightings in (drives, was_found, by_lift, delayed)] == [()] * 4
 
 
 def test_clocks_hours_apart_do_not_hide_a_robot_in_two_places() -> None:
@@ -69,7 +69,7 @@ def test_claims_are_bounded_whatever_is_claimed() -> None:
         claims.add_refused("r", "Alder", f"Mallory {i}", NOW_S)
     standing = claims.standing(NOW_S)
     assert len(standing) == MOST_CLAIMS
-    (much,) = [one for one in standing if one.claimant == "Mallory"]
+    (much,) = [claim for claim in standing if claim.claimant == "Mallory"]
     assert (len(much.robots), much.claimed) == (NAMED_ROBOTS, MOST_COUNTED)
     assert much.robots[0] == "r0"
 
@@ -78,7 +78,7 @@ def test_beyond_the_limit_robots_that_jumped_longest_ago_are_forgotten() -> None
     claims, there, here = OwnershipClaims(), at(0, 0.0), at(0, 500.0)
     for uuid in ["r"] * (JUMPS - 1) + ["s"] * (JUMPS - 1) + [f"r{i}" for i in range(MOST_WATCHED - 1)] + ["r", "s"]:
         claims.add_sighting(uuid, "Alder", there, here, 0.5, NOW_S)
-    assert [one.robots for one in claims.standing(NOW_S)] == []
+    assert [claim.robots for claim in claims.standing(NOW_S)] == []
     for uuid in ("t", "t", "t"):
         claims.add_sighting(uuid, "Alder", there, here, 0.5, NOW_S)
-    assert [one.robots for one in claims.standing(NOW_S)] == [("t",)]
+    assert [claim.robots for claim in claims.standing(NOW_S)] == [("t",)]

@@ -24,8 +24,8 @@ def frame_of(datum: str) -> tuple[Frame, int]:
     return FRAMES.frame("Alder", datum or HALL), 1 if datum == LOFT else 0
 
 
-def ahead(here: Sighting = HERE, body: RobotBody = BODY, offset_s: float = 0.0, **said: Any) -> Forecast:
-    message = read(status("robot", NOW_S - offset_s, here.x_m, here.y_m, **said))
+def ahead(here: Sighting = HERE, body: RobotBody = BODY, offset_s: float = 0.0, **fields: Any) -> Forecast:
+    message = read(status("robot", NOW_S - offset_s, here.x_m, here.y_m, **fields))
     assert isinstance(message, Status)
     here = replace(here, clock_offset_s=offset_s)
     return forecast(message, here, ForecastContext(body, frame_of, Reading()))
@@ -36,11 +36,16 @@ def straight(speed_mps: float = 1.0, late_s: float = 0.0) -> list[dict[str, Any]
 
 
 def test_a_navigating_robot_follows_its_path() -> None:
-    one = ahead(path=straight())
-    assert one.basis is Basis.PATH
-    np.testing.assert_allclose(np.array(one.knots)[:, 0], NOW_S + np.arange(11), atol=2e-3)
-    np.testing.assert_allclose(np.array(one.knots)[:, 1], 1.0 + np.arange(11))
-    assert (one.length_m, one.width_m, one.bottom_m, one.top_m) == (1.0, 0.5, 0.0, 0.4)
+    made_forecast = ahead(path=straight())
+    assert made_forecast.basis is Basis.PATH
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 0], NOW_S + np.arange(11), atol=2e-3)
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 1], 1.0 + np.arange(11))
+    assert (made_forecast.length_m, made_forecast.width_m, made_forecast.bottom_m, made_forecast.top_m) == (
+        1.0,
+        0.5,
+        0.0,
+        0.4,
+    )
 
 
 @pytest.mark.parametrize(
@@ -48,27 +53,27 @@ def test_a_navigating_robot_follows_its_path() -> None:
     ["charging", "disabled", "offline", "waitingHumanEvent", "waitingExternalEvent", "waitingInternalEvent"],
 )
 def test_a_robot_in_any_other_state_stands_whatever_its_path(state: str) -> None:
-    one = ahead(operationalState=state, path=straight())
-    assert one.basis is Basis.STATIONARY
-    assert len(one.knots) == 1
+    made_forecast = ahead(operationalState=state, path=straight())
+    assert made_forecast.basis is Basis.STATIONARY
+    assert len(made_forecast.knots) == 1
 
 
 def test_an_idle_robot_departs_when_its_path_says_so() -> None:
-    one = ahead(operationalState="idle", path=straight(late_s=3.0))
-    assert (one.basis, one.findings) == (Basis.PATH, ())
-    assert one.knots[-1][1] == pytest.approx(11.0)
+    made_forecast = ahead(operationalState="idle", path=straight(late_s=3.0))
+    assert (made_forecast.basis, made_forecast.findings) == (Basis.PATH, ())
+    assert made_forecast.knots[-1][1] == pytest.approx(11.0)
 
 
 @pytest.mark.parametrize(("speed_mps", "late_s"), [(1.0, -60.0), (0.0, 0.0), (0.008, 0.0)])
 def test_an_idle_robot_stands_if_its_path_is_past_or_leads_nowhere(speed_mps: float, late_s: float) -> None:
-    one = ahead(operationalState="idle", path=straight(speed_mps, late_s))
-    assert (one.basis, len(one.knots), one.findings) == (Basis.STATIONARY, 1, ())
+    made_forecast = ahead(operationalState="idle", path=straight(speed_mps, late_s))
+    assert (made_forecast.basis, len(made_forecast.knots), made_forecast.findings) == (Basis.STATIONARY, 1, ())
 
 
 def test_a_robot_in_manual_mode_follows_its_velocity_and_not_its_path() -> None:
-    one = ahead(operationalState="manualOverride", path=straight(-1.0))
-    assert one.basis is Basis.VELOCITY
-    assert one.knots[-1][1] == pytest.approx(11.0)
+    made_forecast = ahead(operationalState="manualOverride", path=straight(-1.0))
+    assert made_forecast.basis is Basis.VELOCITY
+    assert made_forecast.knots[-1][1] == pytest.approx(11.0)
     assert ahead(Sighting(NOW_S, 0, 1.0, 2.0, 0.0), operationalState="manualOverride").basis is Basis.STATIONARY
 
 
@@ -82,14 +87,14 @@ def test_any_other_error_does_not_make_an_obstacle() -> None:
 
 
 def test_path_times_are_corrected_by_the_clock() -> None:
-    one = ahead(path=straight(late_s=-3.0), offset_s=3.0)
-    np.testing.assert_allclose(np.array(one.knots)[:, 0], NOW_S + np.arange(11), atol=2e-3)
+    made_forecast = ahead(path=straight(late_s=-3.0), offset_s=3.0)
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 0], NOW_S + np.arange(11), atol=2e-3)
 
 
 def test_points_already_past_are_left_out() -> None:
-    one = ahead(path=straight(late_s=-3.5))
-    assert one.knots[1][0] == pytest.approx(NOW_S + 0.5)
-    assert "path-retimed" not in one.findings
+    made_forecast = ahead(path=straight(late_s=-3.5))
+    assert made_forecast.knots[1][0] == pytest.approx(NOW_S + 0.5)
+    assert "path-retimed" not in made_forecast.findings
 
 
 @pytest.mark.parametrize(
@@ -99,35 +104,35 @@ def test_points_already_past_are_left_out() -> None:
 )
 def test_useless_times_are_replaced_by_the_speed_along_the_points(times_s: list[float]) -> None:
     given = points(*((NOW_S + t, 1.0 + 2.0 * (i + 1), 2.0, 0.0) for i, t in enumerate(times_s)))
-    one = ahead(path=given)
-    assert one.findings == ("path-retimed",)
-    np.testing.assert_allclose(np.array(one.knots)[:, 0] - NOW_S, [0, 2, 4, 6])
-    np.testing.assert_allclose(np.array(one.knots)[:, 1], [1, 3, 5, 7])
+    made_forecast = ahead(path=given)
+    assert made_forecast.findings == ("path-retimed",)
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 0] - NOW_S, [0, 2, 4, 6])
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 1], [1, 3, 5, 7])
 
 
 def test_useless_times_without_a_speed_fall_back_to_standing() -> None:
     still = Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 0.0)
-    one = ahead(still, path=points((NOW_S - 5, 2.0, 2.0, 0.0)))
-    assert np.ptp(np.array(one.knots)[:, 1]) == 0.0
+    made_forecast = ahead(still, path=points((NOW_S - 5, 2.0, 2.0, 0.0)))
+    assert np.ptp(np.array(made_forecast.knots)[:, 1]) == 0.0
 
 
 def test_a_path_is_used_up_to_an_impossible_jump() -> None:
     given = points((NOW_S + 1, 2.0, 2.0, 0.0), (NOW_S + 2, 3.0, 2.0, 0.0), (NOW_S + 3, 90.0, 2.0, 0.0))
-    one = ahead(path=given, body=RobotBody((1.0, 0.5, 0.4), max_speed_mps=1.5))
-    assert one.findings == ("path-contradicts-motion",)
-    assert one.knots[-1][1] == pytest.approx(3.0)
+    made_forecast = ahead(path=given, body=RobotBody((1.0, 0.5, 0.4), max_speed_mps=1.5))
+    assert made_forecast.findings == ("path-contradicts-motion",)
+    assert made_forecast.knots[-1][1] == pytest.approx(3.0)
 
 
 def test_a_path_that_jumps_at_once_gives_way_to_the_velocity() -> None:
-    one = ahead(path=points((NOW_S + 1, 500.0, 2.0, 0.0)))
-    assert one.basis is Basis.VELOCITY
+    made_forecast = ahead(path=points((NOW_S + 1, 500.0, 2.0, 0.0)))
+    assert made_forecast.basis is Basis.VELOCITY
 
 
 def test_a_sparse_path_beyond_the_horizon_is_used_as_far_as_it_matters() -> None:
     given = points(*((NOW_S + t, 1.0 + t, 2.0, 0.0) for t in (10, 20, 30, 40, 50, 60, 70)))
-    one = ahead(path=given)
-    assert one.basis is Basis.PATH
-    assert one.knots[-1][0] - NOW_S == pytest.approx(40)
+    made_forecast = ahead(path=given)
+    assert made_forecast.basis is Basis.PATH
+    assert made_forecast.knots[-1][0] - NOW_S == pytest.approx(40)
 
 
 def test_a_path_may_change_floor() -> None:
@@ -138,9 +143,9 @@ def test_a_path_may_change_floor() -> None:
 
 
 def test_velocity_gives_a_straight_line_or_an_arc() -> None:
-    one = ahead()
-    assert one.basis is Basis.VELOCITY
-    assert one.knots[-1] == pytest.approx([NOW_S + 10, 11.0, 2.0, 0.0])
+    made_forecast = ahead()
+    assert made_forecast.basis is Basis.VELOCITY
+    assert made_forecast.knots[-1] == pytest.approx([NOW_S + 10, 11.0, 2.0, 0.0])
     turning = ahead(Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 1.0, pi / 10))
     radius_m = 1.0 / (pi / 10)
     assert turning.knots[-1][1:] == pytest.approx([1.0, 2.0 + 2 * radius_m, pi])
@@ -148,16 +153,16 @@ def test_velocity_gives_a_straight_line_or_an_arc() -> None:
 
 def test_a_speed_without_a_heading_leads_nowhere() -> None:
     for state in ("navigating", "manualOverride"):
-        one = ahead(Sighting(NOW_S, 0, 1.0, 2.0, nan, 1.0), operationalState=state)
-        assert (one.basis, one.knots) == (Basis.STATIONARY, ((NOW_S, 1.0, 2.0, 0.0),))
+        made_forecast = ahead(Sighting(NOW_S, 0, 1.0, 2.0, nan, 1.0), operationalState=state)
+        assert (made_forecast.basis, made_forecast.knots) == (Basis.STATIONARY, ((NOW_S, 1.0, 2.0, 0.0),))
 
 
 def test_a_robot_heads_for_its_destination_when_nothing_else_is_known() -> None:
     still = Sighting(NOW_S, 0, 1.0, 2.0, nan)
-    one = ahead(still, destinations=points((NOW_S + 100, 1.0, 12.0, 0.0), (NOW_S + 5, 1.0, 7.0, 0.0)))
-    assert one.basis is Basis.DESTINATION
-    assert one.knots[-1][:3] == pytest.approx([NOW_S + 5, 1.0, 7.0], abs=2e-3)
-    assert one.knots[0][3] == pytest.approx(pi / 2)
+    made_forecast = ahead(still, destinations=points((NOW_S + 100, 1.0, 12.0, 0.0), (NOW_S + 5, 1.0, 7.0, 0.0)))
+    assert made_forecast.basis is Basis.DESTINATION
+    assert made_forecast.knots[-1][:3] == pytest.approx([NOW_S + 5, 1.0, 7.0], abs=2e-3)
+    assert made_forecast.knots[0][3] == pytest.approx(pi / 2)
 
 
 def test_a_destination_beyond_fifteen_minutes_is_not_used() -> None:
@@ -166,16 +171,16 @@ def test_a_destination_beyond_fifteen_minutes_is_not_used() -> None:
 
 
 def test_without_any_heading_the_circumscribed_square_stands() -> None:
-    one = ahead(Sighting(NOW_S, 0, 1.0, 2.0, nan), operationalState="idle")
-    assert one.length_m == one.width_m == pytest.approx(hypot(1.0, 0.5))
-    assert not isnan(one.knots[0][3])
+    made_forecast = ahead(Sighting(NOW_S, 0, 1.0, 2.0, nan), operationalState="idle")
+    assert made_forecast.length_m == made_forecast.width_m == pytest.approx(hypot(1.0, 0.5))
+    assert not isnan(made_forecast.knots[0][3])
 
 
 def test_an_envelope_that_is_not_centred_leads_the_location() -> None:
     here = Sighting(NOW_S, 0, 1.0, 2.0, pi / 2, 0.0)
-    one = ahead(here, RobotBody((2.9, 1.0, 0.0), (1.15, 0.0)), operationalState="idle")
-    assert one.knots[0][1:3] == pytest.approx([1.0, 3.15])
-    assert (one.bottom_m, one.top_m) == (-np.inf, np.inf)
+    made_forecast = ahead(here, RobotBody((2.9, 1.0, 0.0), (1.15, 0.0)), operationalState="idle")
+    assert made_forecast.knots[0][1:3] == pytest.approx([1.0, 3.15])
+    assert (made_forecast.bottom_m, made_forecast.top_m) == (-np.inf, np.inf)
 
 
 def test_the_body_follows_the_load_where_the_site_says_how() -> None:

@@ -20,7 +20,7 @@ def test_a_code_names_one_rule() -> None:
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.code)
 def test_a_rule_has_a_code_for_labels_and_a_sentence(rule: Rule) -> None:
-    assert rule.code == "-".join(word for word in rule.code.lower().split("-") if word.isalnum())
+    assert rule.code == "-".join(keyword for keyword in rule.code.lower().split("-") if keyword.isalnum())
     assert rule.sentence[0].isupper()
     assert rule.sentence[-1] == "."
 

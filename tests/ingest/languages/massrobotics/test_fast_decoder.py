@@ -48,7 +48,7 @@ def validated(raw: bytes) -> dict[str, Any]:
 def told(part: object) -> object:
     """A decoded report as dictionaries."""
     if isinstance(part, list):
-        return [told(one) for one in part]
+        return [told(each) for each in part]
     fields = getattr(part, "__struct_fields__", None)
     return {name: told(getattr(part, name)) for name in fields} if fields else part
 
@@ -63,7 +63,9 @@ def agrees(raw: bytes) -> bool:
 
 
 def test_every_conforming_message_is_decoded() -> None:
-    assert [one.name for one in VECTORS if not agrees(one.raw) and not (one.findings or one.rejected)] == []
+    assert [
+        vector.name for vector in VECTORS if not agrees(vector.raw) and not (vector.findings or vector.rejected)
+    ] == []
 
 
 @pytest.mark.parametrize("value", [*NUMBERS, *TEXTS])

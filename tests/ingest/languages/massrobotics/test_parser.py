@@ -249,7 +249,7 @@ def check(raw: bytes) -> None:
         return
     assert json.loads(json.dumps(message_document(raw), allow_nan=False))["uuid"]
     if isinstance(message, Status):
-        assert all(np.isfinite(pose[:3]).all() for one in (message.path, message.destinations) for pose in one.poses)
+        assert all(np.isfinite(pose[:3]).all() for path in (message.path, message.destinations) for pose in path.poses)
         assert abs(message.x) + abs(message.y) < 1e8
 
 

@@ -89,8 +89,8 @@ odd_points = st.builds(
 
 
 @given(st.lists(odd_points, min_size=1, max_size=12))
-def test_a_conforming_path_is_read_as_it_would_be_point_by_point(told: list[dict[str, object]]) -> None:
-    points = [PredictedLocation.model_validate(point) for point in told]
+def test_a_conforming_path_is_read_as_it_would_be_point_by_point(expected: list[dict[str, object]]) -> None:
+    points = [PredictedLocation.model_validate(point) for point in expected]
     quick: Findings = {}
     read = path(points, T, quick)
     with pytest.MonkeyPatch.context() as patch:

@@ -27,10 +27,10 @@ def test_a_report_that_needs_no_repair_does_not_change() -> None:
 
 
 def test_the_given_report_is_not_changed() -> None:
-    told = REPORT | {"batteryPercentage": "81", "path": at(T), "location": here(x="1") | {"z": None}}
-    before = repr(told)
-    without_misfits(repaired(told, StatusReport, {}), StatusReport, {})
-    assert repr(told) == before
+    document = REPORT | {"batteryPercentage": "81", "path": at(T), "location": here(x="1") | {"z": None}}
+    before = repr(document)
+    without_misfits(repaired(document, StatusReport, {}), StatusReport, {})
+    assert repr(document) == before
 
 
 @pytest.mark.parametrize("timestamp", [1700000000, 1700000000.0])
@@ -48,13 +48,13 @@ def test_a_value_that_is_neither_text_nor_number_is_not_changed(value: Any) -> N
 
 def test_only_the_misfits_are_left_out() -> None:
     findings: Findings = {}
-    told = REPORT | {
+    document = REPORT | {
         "batteryPercentage": [],
         "velocity": {"linear": 1.0, "angular": {"x": 0}},
         "path": [at(T + 1), {"x": 1}, 7, at(T + 2, angle="north")],
         "remainingRunTime": 3,
     }
-    kept = without_misfits(told, StatusReport, findings)
+    kept = without_misfits(document, StatusReport, findings)
     assert kept == REPORT | {
         "velocity": {"linear": 1.0},
         "path": [at(T + 1), at(T + 2, angle=None)],
@@ -64,9 +64,9 @@ def test_only_the_misfits_are_left_out() -> None:
 
 
 def test_a_required_value_is_never_left_out() -> None:
-    told = {"uuid": 1, "robotModel": [], "baseRobotEnvelope": {"x": "wide", "z": {}}}
-    kept = without_misfits(told, IdentityReport, {})
-    assert kept.keys() == told.keys()
+    expected = {"uuid": 1, "robotModel": [], "baseRobotEnvelope": {"x": "wide", "z": {}}}
+    kept = without_misfits(expected, IdentityReport, {})
+    assert kept.keys() == expected.keys()
 
 
 json_values = st.recursive(

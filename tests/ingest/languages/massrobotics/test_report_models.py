@@ -20,7 +20,7 @@ REQUIRED = {
 
 @pytest.mark.parametrize("model", REQUIRED)
 def test_exactly_the_keys_the_standard_requires_are_required(model: type[IdentityReport | StatusReport]) -> None:
-    assert {name for name, one in model.model_fields.items() if one.is_required()} == REQUIRED[model]
+    assert {name for name, field_info in model.model_fields.items() if field_info.is_required()} == REQUIRED[model]
 
 
 @pytest.mark.parametrize("number", [b"NaN", b"Infinity", b"1e999", b'"1"', b"true"])

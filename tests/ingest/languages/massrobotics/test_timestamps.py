@@ -111,12 +111,14 @@ def test_many_plain_stamps_name_what_each_names_and_break_the_rules_that_each_br
     read = plain_seconds(texts)
     if read is None:
         odd = {"stamp-spelling", "stamp-epoch"}
-        told = zip(each, texts, strict=True)
-        assert any(not one or odd & {*one.findings} or not plausible(one.t_s) or len(text) > 40 for one, text in told)
+        rows = zip(each, texts, strict=True)
+        assert any(
+            not stamp or odd & {*stamp.findings} or not plausible(stamp.t_s) or len(text) > 40 for stamp, text in rows
+        )
     else:
         times_s, findings = read
-        assert [one.t_s for one in each if one] == times_s
-        rules = [rule for one in each if one for rule in one.findings]
+        assert [stamp.t_s for stamp in each if stamp] == times_s
+        rules = [rule for stamp in each if stamp for rule in stamp.findings]
         assert list(dict.fromkeys(findings)) == list(dict.fromkeys(rules))
         assert all(map(plausible, times_s))
 

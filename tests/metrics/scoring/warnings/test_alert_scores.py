@@ -64,7 +64,7 @@ def test_recall_uses_the_same_whole_seconds_as_precision(
 def test_no_lead_time_is_negative() -> None:
     tenths = [start / 10 for start in range(200, 220)]
     for start_s in tenths:
-        for raised_s in (one / 10 + 0.05 for one in range(170, 220)):
+        for raised_s in (number / 10 + 0.05 for number in range(170, 220)):
             lead = score([encounter(start_s, 24)], [alert(raised_s, 23)], 0.3)["lead_time_s"]
             assert lead is None or lead["median"] > 0
 
@@ -112,15 +112,15 @@ def test_unforeseeable_encounters_do_not_lower_recall() -> None:
 
 
 def test_an_encounter_of_the_recorded_motion_has_its_start_and_end() -> None:
-    (one,) = driven((0, 11.0, -1.0), (20, -9.0, -1.0), until_s=25).encounters(0.3)
-    assert one.start_s == pytest.approx(9.8, abs=0.11)
-    assert one.end_s == pytest.approx(12.2, abs=0.11)
-    assert one.foreseeable
+    (recorded,) = driven((0, 11.0, -1.0), (20, -9.0, -1.0), until_s=25).encounters(0.3)
+    assert recorded.start_s == pytest.approx(9.8, abs=0.11)
+    assert recorded.end_s == pytest.approx(12.2, abs=0.11)
+    assert recorded.foreseeable
 
 
 def test_a_pair_that_begins_together_was_not_foreseeable() -> None:
-    (one,) = driven((0, 1.1, 0.5), until_s=10).encounters(0.3)
-    assert not one.foreseeable
+    (recorded,) = driven((0, 1.1, 0.5), until_s=10).encounters(0.3)
+    assert not recorded.foreseeable
 
 
 def test_a_small_separation_continues_an_encounter_and_a_large_one_ends_it() -> None:

@@ -13,10 +13,10 @@ PAIR = ("a", "b")
 VENDORS = {"a": "Alder", "b": "Corvid"}
 
 
-def tally(*said: tuple[float, int, int]) -> CalibrationTally:
+def tally(*rows: tuple[float, int, int]) -> CalibrationTally:
     """So many samples of a probability, of which so many came true."""
     made = CalibrationTally()
-    for probability, samples, came_true in said:
+    for probability, samples, came_true in rows:
         n = np.arange(samples)
         part = np.where(n < came_true, 0, STAYED)
         made.add(CalibrationSamples.of(n % 7, np.full(samples, probability), part, np.ones(samples, bool)), n)
@@ -57,8 +57,8 @@ def test_without_probabilities_or_outcomes_there_is_no_figure() -> None:
 
 def test_bins_hold_the_same_number_of_samples() -> None:
     made = CalibrationTally()
-    said, nothing = np.linspace(0.0, 1.0, 5000) ** 4, np.zeros(5000, np.int64)
-    made.add(CalibrationSamples.of(nothing, said, np.full(5000, STAYED), np.ones(5000, bool)), np.arange(5000))
+    values, nothing = np.linspace(0.0, 1.0, 5000) ** 4, np.zeros(5000, np.int64)
+    made.add(CalibrationSamples.of(nothing, values, np.full(5000, STAYED), np.ones(5000, bool)), np.arange(5000))
     assert made.bins()[:, 0].tolist() == pytest.approx([500] * 10, abs=60)
 
 
@@ -158,8 +158,8 @@ def test_no_sample_is_counted_before_its_outcome_is_known() -> None:
 
 def test_an_interval_holds_the_figure_narrows_with_cases_and_is_the_same_each_time() -> None:
     few, many = np.tile([0.0, 1.0], 20), np.tile([0.0, 1.0], 2000)
-    one, other = interval(few, means), interval(many, means)
-    assert one is not None
+    first, other = interval(few, means), interval(many, means)
+    assert first is not None
     assert other is not None
-    assert one[0] < other[0] < 0.5 < other[1] < one[1]
-    assert one == interval(few, means)
+    assert first[0] < other[0] < 0.5 < other[1] < first[1]
+    assert first == interval(few, means)
