@@ -40,7 +40,7 @@ def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() ->
     shown = document(receiving_fleet, "A-1")
     assert (shown["identified"], shown["name"], shown["envelope"]["length_m"]) == (True, "Alder A-1", 1.0)
     assert not receiving_fleet.lacks(ELSEWHERE)
-    assert not receiving_fleet.shared_identities(NOW_S - 1), "it is identities by who heard it"
+    assert not receiving_fleet.shared_identities(NOW_S - 1), "the receiver that heard it sends it"
 
 
 def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_arrives_here_after_it() -> None:
@@ -67,5 +67,5 @@ def test_another_vendors_introduction_is_no_news_unless_the_site_file_assigns_it
     assert replace(taken, assigned=True).is_news_to(ELSEWHERE)
     receiving_fleet = fleet(Vendor(name="Basalt", robots=(robot("A-1"),)))
     receiving_fleet.receive(identity("A-1", NOW_S), NOW_S, LINE)
-    (identities,) = receiving_fleet.shared_identities(NOW_S - 1)
-    assert (identities.owner, identities.assigned) == ("Basalt", True)
+    (introduction,) = receiving_fleet.shared_identities(NOW_S - 1)
+    assert (introduction.owner, introduction.assigned) == ("Basalt", True)
