@@ -14,6 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
@@ -250,10 +251,12 @@ def _sorted_by_rank(slots: Ints, ranks: Ints, rows: Ints) -> Ints:
     return ordered
 
 
+_heights_overlap = inner(heights_overlap)
+
+
 @inner
-def _heights_overlap(robot: Any, other: Any) -> bool:
-    """Whether neither robot passes above the other."""
-    return bool(robot.bottom <= other.top and other.bottom <= robot.top)
+def _at_one_height(robot: Any, other: Any) -> bool:
+    return bool(_heights_overlap(robot.bottom, robot.top, other.bottom, other.top))
 
 
 @kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], numba.int64[::1]))
@@ -263,7 +266,7 @@ def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, crowds: Ints) -> Pai
     level, n = np.empty_like(pairs), 0
     for pair in pairs:
         a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
-        if _heights_overlap(robots[a], robots[b]) and (crowds[a] == 0 or crowds[b] == 0):
+        if _at_one_height(robots[a], robots[b]) and (crowds[a] == 0 or crowds[b] == 0):
             level[n].ring, level[n].a, level[n].b = pair.ring, a, b
             n += 1
     level = level[:n]
@@ -388,7 +391,7 @@ def boxes_of_pairs(
         _cover_robot(boxes, reaches, slot, robots[slot], knots, first_slab, last[slot] - first_slab + 1, grow_m)
     found, pair_of, n = np.empty(1024, PAIR), np.empty(1024, np.int64), 0
     for pair in range(len(a)):
-        if not _near(reaches[a[pair]], reaches[b[pair]]) or not _heights_overlap(robots[a[pair]], robots[b[pair]]):
+        if not _near(reaches[a[pair]], reaches[b[pair]]) or not _at_one_height(robots[a[pair]], robots[b[pair]]):
             continue
         if n + len(boxes) > len(found):
             found, pair_of = np.concatenate((found, np.empty_like(found))), np.concatenate((pair_of, pair_of))

@@ -13,11 +13,11 @@ from typing import Any
 import numba
 import numpy as np
 
+from deconflict.foresight.motion_assumptions import JOINED_S
 from ingest.batch import Batch, Floats, Forecasts, Ints
 from ingest.kernels import kernel, ready
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.truth.encounters import LAG_S
-from metrics.truth.recorded_motion import JOINED_S
 
 HORIZONS_S = np.arange(1.0, 11.0)
 BANDS = (0.5, 0.8, 0.9)

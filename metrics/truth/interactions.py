@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
-from deconflict.foresight.interactions.progress_kernels import AHEAD_S, SPARSE_S
+from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.sweep.geometry.pose import poses_at
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Batch, Floats, Ints, Pair
@@ -35,7 +36,7 @@ class YieldEvent:
     is_more: bool
     """Whether it continues the pair's last interaction."""
     is_sparse: bool
-    """Whether the robot's reports were more than `SPARSE_S` apart."""
+    """Whether the robot's reports were more than `JOINED_S` apart."""
 
     @property
     def pair(self) -> Pair:
@@ -127,7 +128,7 @@ class Interactions:
             interaction.doubt_s,
             inf,
             interaction.again,
-            bool(self._gap_s[slot] > SPARSE_S),
+            bool(self._gap_s[slot] > JOINED_S),
         )
         self._open[slot] = event
         self.by_pair.setdefault(event.pair, []).append(event)

@@ -7,12 +7,11 @@ from math import ceil, floor, inf, nan
 import numba
 import numpy as np
 
+from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.sweep.geometry.pose import between
 from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.kernels import kernel, ready
-
-JOINED_S = 2.1
 
 _SIZE = ("length", "width", "bottom", "top")
 _LEG = ("robot", "begin_s", "end_s", "x0", "y0", "yaw0", "x1", "y1", "yaw1", "floor", "since_s", *_SIZE)

@@ -18,12 +18,12 @@ import shapely
 from deconflict.contention.robots.bounding_boxes import enlarged, touching_boxes
 from deconflict.contention.robots.lookahead import corners
 from deconflict.settings.shared_places import Place, Resource, Zone, outlines
-from deconflict.sweep.geometry.heights import heights_overlap, largest_group_at_one_height
+from deconflict.sweep.geometry.heights import at_one_height, largest_group_at_one_height
 from ingest.batch import Batch, Floats, Ints
 
 STANDS_M, STOOD_S = 0.1, 3.0
 WAITED_S, WAITED_M = 5.0, 10.0
-JOINED_S, STILL_S = 5.0, 35.0
+LEAVES_S, LEAVES_SPOT_S = 5.0, 35.0
 """A robot with a longer gap between reports is not known to have stood in it. The second limit holds if it is at the
 same place after the gap, because reports may be 30 s apart."""
 MOST_PENDING = 32
@@ -159,7 +159,7 @@ class ResourceUse:
         if state and new.t_s >= state.newest.t_s:
             entered = new.places - state.places
             self._entries += [PlaceEntry(place, robot, new.t_s, known_s) for place in sorted(entered)]
-        if state and new.t_s - state.newest.t_s > (STILL_S if _is_at(state, new) else JOINED_S):
+        if state and new.t_s - state.newest.t_s > (LEAVES_SPOT_S if _is_at(state, new) else LEAVES_S):
             self._leave(robot)
             state = None
         if state is None:
@@ -242,7 +242,7 @@ class ResourceUse:
         """The spans in which the place was full for a standing robot, in order."""
         ended = self._stays[place]
         first = bisect_right(ended, stood.span.from_s, key=lambda stay: stay.span.to_s)
-        stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if heights_overlap(stay, stood)]
+        stays = [stay for stay in (*ended[first:], *self._inside[place].values()) if at_one_height(stay, stood)]
         changes = [change for stay in stays for change in ((stay.span.from_s, 1), (stay.span.to_s, -1))]
         inside, since_s = 0, -inf
         for t_s, change in sorted(changes):

@@ -12,6 +12,7 @@ from math import inf
 import numpy as np
 
 from deconflict.foresight.presence.report_intervals import GAPS, GRACE_S, grace_after_s
+from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Bools, Floats, Forecasts, Ints
 from metrics.truth.recorded_motion import SampledMotion
@@ -157,10 +158,10 @@ def _near(places: Floats, sampled: SampledMotion) -> Bools:
 
 def _drives_through(place: Floats, sampled: SampledMotion, other: int) -> bool:
     """Whether the centre of a robot enters the outline at a place (8,)."""
-    x_m, y_m, yaw_rad, floor, half_length_m, half_width_m, bottom_m, top_m = place.tolist()
+    x_m, y_m, yaw_rad, floor, half_length_m, half_width_m, *_ = place.tolist()
     dx_m, dy_m = sampled.x_m[other] - x_m, sampled.y_m[other] - y_m
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     within = np.abs(cosine * dx_m + sine * dy_m) < half_length_m
     within &= np.abs(cosine * dy_m - sine * dx_m) < half_width_m
-    within &= (sampled.height_m[0, other] < top_m) & (bottom_m < sampled.height_m[1, other])
+    within &= heights_overlap(*sampled.height_m[:, other], *place[6:])
     return bool(np.any(within & (sampled.floor[other] == floor)))

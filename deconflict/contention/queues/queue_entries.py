@@ -12,7 +12,7 @@ from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.wait_graph import Leg
-from deconflict.sweep.geometry.heights import heights_overlap
+from deconflict.sweep.geometry.heights import at_one_height
 
 LOOK_S = 1.0
 """Time between two looks."""
@@ -77,7 +77,7 @@ class QueueEntries:
         away_m = hypot(stop.x_m - robot.x_m, stop.y_m - robot.y_m) if stop.datum == robot.datum else inf
         if not robot.stands or away_m > QUEUES_M or stop.resource is None:
             return False
-        inside = [entry for entry in entries if not entry.coming and heights_overlap(entry, robot)]
+        inside = [entry for entry in entries if not entry.coming and at_one_height(entry, robot)]
         return len(inside) >= self._geometry.capacity(stop.resource)
 
     def _stay(self, leg: Leg, now_s: float) -> QueueEntry:

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from deconflict.contention.robots.place_geometry import PlaceGeometry
-from deconflict.sweep.geometry.heights import heights_overlap
+from deconflict.sweep.geometry.heights import at_one_height, heights_overlap
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -84,7 +84,7 @@ class QueueForecast:
 
     def at_height_of(self, entry: QueueEntry) -> Self:
         """Without the turns of robots that pass above or below a robot."""
-        stays = [heights_overlap(other, entry) for other in self.entries]
+        stays = [at_one_height(other, entry) for other in self.entries]
         if all(stays):
             return self
         return replace(
@@ -139,6 +139,9 @@ def forecast_queues(
     }
 
 
+_heights_overlap = inner(heights_overlap)
+
+
 @inner
 def _delay_by_earlier(row: int, first: int, until_s: Floats, bottom_m: Floats, top_m: Floats, free_s: Floats) -> None:
     """Delay `free_s`, when each unit of a place's capacity is free for `row`, by the rows from `first` to it.
@@ -146,7 +149,7 @@ def _delay_by_earlier(row: int, first: int, until_s: Floats, bottom_m: Floats, t
     Robots that pass above or below it take no room from it; the others take it until `until_s`.
     """
     for before in range(first, row):
-        if bottom_m[before] <= top_m[row] and bottom_m[row] <= top_m[before]:
+        if _heights_overlap(bottom_m[before], top_m[before], bottom_m[row], top_m[row]):
             soonest = np.argmin(free_s)
             free_s[soonest] = max(free_s[soonest], until_s[before])
 

@@ -18,7 +18,7 @@ from deconflict.contention.robots.record_kernels import LEAST_M
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import Node, Want
-from deconflict.sweep.geometry.heights import heights_overlap, heights_overlap_each
+from deconflict.sweep.geometry.heights import at_one_height, heights_overlap
 from ingest.batch import Bools, Floats, Ints
 
 WAY_M = 1.0
@@ -73,7 +73,8 @@ class NearbyBoxes(NamedTuple):
 def _at_one_height(robots: RobotTable, slots: Ints, others: Ints) -> Bools:
     """(n,) whether neither robot of a pair passes above the other."""
     bottom_m, top_m = robots.records["bottom_m"], robots.records["top_m"]
-    return heights_overlap_each(bottom_m[slots], top_m[slots], bottom_m[others], top_m[others])
+    overlap: Bools = heights_overlap(bottom_m[slots], top_m[slots], bottom_m[others], top_m[others])
+    return overlap
 
 
 class Leg(NamedTuple):
@@ -162,7 +163,7 @@ def place_wants(legs: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
             other.node
             for other in by_place.get(leg.wants, ())
             if other.node[0] != robot
-            and heights_overlap(other, leg)
+            and at_one_height(other, leg)
             and other.since_s < leg.arrives_s
             and (other.until_s >= leg.until_s or other.wants is not None)
         ]
@@ -233,7 +234,7 @@ def aisle_wants(robots: Iterable[RobotView], aisles: Iterable[str]) -> list[Want
         back = [robot for robot in inside if robot.passages[zone].direction < 0]
         for a in forth:
             for b in back:
-                meet_s = _meet_s(a, b, zone) if heights_overlap(a, b) else None
+                meet_s = _meet_s(a, b, zone) if at_one_height(a, b) else None
                 if meet_s is not None:
                     wants.append(Want((a.uuid, 0), ((b.uuid, 0),), zone, meet_s))
                     wants.append(Want((b.uuid, 0), ((a.uuid, 0),), zone, meet_s))

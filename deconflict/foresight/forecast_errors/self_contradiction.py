@@ -22,7 +22,7 @@ AHEAD_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 """The stated way of a robot is kept at these times after its report."""
 LEAST_S, MOST_S = 0.7, 3.0
 """Minimum and maximum time between two reports that are compared."""
-MOVES_MPS = 0.3
+DOUBTED_MPS = 0.3
 """A slower robot is believed: it may wait, or set out."""
 SLACK_M, SLACK_SHARE = 0.15, 0.5
 """A robot is still on its way within this distance plus this share of the distance that it went."""
@@ -120,7 +120,7 @@ def compare_with_stated_ways(
                 went_m = hypot(x - way.x_m, y - way.y_m)
                 if way.is_vague:
                     way.contradiction *= KEEPS
-                elif went_m >= MOVES_MPS * gap_s:
+                elif went_m >= DOUBTED_MPS * gap_s:
                     off_m = _distance_m(way.way_m, way.x_m, way.y_m, x, y)
                     way.contradiction = KEEPS * way.contradiction + (1 - KEEPS) * off_m / (
                         SLACK_M + SLACK_SHARE * went_m
@@ -132,7 +132,7 @@ def compare_with_stated_ways(
             for look in range(len(AHEAD_S)):
                 way.way_m[look, 0] = _place(t_s, x_m, first, end, at_s + AHEAD_S[look])
                 way.way_m[look, 1] = _place(t_s, y_m, first, end, at_s + AHEAD_S[look])
-        if way.contradiction > 1.0 and hypot(way.x_mps, way.y_mps) >= MOVES_MPS:
+        if way.contradiction > 1.0 and hypot(way.x_mps, way.y_mps) >= DOUBTED_MPS:
             rows[n] = row
             n += 1
     return rows[:n].copy()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.foresight.forecast_errors.upper_quantiles import LIMITS_M
+from deconflict.foresight.motion_assumptions import JOINED_S, SPACED_S
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Bools, Floats, Ints
@@ -107,10 +108,6 @@ class RelativePoses(NamedTuple):
         return signed_gap(self.dx_m, self.dy_m, self.yaw_a_rad, self.yaw_b_rad, half_a_m, half_b_m)
 
 
-JOINED_S = 2.1
-"""Reports further apart do not tell where the robot was between them."""
-SPACED_S = 0.9
-"""Minimum time between two kept forecasts of a robot."""
 LONG_AGO_S = -1e12
 """Before any report."""
 

@@ -17,13 +17,14 @@ from deconflict.foresight.interactions.forecast_ways import distance_along, gaps
 from deconflict.foresight.interactions.progress_kernels import (
     AHEAD_S,
     BRAKED,
-    BRAKES_MPS2,
     KEPT,
     RESUMED,
     STATE,
     Findings,
     add_reports,
 )
+from deconflict.foresight.motion_assumptions import BRAKES_MPS2
+from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Bools, Floats, Ints
 
@@ -243,7 +244,7 @@ class InteractionFinder:
         near = (
             (away_m < reach_m + sizes_m + moved_m) & (self._floor[known, newest] == interaction.floor) & (known != slot)
         )
-        near &= (levels_m[0, known] < levels_m[1, slot]) & (levels_m[0, slot] < levels_m[1, known])
+        near &= heights_overlap(*levels_m[:, known], *levels_m[:, slot])
         others = known[near].tolist()
         if not others:
             return -1, inf

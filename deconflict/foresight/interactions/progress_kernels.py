@@ -15,29 +15,20 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.foresight.motion_assumptions import BRAKES_MPS2, JOINED_S, LOST_S, MOVES_MPS, SPACED_S
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 KEPT = 12
 """The history of a robot holds so many reports."""
-SPACED_S = 0.9
-"""Minimum time between two kept reports of a robot."""
 AHEAD_S = 10
 """The forecast of a kept report is kept for so many whole seconds; sample 0 is the report itself."""
-SPARSE_S = 2.1
-"""Reports further apart do not tell the motion between them."""
 EARLIER_S, EARLIEST_S = 2.0, 4.0
 """Minimum and maximum age of the forecast with which a report is compared. The newest such forecast is used."""
 WITHIN_S = 5.0
 """A robot gives way if it loses `LOST_S` within this time."""
-LOST_S = 1.0
-"""See `WITHIN_S`."""
-MOVES_MPS = 0.3
-"""A slower robot is not taken to give way."""
 SLOWS, BRAKES = 0.85, 0.6
 """A braking robot falls below these shares of its speed: at its next report, and at any report until it is noticed."""
-BRAKES_MPS2 = 1.0
-"""Assumed deceleration of robots."""
 GROWS_S = 0.2
 """From the last report before braking to the next, the delay grows by at least this."""
 RISES = 1.3
@@ -356,7 +347,7 @@ def add_reports(
             continue
         finding = findings[found]
         finding.row = row
-        if now_s - t_s[slot, _before(state, 1)] > SPARSE_S:
+        if now_s - t_s[slot, _before(state, 1)] > JOINED_S:
             is_found = _find_sparse_braking(state, t_s, tracks, speed, slot, finding)
         else:
             is_found = _find_braking(state, t_s, tracks, speed, follows, slot, usual_m[row], finding) or _find_swerving(

@@ -6,7 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.presence.report_intervals import Legs
+from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.geometry.pose import Pose
 from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Batch, Bools, Floats, Forecasts, Ints
@@ -17,8 +19,6 @@ INNER = 0.5
 touch."""
 MOVED_M = 0.1
 """A robot that has moved less has driven through nothing."""
-JOINED_S = 2.1
-"""Between reports further apart the way is not known, only the place at its end."""
 STEP_M = 0.2
 """Distance between two samples of a leg."""
 CELL_M = 3.0
@@ -135,8 +135,8 @@ class BelievedPlaces:
         """(n,) whether the heights of robots and places overlap."""
         leg, place = near
         forecasts, rows = batch.forecasts, legs.rows[leg]
-        bottom_m, top_m = self._columns[6:8, place]
-        return (forecasts.bottom_m[rows] < top_m) & (forecasts.top_m[rows] > bottom_m)
+        beside: Bools = heights_overlap(forecasts.bottom_m[rows], forecasts.top_m[rows], *self._columns[6:8, place])
+        return beside
 
     def _is_through(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
         """(n,) whether robots drove through places: at their height, and far enough into the outline."""

@@ -7,12 +7,14 @@ from math import hypot, inf
 import numba
 import numpy as np
 
+from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Basis, Batch, Bools, Floats, Forecasts, Ints
-from ingest.kernels import kernel
+from ingest.kernels import inner, kernel
 
 _BASES = tuple(Basis)
 _FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
+_heights_overlap = inner(heights_overlap)
 
 
 @kernel(numba.types.Tuple((_INTS, _FLOATS))(numba.float64[:, ::1], _INTS, numba.float64))  # type: ignore[no-untyped-call]
@@ -34,7 +36,7 @@ def _near(at: Floats, members: Ints, within_m: float) -> tuple[Ints, Floats]:
         nearest_m, beside = inf, False
         for other_x_m, other_y_m, other_floor, other_bottom_m, other_top_m in own:
             nearest_m = min(nearest_m, hypot(x_m - other_x_m, y_m - other_y_m))
-            beside |= floor == other_floor and bottom_m <= other_top_m and other_bottom_m <= top_m
+            beside |= floor == other_floor and _heights_overlap(bottom_m, top_m, other_bottom_m, other_top_m)
         if beside and nearest_m <= within_m:
             slots[n], away_m[n], n = slot, nearest_m, n + 1
     return slots[:n].copy(), away_m[:n].copy()

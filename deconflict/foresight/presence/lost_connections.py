@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 
-LOST_S = 2.5
+UNHEARD_S = 2.5
 """The connection is lost if no robot of the vendor is heard for longer."""
 FEWEST_ROBOTS = 4
 """The robots of a vendor with fewer may all have left at once."""
@@ -32,7 +32,7 @@ class VendorConnection:
 
     def is_lost(self, now_s: float) -> bool:
         """Whether the connection is lost now."""
-        return self.robots >= FEWEST_ROBOTS and now_s - self.heard_s > LOST_S
+        return self.robots >= FEWEST_ROBOTS and now_s - self.heard_s > UNHEARD_S
 
     def excused_s(self, heard_s: float, grace_s: float) -> float:
         """The part of the silence of a robot, last heard at `heard_s`, for which the connection was lost."""

@@ -17,10 +17,11 @@ from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.forecast_errors.error_measures import measure
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts, ReportedTracks
 from deconflict.foresight.forecast_errors.self_contradiction import blank_records, compare_with_stated_ways, straight_on
-from deconflict.foresight.forecast_errors.track_kernels import JOINED_S, Errors
+from deconflict.foresight.forecast_errors.track_kernels import Errors
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.advice_followers import AdviceFollowers
 from deconflict.foresight.probability.band_kernels import Bounds, update_surprise
 from deconflict.foresight.probability.calibration import Calibration, contact_features, log_odds

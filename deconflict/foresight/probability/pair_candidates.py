@@ -9,6 +9,7 @@ from deconflict.foresight.forecast_errors.pending_forecasts import PendingForeca
 from deconflict.foresight.probability.band_kernels import reach_m
 from deconflict.foresight.probability.pair_table import codes
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
+from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Bools, Floats, Ints, Pair
 
 MOST_GROWN_M = 0.75
@@ -61,8 +62,7 @@ class PairCandidates:
         columns = (slots, robots.records, robots.half_m)
         near_m = reach_m(bands_m, *columns, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
         a, b = pending.candidate_pairs(has_news, slots, robots.rank, near_m, now_s, self._horizon_s).T
-        bottom_m, top_m = robots.levels_m
-        is_level = (bottom_m[a] < top_m[b]) & (bottom_m[b] < top_m[a])
+        is_level = heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])
         is_crowded = robots.is_crowded()
         is_level &= ~(is_crowded[a] | is_crowded[b])
         return codes(a[is_level], b[is_level])

@@ -14,21 +14,19 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.foresight.motion_assumptions import BRAKES_MPS2, LOST_S, MOVES_MPS
+from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Bools, Floats, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
 
 STEP_S = 0.5
-BRAKES_MPS2 = 1.0
-"""Deceleration and acceleration of every robot."""
 MARGIN_M, BESIDE_M = 0.45, 0.05
 """How much longer in front, and wider at each side, than the robot its field is when it stands."""
 RELEASE_M = 0.1
 """The field of a waiting robot is longer by this, so that it does not start and brake in turns."""
 HELD_S = 1.0
 """Time for which a field must be free before the robot drives on."""
-LOST_S, MOVES_MPS = 1.0, 0.3
-"""A robot gives way if it drove at least so fast, and loses so much time."""
 CREEPS_MPS, STRAIGHT_RAD = 0.05, 0.01
 """A slower robot stands; a robot that turns by less in a second drives straight on."""
 KEEPS_M = 0.3
@@ -93,6 +91,7 @@ _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.flo
 
 
 _turn_between = inner(turn_between)
+_heights_overlap = inner(heights_overlap)
 
 
 @inner
@@ -280,7 +279,7 @@ def edges_of(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> tuple
     """The pairs that may get in each other's way: those whose boxes (n, 4) and heights `levels_m` (2, n), bottom and
     top, overlap on one `floor` (n,). `order` (n,) is that of the lowest x. Returns the edges, robot by robot, and (n +
     1,) where those of each robot begin."""
-    n, found = len(order), 0
+    n, found, bottom_m, top_m = len(order), 0, levels_m[0], levels_m[1]
     pairs = np.empty((64, 2), np.int64)
     first = np.zeros(n + 1, np.int64)
     for place in range(n):
@@ -290,7 +289,7 @@ def edges_of(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> tuple
             if box[other, 0] > box[robot, 1]:
                 break
             beside = box[other, 2] <= box[robot, 3] and box[robot, 2] <= box[other, 3]
-            level = levels_m[0, robot] < levels_m[1, other] and levels_m[0, other] < levels_m[1, robot]
+            level = _heights_overlap(bottom_m[robot], top_m[robot], bottom_m[other], top_m[other])
             if not (beside and level and floor[robot] == floor[other] and floor[robot] >= 0.0):
                 continue
             if found == len(pairs):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict.sweep.one_shot import sweep
@@ -16,8 +17,6 @@ from ingest.fleet.robot import Robot
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Received
 
-LONGEST_GAP_S = 2.1
-"""Reports further apart are not joined, unless the robot stood still."""
 STOOD_M = 0.1
 """A robot that moved no further between two reports stood still."""
 LEVEL_M = 0.1
@@ -65,7 +64,7 @@ class RecordedTrack:
         new = ReportedPose(t_s, x_m, y_m, yaw_rad, forecast.floors[0], forecast.bottom_m, forecast.top_m)
         if self.reports:
             last = self.reports[-1]
-            if new.t_s - last.t_s > LONGEST_GAP_S and hypot(new.x_m - last.x_m, new.y_m - last.y_m) > STOOD_M:
+            if new.t_s - last.t_s > JOINED_S and hypot(new.x_m - last.x_m, new.y_m - last.y_m) > STOOD_M:
                 self.reports.append(last._replace(t_s=last.t_s + BRIEF_S, floor=-1))
         self.reports.append(new)
         self.length_m, self.width_m = forecast.length_m, forecast.width_m
@@ -73,11 +72,11 @@ class RecordedTrack:
     def forecasts(self) -> Forecasts:
         """The reports as forecasts, joined linearly: one for each stretch of time in which the robot kept its height.
 
-        The robot is on no floor before and after each stretch, and from `LONGEST_GAP_S` after its last report.
+        The robot is on no floor before and after each stretch, and from `JOINED_S` after its last report.
         """
         stretches, last = self._stretches(), self.reports[-1]
         knots = [[*stretch, *_stretch_end(stretch[-1], after[0])] for stretch, after in pairwise(stretches)]
-        knots.append([*stretches[-1], last._replace(t_s=last.t_s + LONGEST_GAP_S, floor=-1)])
+        knots.append([*stretches[-1], last._replace(t_s=last.t_s + JOINED_S, floor=-1)])
         t_s, x_m, y_m, yaw_rad, floor, _, _ = np.array([knot for stretch in knots for knot in stretch]).T
         n = len(stretches)
         return Forecasts(

@@ -22,7 +22,7 @@ from ingest.recording.log_reader import ends_s
 
 log = logging.getLogger(__name__)
 
-JOINED_S = 60.0
+SHARED_FILE_S = 60.0
 """Near misses within this time of the first share its file."""
 MOST_PAIRS = 50
 """Most near misses of one file. Beyond, the newest of the pair of vendors with the most is left out of the head."""
@@ -97,7 +97,7 @@ class Keeper:
         if not self._pending:
             return []
         after_s = self.site.blackbox.after_s
-        joined_s = self._pending[0][0] + min(JOINED_S, after_s)
+        joined_s = self._pending[0][0] + min(SHARED_FILE_S, after_s)
         joined = [pending for pending in self._pending if pending[0] <= joined_s]
         return [pair for _, pair in joined] if now_s >= joined[-1][0] + after_s + SETTLE_S else []
 

@@ -4,9 +4,9 @@ Heights are a bottom and a top in metres. They are -inf and inf if unknown: such
 """
 
 from collections.abc import Sequence
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from ingest.batch import Bools, Floats
+from ingest.batch import Floats
 
 
 class HasHeights(Protocol):
@@ -21,14 +21,16 @@ class HasHeights(Protocol):
 T = TypeVar("T", bound=HasHeights)
 
 
-def heights_overlap(robot: HasHeights, other: HasHeights) -> bool:
-    """Whether neither passes above the other, by the rule of the sweep."""
-    return robot.bottom_m <= other.top_m and other.bottom_m <= robot.top_m
-
-
-def heights_overlap_each(bottom_m: Floats, top_m: Floats, other_bottom_m: Floats, other_top_m: Floats) -> Bools:
-    """(n,) the same of n pairs."""
+def heights_overlap(
+    bottom_m: Floats | float, top_m: Floats | float, other_bottom_m: Floats | float, other_top_m: Floats | float
+) -> Any:
+    """Whether neither robot passes above the other. Heights that touch overlap. Arrays give an array."""
     return (bottom_m <= other_top_m) & (other_bottom_m <= top_m)
+
+
+def at_one_height(robot: HasHeights, other: HasHeights) -> bool:
+    """Whether the heights of two objects overlap."""
+    return bool(heights_overlap(robot.bottom_m, robot.top_m, other.bottom_m, other.top_m))
 
 
 def largest_group_at_one_height(robots: Sequence[T]) -> list[T]:

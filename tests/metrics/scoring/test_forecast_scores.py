@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from deconflict.foresight.motion_assumptions import JOINED_S
 from ingest.batch import Floats, Forecasts
 from metrics.scoring.forecast_scores import KINDS, ForecastScores
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
-from metrics.truth.recorded_motion import JOINED_S
 
 MAKER = ("Alder", "A7")
 

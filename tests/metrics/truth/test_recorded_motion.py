@@ -4,8 +4,9 @@ from math import ceil, floor, inf, nan, pi
 
 import numpy as np
 
+from deconflict.foresight.motion_assumptions import JOINED_S
 from ingest.batch import Forecasts
-from metrics.truth.recorded_motion import JOINED_S, RecordedMotion
+from metrics.truth.recorded_motion import RecordedMotion
 
 STEP_S, SAMPLES = 0.1, 50
 Report = tuple[float, float, float, float, int, float, float, float, float]

@@ -5,8 +5,8 @@ import pytest
 
 from deconflict.foresight.forecast_errors.self_contradiction import (
     AHEAD_S,
+    DOUBTED_MPS,
     KEEPS,
-    MOVES_MPS,
     SLACK_M,
     SLACK_SHARE,
     blank_records,
@@ -96,7 +96,7 @@ def test_a_robot_that_stands_or_was_away_is_believed_again() -> None:
     ways = blank_records(2)
     aside = [len(contradicting(ways, forecast(float(t), float(t), 0.0, (-1.0, 0.0)))) for t in range(8)]
     assert aside[-1] == 1
-    slow_m = 7.0 + 0.9 * MOVES_MPS
+    slow_m = 7.0 + 0.9 * DOUBTED_MPS
     assert len(contradicting(ways, forecast(8.0, slow_m, 0.0, (-1.0, 0.0)))) == 0
     assert len(contradicting(ways, forecast(9.0, slow_m + 1.0, 0.0, (-1.0, 0.0)))) == 1
     assert len(contradicting(ways, forecast(60.0, 70.0, 0.0, (-1.0, 0.0)))) == 0

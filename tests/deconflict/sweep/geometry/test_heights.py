@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from deconflict.advisory import ConflictAdvisory, Recommendation
-from deconflict.sweep.geometry.heights import heights_overlap, largest_group_at_one_height
+from deconflict.sweep.geometry.heights import at_one_height, largest_group_at_one_height
 from tests.deconflict.contention.scenes import Scene, Script, site
 from tests.helpers.saying import robot
 
@@ -65,7 +65,7 @@ def test_robots_above_one_another_get_no_warning_no_advice_and_no_near_miss() ->
 )
 def test_heights_overlap_if_they_touch_or_are_unknown(other: Box, together: bool) -> None:
     box = Box(0.0, 1.0)
-    assert heights_overlap(box, other) is heights_overlap(other, box) is together
+    assert at_one_height(box, other) is at_one_height(other, box) is together
 
 
 def test_the_largest_group_at_one_height_all_reaches_that_height() -> None:

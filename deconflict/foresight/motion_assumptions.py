@@ -1,0 +1,10 @@
+"""What is assumed of the motion of robots, wherever it is found in reports or simulated."""
+
+JOINED_S = 2.1
+"""Reports further apart do not tell the motion between them."""
+SPACED_S = 0.9
+"""Minimum time between two kept reports, or forecasts, of a robot."""
+BRAKES_MPS2 = 1.0
+"""Deceleration and acceleration of every robot."""
+LOST_S, MOVES_MPS = 1.0, 0.3
+"""A robot gives way if it drove at least so fast, and loses so much time."""
