@@ -29,16 +29,16 @@ class RobotState:
     yaw_rad: float
     linear_mps: float
     """Speed along the heading; negative if it drives backwards."""
-    turn_radps: float
     state: str
     """As the standard's schema spells it."""
     battery_pct: float
-    load_pct: float
-    """Share of its capacity in use."""
-    errors: tuple[str, ...]
     plan: FleetPlan
     destinations: tuple[tuple[float, int, float, float, float], ...]
     """Seconds from now, floor, x, y and yaw of each stop ahead."""
+    turn_radps: float = 0.0
+    load_pct: float = 0.0
+    """Share of its capacity in use."""
+    errors: tuple[str, ...] = ()
 
     @property
     def run_time_h(self) -> float:

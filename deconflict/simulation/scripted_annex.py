@@ -127,11 +127,8 @@ class Annex:
             y_m=place[1],
             yaw_rad=heading_rad,
             linear_mps=0.0 if step.state != "navigating" else -speed_mps if step.backs else speed_mps,
-            turn_radps=0.0,
             state=step.state,
             battery_pct=50.0 if row < 2 else 30.0 + charging * (now_s % TURN_S),
-            load_pct=0.0,
-            errors=(),
             plan=plan,
             destinations=self._destinations(row, now_s, step, place),
         )

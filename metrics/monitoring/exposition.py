@@ -1,5 +1,6 @@
 """The measures of every role as Prometheus text."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import accumulate
@@ -13,17 +14,11 @@ from prometheus_client.metrics_core import (
     Metric,
 )
 
-from ingest.measures.measures import Labels, combined
-from metrics.monitoring.catalogue import CATALOGUE, UNCATALOGUED, UNCATALOGUED_HELP, CatalogueEntry
+from ingest.measures.measures import Histogram, Labels, combined
+from metrics.monitoring.catalogue import CATALOGUE, UNCATALOGUED, UNCATALOGUED_HELP, CatalogueEntry, Kind
 
-
-@dataclass(slots=True)
-class HistogramBuckets:
-    """Observations by bucket, not cumulative. The last bucket is above every bound."""
-
-    bounds: list[float]
-    counts: list[int]
-    total: float
+HistogramRow = list[Any]
+"""A row of `histograms` in `Measures.as_document`."""
 
 
 @dataclass(slots=True)
@@ -31,33 +26,28 @@ class CombinedSeries:
     """The series of all roles combined. Series that do not fit the catalogue are only counted, by name."""
 
     values: dict[str, dict[Labels, float]] = field(default_factory=dict)
-    histograms: dict[str, dict[Labels, HistogramBuckets]] = field(default_factory=dict)
-    uncatalogued: dict[str, int] = field(default_factory=dict)
+    histograms: dict[str, dict[Labels, list[HistogramRow]]] = field(default_factory=dict)
+    uncatalogued: Counter[str] = field(default_factory=Counter)
 
     def add_value(self, name: str, labels: Labels, value: float) -> None:
-        entry = CATALOGUE.get(name)
-        if entry is None or entry.kind == "histogram" or len(labels) != len(entry.labels):
-            self._count_uncatalogued(name)
-            return
-        series = self.values.setdefault(name, {})
-        known = series.get(labels)
-        if known is None:
-            series[labels] = value
-        else:
-            series[labels] = combined(name, known, value)
+        if self._fits(name, labels, "counter", "gauge"):
+            series = self.values.setdefault(name, {})
+            series[labels] = combined(name, series[labels], value) if labels in series else value
 
-    def add_histogram(self, name: str, labels: Labels, buckets: HistogramBuckets) -> None:
+    def add_histogram(self, name: str, row: HistogramRow) -> None:
+        if self._fits(name, labels := tuple(row[0]), "histogram"):
+            rows = self.histograms.setdefault(name, {}).setdefault(labels, [])
+            if rows and rows[0][1] != row[1]:  # other bounds
+                self.uncatalogued[name] += 1
+            else:
+                rows.append(row)
+
+    def _fits(self, name: str, labels: Labels, *kinds: Kind) -> bool:
         entry = CATALOGUE.get(name)
-        if entry is None or entry.kind != "histogram" or len(labels) != len(entry.labels):
-            self._count_uncatalogued(name)
-            return
-        series = self.histograms.setdefault(name, {})
-        known = series.setdefault(labels, HistogramBuckets(buckets.bounds, [0] * len(buckets.counts), 0.0))
-        if known.bounds != buckets.bounds:
-            self._count_uncatalogued(name)
-            return
-        known.counts = [a + b for a, b in zip(known.counts, buckets.counts, strict=True)]
-        known.total += buckets.total
+        fits = entry is not None and entry.kind in kinds and len(labels) == len(entry.labels)
+        if not fits:
+            self.uncatalogued[name] += 1
+        return fits
 
     def collect(self) -> Iterator[Metric]:
         """The metric families in the catalogue's order, without those that have no series."""
@@ -71,9 +61,6 @@ class CombinedSeries:
             uncatalogued.add_metric([name], count)
         yield uncatalogued
 
-    def _count_uncatalogued(self, name: str) -> None:
-        self.uncatalogued[name] = self.uncatalogued.get(name, 0) + 1
-
 
 def combine(documents: Iterable[dict[str, Any]]) -> CombinedSeries:
     """Combine the series of several roles. Each document is a dictionary from `Measures.as_document`."""
@@ -83,8 +70,8 @@ def combine(documents: Iterable[dict[str, Any]]) -> CombinedSeries:
             for labels, value in rows:
                 combined.add_value(name, tuple(labels), value)
         for name, rows in document["histograms"].items():
-            for labels, *buckets in rows:
-                combined.add_histogram(name, tuple(labels), HistogramBuckets(*buckets))
+            for row in rows:
+                combined.add_histogram(name, row)
     return combined
 
 
@@ -101,9 +88,10 @@ def _family(name: str, entry: CatalogueEntry, series: dict[Labels, float]) -> Me
     return family
 
 
-def _histogram_family(name: str, entry: CatalogueEntry, series: dict[Labels, HistogramBuckets]) -> Metric:
+def _histogram_family(name: str, entry: CatalogueEntry, series: dict[Labels, list[HistogramRow]]) -> Metric:
     family = HistogramMetricFamily(name, entry.help, labels=entry.labels)
-    for labels, histogram in sorted(series.items()):
+    for labels, rows in sorted(series.items()):
+        histogram = Histogram.joined(rows)
         bounds = [*map(str, histogram.bounds), "+Inf"]
         family.add_metric(labels, list(zip(bounds, accumulate(histogram.counts), strict=True)), histogram.total)
     return family

@@ -184,11 +184,8 @@ class Errand:
             y_m=self.y_m,
             yaw_rad=self.yaw_rad,
             linear_mps=PACE_MPS if moving else 0.0,
-            turn_radps=0.0,
             state=self._state,
             battery_pct=50.0,
-            load_pct=0.0,
-            errors=(),
             plan=FleetPlan(
                 np.array([knot.after_s for knot in knots]),
                 np.array([(knot.x_m, knot.y_m, knot.yaw_rad) for knot in knots]),
