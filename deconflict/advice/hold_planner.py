@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from deconflict.advice.delay_windows import STEP_S, DelayWindows, HoldWindow, NearbyRobots
 from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advice.hold_problem import WEIGHT, HoldProblem, Plan, PlannedRobots
 from deconflict.advice.hold_search import FoundPlan, HoldSearch, hold_model
+from deconflict.advice.hold_windows import STEP_S, DelayWindows, HoldWindow, NearbyRobots
 from deconflict.advice.solver import solve
 from deconflict.advisory import Hold, Recommendation
 from ingest.batch import Pair

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from deconflict.advice.delay_windows import DelayWindows, HoldWindow, NearbyRobots, PlannedRobot
+from deconflict.advice.hold_windows import DelayWindows, HoldWindow, NearbyRobots, PlannedRobot
 from ingest.batch import Bools, Pair
 
 WEIGHT = 100

@@ -14,8 +14,8 @@ from operator import itemgetter
 
 from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups, Pairs
 from deconflict.advice.deferred_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
-from deconflict.advice.delay_windows import HoldWindow, NearbyRobots
 from deconflict.advice.hold_planner import advise_holds
+from deconflict.advice.hold_windows import HoldWindow, NearbyRobots
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.settings.site import Site

@@ -27,7 +27,7 @@ from deconflict.advisories.watched_pair_kernels import (
 )
 from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.advisory import ConflictAdvisory
-from deconflict.foresight.presence.silence_outcomes import PROBABLY_LEFT
+from deconflict.foresight.presence.lasting_silences import PROBABLY_LEFT
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
 from ingest.batch import Floats, Ints, Pair

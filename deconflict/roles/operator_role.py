@@ -16,8 +16,8 @@ from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.operator_calls import OperatorCalls
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
-from deconflict.runtime.first_of import until_either
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
+from deconflict.runtime.until_either import until_either
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.security.certificates import Certificates

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from deconflict.sweep.one_shot import Conflicts, Invalid, sweep
+    from deconflict.sweep.sweep_once import Conflicts, Invalid, sweep
 
 __all__ = ["Conflicts", "Invalid", "sweep"]
 
@@ -11,7 +11,7 @@ __all__ = ["Conflicts", "Invalid", "sweep"]
 def __getattr__(name: str) -> Any:
     """Load the kernels at their first use, so that importing another part of this folder does not load numba."""
     if name in __all__:
-        from deconflict.sweep import one_shot  # noqa: PLC0415
+        from deconflict.sweep import sweep_once  # noqa: PLC0415
 
-        return getattr(one_shot, name)
+        return getattr(sweep_once, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,7 +12,7 @@ from shapely.ops import nearest_points
 from shapely.plotting import plot_polygon
 
 from deconflict.sweep.geometry.pose import Pose, envelope, pose_at
-from deconflict.sweep.one_shot import Conflicts
+from deconflict.sweep.sweep_once import Conflicts
 from ingest.batch import Forecasts
 
 COLOURS = ("#2563a8", "#d9732b")

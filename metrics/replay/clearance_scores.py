@@ -9,12 +9,12 @@ from typing import Any
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Batch
 from metrics.replay.engine_output import EngineOutput
-from metrics.scoring.warnings import warning_scores
-from metrics.scoring.warnings.alert_scores import STANDING_S, Alert, RobotPresence, score
+from metrics.scoring.warnings import precision_by_outcomes
 from metrics.scoring.warnings.calibration_scores import SETTLED_S, CalibrationScores
 from metrics.scoring.warnings.judged_alerts import judged
 from metrics.scoring.warnings.outcomes_by_moment import ContactOutcomes, InteractionOutcomes
 from metrics.scoring.warnings.path_believer import PathBeliever
+from metrics.scoring.warnings.precision_by_encounters import STANDING_S, Alert, RobotPresence, score
 from metrics.truth.absences import Absences
 from metrics.truth.advised_waits import AdvisedWaits
 from metrics.truth.encounters import EncounterFinder
@@ -75,7 +75,7 @@ class ClearanceScores:
 
     def _warnings(self, alerts: Iterable[Alert], present: RobotPresence, end_s: float) -> dict[str, Any]:
         cases = judged(alerts, self._outcomes, present, self._waits, end_s)
-        return warning_scores.figures(cases, present, self._truth.silences.by_minute_s)
+        return precision_by_outcomes.figures(cases, present, self._truth.silences.by_minute_s)
 
     def _probability_figures(self) -> dict[str, Any]:
         """How well the probability of getting in each other's way is calibrated."""

@@ -24,9 +24,9 @@ from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, LogReader, Received, Tick
 from metrics.replay.engine_output import EngineOutput
-from metrics.replay.engine_passes import EnginePass, PassReader
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
+from metrics.replay.recorded_passes import EnginePass, PassReader
 from metrics.replay.replay import AdvisoryLine, BatchSink, LineSink, advisory_lines, document
 
 CONNECT_TIMEOUT_S = 10.0

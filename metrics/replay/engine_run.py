@@ -8,7 +8,7 @@ from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.batch import Batch, Floats
 from metrics.replay.engine_output import EngineOutput, PairProbabilities
-from metrics.replay.engine_passes import EnginePass
+from metrics.replay.recorded_passes import EnginePass
 from metrics.scoring.place_scores import EVERY_S, PlaceForecast, forecast_of
 
 

@@ -9,7 +9,7 @@ from ingest.languages.massrobotics import timestamps
 from metrics.replay import conformance_counts
 from metrics.replay.clearance_scores import ClearanceScores
 from metrics.replay.engine_output import EngineOutput
-from metrics.replay.engine_passes import EnginePass, PassReader
+from metrics.replay.recorded_passes import EnginePass, PassReader
 from metrics.scoring.arrival_scores import ArrivalScores
 from metrics.scoring.contention_scores import ContentionScores
 from metrics.scoring.forecast_scores import ForecastScores

@@ -17,9 +17,9 @@ from ingest.batch import Batch
 from ingest.recording.log_reader import Event, LogReader
 from metrics.replay import conformance_counts
 from metrics.replay.engine_output import EngineOutput
-from metrics.replay.engine_passes import PassReader
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
+from metrics.replay.recorded_passes import PassReader
 
 AdvisoryLine = dict[str, Any]
 """One revision of a conflict advisory, as `replay --advisories` writes it."""

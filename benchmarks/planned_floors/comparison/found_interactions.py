@@ -13,7 +13,7 @@ from benchmarks.planned_floors.truth.outcomes import Happenings
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import LogReader
-from metrics.replay.engine_passes import PassReader
+from metrics.replay.recorded_passes import PassReader
 from metrics.scoring.forecast_scores import ForecastScores
 from metrics.truth.interactions import Interactions, YieldEvent
 

@@ -11,8 +11,8 @@ from benchmarks.planned_floors.scoring.judged_cases import Sample
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import LogReader
-from metrics.replay.engine_passes import EnginePass, PassReader
 from metrics.replay.engine_run import EngineRun
+from metrics.replay.recorded_passes import EnginePass, PassReader
 from metrics.replay.replay import advisory_lines
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.planned_floors.logs.reports import Report, Robot
 from benchmarks.planned_floors.scoring.alerts import Alert, alerts_of_seconds
 from benchmarks.planned_floors.truth.encounters import Pair
-from deconflict.sweep.one_shot import sweep
+from deconflict.sweep.sweep_once import sweep
 from ingest.batch import Floats, Forecasts
 
 HORIZON_S = 10.0

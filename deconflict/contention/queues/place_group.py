@@ -6,8 +6,8 @@ from heapq import heapify, heappop, heappush
 from operator import attrgetter
 
 from deconflict.advisory import Recommendation
-from deconflict.contention.queues.lower_bounds import Task, least_weighted_ends
 from deconflict.contention.queues.queue_forecast import ServiceRequest
+from deconflict.contention.queues.schedule_bounds import Task, least_weighted_ends
 
 WEIGHT = 100
 """Priorities count in hundredths."""

@@ -1,4 +1,4 @@
-"""Silences that last, and the probability that each silent robot is still present."""
+"""Silences that last: how likely each silent robot is still present, and which have probably left."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.foresight.presence.silence_outcomes import PROBABLY_LEFT, SilenceCase
+from deconflict.foresight.presence.silence_outcomes import SilenceCase
 from ingest.batch import Floats
 from ingest.measures.measures import Labels
+
+PROBABLY_LEFT = 0.5
+"""A robot has probably left if the probability that it is present is lower than this."""
 
 
 @dataclass(slots=True, eq=False)
@@ -80,6 +83,13 @@ class LastingSilences:
         if change := self._count(silence, there):
             (self.changes.left if change > 0 else self.changes.back).append(uuid)
         silence.there = self.changes.there[uuid] = self.fading[uuid] = there
+
+    def there(self, uuid: str) -> float:
+        """The probability that a robot is present; 1 for a robot that is heard."""
+        return self.fading.get(uuid, 1.0)
+
+    def has_probably_left(self, uuid: str) -> bool:
+        return self.there(uuid) < PROBABLY_LEFT
 
     def _count(self, silence: LastingSilence, there: float) -> int:
         """Update the count of robots that have probably left. Returns the change: 1, 0 or -1."""

@@ -26,7 +26,6 @@ from deconflict.foresight.presence.silence_outcomes import (
     LEFT,
     MAYBE_LEFT,
     MAYBE_THERE,
-    PROBABLY_LEFT,
     THERE,
     LastSeen,
     SilenceOutcomes,
@@ -107,7 +106,7 @@ class Presence:
 
     def there(self, uuid: str) -> float:
         """The probability that a robot is still present, as of the last step; 1 for a robot that is heard."""
-        return self._silences.fading.get(uuid, 1.0)
+        return self._silences.there(uuid)
 
     def both_there(self, pairs: Sequence[tuple[str, str]]) -> Floats:
         """(n,) the probability that both robots of each pair are present."""
@@ -115,7 +114,7 @@ class Presence:
 
     def has_probably_left(self, uuid: str) -> bool:
         """Whether a robot has probably left, as of the last step."""
-        return self.there(uuid) < PROBABLY_LEFT
+        return self._silences.has_probably_left(uuid)
 
     def silent_s(self, uuid: str, now_s: float) -> float | None:
         """For how long a silent robot has said nothing; None for a robot that is heard."""

@@ -18,8 +18,6 @@ from deconflict.foresight.presence import silence_survival
 from deconflict.runtime.learned_state import Part, UnreadableError, numbers
 from ingest.batch import Floats, FloorPoint
 
-PROBABLY_LEFT = 0.5
-"""A robot has probably left if the probability that it is present is lower than this."""
 CELL_M = 2.0
 """Side of a cell of a floor."""
 PLACE_CASES = 1.5

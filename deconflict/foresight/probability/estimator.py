@@ -23,8 +23,8 @@ from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_
 from deconflict.foresight.interactions.report_progress import interaction_reports
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.advice_followers import AdviceFollowers
-from deconflict.foresight.probability.band_kernels import Bounds, update_surprise
 from deconflict.foresight.probability.calibration import Calibration, contact_features, log_odds
+from deconflict.foresight.probability.error_band_kernels import Bounds, update_surprise
 from deconflict.foresight.probability.outcome_learning import OutcomeLearning
 from deconflict.foresight.probability.pair_candidates import PairCandidates, SweptConflicts
 from deconflict.foresight.probability.pair_measuring import PairMeasuring

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
-from deconflict.foresight.probability.band_kernels import reach_m
+from deconflict.foresight.probability.error_band_kernels import reach_m
 from deconflict.foresight.probability.pair_table import codes
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.sweep.geometry.heights import heights_overlap

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
-from deconflict.foresight.probability.band_kernels import Bounds, measure_overlaps
 from deconflict.foresight.probability.calibration import log_odds
+from deconflict.foresight.probability.error_band_kernels import Bounds, measure_overlaps
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from deconflict.foresight.probability.pair_table import Pairs, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots

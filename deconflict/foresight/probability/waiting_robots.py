@@ -6,7 +6,7 @@ from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.forecast_errors.track_kernels import Robots
-from deconflict.foresight.probability.band_kernels import most_sds
+from deconflict.foresight.probability.error_band_kernels import most_sds
 from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
 from ingest.batch import Bools, Floats, Ints
 

@@ -11,7 +11,7 @@ import numpy as np
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
-from deconflict.sweep.one_shot import sweep
+from deconflict.sweep.sweep_once import sweep
 from ingest.batch import Forecasts
 from ingest.fleet.robot import Robot
 from ingest.measures.measures import Measures

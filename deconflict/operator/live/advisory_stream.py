@@ -10,7 +10,7 @@ from fastapi import WebSocket, WebSocketDisconnect
 from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
-from deconflict.runtime.first_of import until_either
+from deconflict.runtime.until_either import until_either
 from ingest.measures.measures import Measures
 
 MOST_DIGITS = 18

@@ -15,7 +15,7 @@ from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.operator.outlets.store_cursor import StoreCursor, is_being_cancelled
 from deconflict.operator.store.publisher import PublishedLine
 from deconflict.operator.store.store import Store, StoreError
-from deconflict.runtime.first_of import until_either
+from deconflict.runtime.until_either import until_either
 from deconflict.settings.outlet_settings import Mqtt
 from ingest.security.tokens import renewed, secret
 

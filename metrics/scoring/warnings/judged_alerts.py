@@ -1,4 +1,4 @@
-"""Every alert and every fresh onset of a log, judged by the outcomes of its pair. `warning_scores` counts these."""
+"""Every alert and fresh onset of a log, judged by the outcomes of its pair. `precision_by_outcomes` counts them."""
 
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
@@ -6,8 +6,8 @@ from math import ceil
 from typing import NamedTuple
 
 from ingest.batch import Pair
-from metrics.scoring.warnings.alert_scores import Alert, RobotPresence
 from metrics.scoring.warnings.calibration_scores import Vendors
+from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence
 from metrics.truth.advised_waits import AdvisedWaits
 from metrics.truth.pair_outcomes import NOTHING, WITHIN_S, AllPairOutcomes, PairOutcomes, Verdict
 

@@ -13,7 +13,7 @@ import numpy as np
 from deconflict.sweep.geometry.encounter import CLASSES
 from deconflict.sweep.incremental import PairConflicts, Sweeper
 from ingest.batch import Batch, Ints, Pair
-from metrics.scoring.warnings.alert_scores import Alert
+from metrics.scoring.warnings.precision_by_encounters import Alert
 
 HORIZON_S = 10.0
 LOOK_S = 1.0

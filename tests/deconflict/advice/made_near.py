@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from deconflict.advice.delay_windows import NearbyRobots, PlannedRobot
+from deconflict.advice.hold_windows import NearbyRobots, PlannedRobot
 from deconflict.advisory import ConflictAdvisory
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts

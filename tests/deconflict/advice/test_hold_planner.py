@@ -12,9 +12,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from deconflict.advice import exhaustive_search, hold_search
-from deconflict.advice.delay_windows import STEP_S, DelayWindows, HoldWindow
 from deconflict.advice.exhaustive_search import UNKNOWN
 from deconflict.advice.hold_planner import advise_holds
+from deconflict.advice.hold_windows import STEP_S, DelayWindows, HoldWindow
 from deconflict.advisory import Hold, Recommendation
 from ingest.batch import Pair
 from tests.deconflict.advice.made_near import SeenRobot, near

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from deconflict.sweep.one_shot import sweep
+from deconflict.sweep.sweep_once import sweep
 from ingest.batch import Forecasts
 from tests.helpers.made_encounters import NOW_S, robot
 

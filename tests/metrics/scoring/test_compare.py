@@ -4,8 +4,8 @@ import numpy as np
 
 from deconflict.foresight.probability.censoring import STAYED
 from metrics.scoring.compare import FigureChange, changes, page
-from metrics.scoring.warnings.alert_scores import Alert, score
 from metrics.scoring.warnings.calibration_scores import CalibrationSamples, CalibrationTally
+from metrics.scoring.warnings.precision_by_encounters import Alert, score
 from metrics.truth.encounters import RecordedEncounter
 
 

@@ -16,7 +16,7 @@ from deconflict.foresight.forecast_errors.error_ledger import (
 )
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT, Errors
 from deconflict.foresight.forecast_errors.upper_quantiles import bins, upper_quantiles
-from deconflict.foresight.probability.band_kernels import reach_m
+from deconflict.foresight.probability.error_band_kernels import reach_m
 from deconflict.runtime.learned_state import UnreadableError
 from ingest.batch import Basis, Floats
 from tests.deconflict.foresight.forecast_errors.made_errors import off

@@ -16,9 +16,9 @@ import numpy as np
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import mean, means, ratio, ratios
-from metrics.scoring.warnings.alert_scores import RobotPresence
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.judged_alerts import LEADS_S, JudgedAlert, JudgedCases, JudgedOnset
+from metrics.scoring.warnings.precision_by_encounters import RobotPresence
 from metrics.truth.pair_outcomes import IN_VAIN, Verdict
 from metrics.truth.silences import MINUTE_S
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.sweep.geometry.knots import Knots, Robots, delayed
-from deconflict.sweep.one_shot import first_contacts
+from deconflict.sweep.sweep_once import first_contacts
 from ingest.batch import Bools, Floats, Ints, Pair
 
 STEP_S = 0.5

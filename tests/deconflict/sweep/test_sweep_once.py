@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from deconflict import sweep as package
 from deconflict.sweep import fcl_check, incremental
 from deconflict.sweep.geometry.knots import Knots, Robots
-from deconflict.sweep.one_shot import Conflicts, Invalid, first_contacts, sweep
 from deconflict.sweep.slot_table import SlotTable
+from deconflict.sweep.sweep_once import Conflicts, Invalid, first_contacts, sweep
 from ingest.batch import Floats, Forecasts, Ints
 from tests.helpers.made_encounters import (
     FAMILIES,
@@ -296,7 +296,7 @@ def test_chosen_pairs_are_swept_until_their_own_times(monkeypatch: pytest.Monkey
     met = np.flatnonzero(all_s < np.inf)
     until_s = np.where(np.arange(60) % 2, all_s + 0.1, all_s - 0.1)
     until_s[all_s == np.inf] = NOW_S + HORIZON_S
-    monkeypatch.setattr("deconflict.sweep.one_shot.ROUNDS", rounds)
+    monkeypatch.setattr("deconflict.sweep.sweep_once.ROUNDS", rounds)
     told_s, _ = first_contacts(*laid_out(forecasts), a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.25)
     in_time = met[(met % 2 == 1) & (until_s[met] > NOW_S)]
     assert len(in_time) > 5

@@ -2,7 +2,7 @@ from math import inf
 
 import pytest
 
-from metrics.scoring.warnings.alert_scores import Alert, score
+from metrics.scoring.warnings.precision_by_encounters import Alert, score
 from metrics.truth.encounters import EncounterFinder, RecordedEncounter
 from tests.metrics.truth.made_motion import driven, reported
 

@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from deconflict.runtime.first_of import until_either
+from deconflict.runtime.until_either import until_either
 
 
 class BrokenError(Exception):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, ROBOT, RelativePoses, Robots
-from deconflict.foresight.probability.band_kernels import (
+from deconflict.foresight.probability.error_band_kernels import (
     EIGHTY,
     EXACT_M,
     FINEST_BAND_M,

@@ -7,7 +7,7 @@ import pytest
 from deconflict.settings.site import DEFAULT
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Event, Received, Tick
-from metrics.replay.engine_passes import HELD_S, EnginePass, PassReader
+from metrics.replay.recorded_passes import HELD_S, EnginePass, PassReader
 from tests.helpers.saying import identity, robot, status
 
 NOW_S = 1_790_000_000.0
