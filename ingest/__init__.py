@@ -1,1 +1,1 @@
-"""From vendors' sockets to normalised forecasts: the receiving half of the service."""
+"""From vendors' sockets to normalised forecasts: the part of the service that the receiver runs."""

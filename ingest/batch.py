@@ -1,4 +1,4 @@
-"""Batches: the data that goes from the receiving half to the engine, as numpy arrays.
+"""Batches: the data that goes from the receiver to the engine, as numpy arrays.
 
 A `Batch` holds every robot that changed since the last one, with its forecast as timed poses in the frame of its floor.
 Nothing else goes from the vendors' sockets to the engine.

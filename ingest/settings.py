@@ -1,7 +1,7 @@
 """Settings of this package: datums, vendors and their maps, sockets, clocks, recording.
 
 Each is a frozen section of the site file, which `deconflict/settings/site.py` composes and loads. An unknown key is an
-error. The name of each field has its unit, and its docstring says what it means.
+error. A field with a unit names it. The docstring of a field says what it means.
 """
 
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Questions whose answers are worked out elsewhere, and given at event times, so that a replay gives the same ones."""
+"""Questions that other threads or processes answer. A replay gives each answer at the same pass."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from typing import Protocol
 from deconflict.advisory import Recommendation
 
 ANSWER_AFTER_S = 0.5
-"""An answer is given in the first pass so long after its question, even if it was worked out sooner."""
+"""An answer is given in the first pass this long after its question, even if it was computed sooner."""
 
 
 class PendingAnswer(Protocol):
-    """An answer that is being worked out."""
+    """An answer that may still be in computation."""
 
     def done(self) -> bool: ...
 
@@ -20,12 +20,12 @@ class PendingAnswer(Protocol):
 
 
 Submit = Callable[[Callable[[], Recommendation]], PendingAnswer]
-"""Has a question worked out, as `concurrent.futures.Executor.submit` does."""
+"""Starts the computation of an answer, as `concurrent.futures.Executor.submit` does."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadyAnswer:
-    """An answer that was worked out at once."""
+    """An answer that was computed at once."""
 
     advice: Recommendation
 
@@ -43,18 +43,18 @@ def answer_at_once(question: Callable[[], Recommendation]) -> PendingAnswer:
 class AsyncAnswers:
     """Answers in the order of their questions.
 
-    How many answers were ready at a pass is settled before it, and recorded: an answer that came late comes as late in
-    a replay.
+    The number of unanswered questions is fixed before each pass, and recorded. A replay gives each answer at the same
+    pass.
     """
 
     def __init__(self, submit: Submit) -> None:
-        self._work_out = submit
+        self._submit = submit
         self._asked, self._ready = 0, 0
-        """How many questions there were, and how many of the first of them count as answered."""
+        """How many questions there were, and how many of them, the oldest first, count as answered."""
         self._under_way: deque[PendingAnswer] = deque()
 
     def submit(self, question: Callable[[], Recommendation]) -> PendingAnswer:
-        answer = self._work_out(question)
+        answer = self._submit(question)
         self._asked += 1
         if not answer.done():
             self._under_way.append(answer)
@@ -67,7 +67,7 @@ class AsyncAnswers:
         return len(self._under_way)
 
     def set_pending(self, pending: int) -> None:
-        """Let so many of the newest questions count as not answered until the next call."""
+        """Treat the newest `pending` questions as unanswered until the next call."""
         self._ready = self._asked - pending
 
     def is_ready(self, number: int) -> bool:
@@ -76,7 +76,7 @@ class AsyncAnswers:
 
 @dataclass(frozen=True, slots=True)
 class NumberedAnswer:
-    """The answer to the question of a number; it is done once `answers` counts it as answered."""
+    """The answer to question `number`; it is done once `answers` counts it as answered."""
 
     answers: AsyncAnswers
     number: int

@@ -1,4 +1,4 @@
-"""The cheapest plan of a few robots by trying all: exact, and faster than a solver reads the question.
+"""The cheapest plan of a few robots, found by trying all plans. It is exact, and for few robots faster than a solver.
 
 `_search` is long because it is one loop: its state would be passed to every part of it.
 """
@@ -13,9 +13,9 @@ from ingest.batch import Bools, Ints
 from ingest.kernels import inner, kernel
 
 MOST_TRIED = 200_000
-"""Holds of one robot that are tried before a question is left to the solver; they take milliseconds, as the solver."""
+"""After so many tried holds, of single robots, the solver takes over: it needs no longer from there on."""
 NO_PLAN, UNKNOWN = -1, -2
-"""Instead of a score: there is no plan, or the search gave up."""
+"""Returned in place of a score: there is no plan, or the search gave up."""
 HIGHEST_SCORE = 1 << 62
 """Above the score of any plan."""
 
@@ -94,9 +94,10 @@ def _search(
 ) -> int:
     """Russian doll search (Verfaillie, Lemaitre and Schiex 1996); fills `best` and returns its score.
 
-    Depth first, the shortest holds first, for the last robot alone, then for the last two, and so on. What the robots
-    that follow score at least is known by then, and nothing is tried that can't score less than what was found. Holds
-    that do not fit are skipped at once, and count as tried.
+    Depth first, the shortest holds first: for the last robot alone, then for the last two, and so on. Each of these
+    searches finds the lowest score of the robots from one row on. The next search uses it as a lower bound of their
+    score, and skips plans that can't score less than the best so far. Holds that bring two robots together are
+    skipped at once, and count as tried.
     """
     robots, tried, least, nearest = len(longest), 0, 0, _nearest_allowed(allowed)
     rest, plan = np.zeros(robots + 1, np.int64), np.full(robots, -1)

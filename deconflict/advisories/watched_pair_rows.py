@@ -1,4 +1,4 @@
-"""What is remembered of each watched pair, field by field, and the thresholds that decide. Read by kernels."""
+"""The records of watched pairs that kernels read, and the thresholds of their decisions."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ OPEN_ADVISORY = np.dtype(
     [
         ("is_open", np.bool_),  # the pair has an open advisory; otherwise the other fields mean nothing
         ("has_begun", np.bool_),  # the conflict had begun when the newest revision was made
-        ("severity", np.int64),  # index in `revision_rules.SEVERITIES`
+        ("severity", np.int64),  # index in `severity.SEVERITIES`
         ("encounter_class", np.int64),  # index in `encounter.CLASSES`
         ("floor", np.int64),  # index of the floor; -1 if it is not known
         ("updated_s", np.float64),  # time of the newest revision

@@ -1,6 +1,6 @@
 """Advisories on robots that two vendors report, that are reported from two places at once, or many of them from one.
 
-Claims of the receiving half and crowds in, advisory revisions out. When an advisory is raised and cleared,
+Claims of the receiver and crowds in, advisory revisions out. When an advisory is raised and cleared,
 `finding_lifecycle` decides.
 """
 

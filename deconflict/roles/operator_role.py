@@ -116,17 +116,17 @@ class OperatorRole:
                 self._certificates.refresh()
 
     async def _reload(self) -> None:
-        """Apply changed settings as soon as they are in force."""
+        """Use changed settings as soon as the supervisor has written them."""
         current = CurrentSite(self._runtime, self._site)
         while True:
             if site := current.changed():
                 try:
                     self._app.state.people.renew(site.operator.people)
                 except SecretError as error:
-                    log.error("operator.people stay as they were: %s", error)
+                    log.error("the old operator.people stay in use: %s", error)
                 try:
                     self._outlets.renew(site.webhooks, site.mqtt)
                 except SecretError as error:
-                    log.error("webhooks and mqtt stay as they were: %s", error)
+                    log.error("the old webhooks and mqtt stay in use: %s", error)
                 self._site = self._app.state.site = self.sources.history.site = self._keeper.site = site
             await asyncio.sleep(RELOAD_CHECK_S)

@@ -134,7 +134,7 @@ class ReceiverRole:
         self.recorder.closed(connection, self._now_s())
 
     async def _reload(self) -> None:
-        """Apply changed settings as soon as they are in force."""
+        """Use changed settings as soon as the supervisor has written them."""
         current = CurrentSite(self._runtime, self.site)
         while True:
             if site := current.changed():

@@ -1,6 +1,6 @@
-"""Changes of the site file while the service runs: most take effect at once, some after a restart.
+"""Changes of the site file while the service runs: most are in use at once, some after a restart.
 
-The supervisor reads the file on request, and writes the current settings to a file that every role reads.
+The supervisor reads the file on request, and writes the settings in use to a file that every role reads.
 """
 
 import json
@@ -18,7 +18,7 @@ from ingest.security.tokens import SecretError
 log = logging.getLogger(__name__)
 
 SITE_FILE = "site.json"
-"""The current settings, in the runtime directory, for each role to read."""
+"""The settings in use, in the runtime directory, for each role to read."""
 RESULTS_FILE = "reloads.json"
 """How many reloads were `applied` and `refused`, the `problems` of the last, and the keys that need a restart."""
 REQUEST_FILE = "reload.asked"
@@ -89,12 +89,12 @@ class Reloader:
         except (SiteError, SecretError, CertificateError) as error:
             problems = list(error.problems) if isinstance(error, SiteError) else [str(error)]
             self._write_result("refused", problems, self._results["needs_restart"])
-            log.error("the changed site file is refused, the old settings stay in force: %s", "; ".join(problems))
+            log.error("the changed site file is refused, the old settings stay in use: %s", "; ".join(problems))
             return
         self._site = site
         write(self._runtime / SITE_FILE, site.model_dump_json())
         self._write_result("applied", [], list(waiting))
-        log.info("the changed site file is in force")
+        log.info("the changed site file is in use")
         if waiting:
             log.warning("these keys of the site file need a restart: %s", ", ".join(waiting))
 

@@ -66,5 +66,6 @@ def _misfits(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
         if bend > MAX_BEND:
             yield (
                 f"readings: between {', '.join(points[row] for row in rows)} the correction bends the map by "
-                f"{100 * bend:.0f} %; they lie too near each other for how far they are off; leave one out"
+                f"{100 * bend:.0f} %; these points are close together and their readings disagree; "
+                "correct or remove one"
             )

@@ -104,7 +104,8 @@ def _notes(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
         yield "two points can't show a wrong reading or a mirrored map; read at least two more"
     elif not np.isnan(fit.left_out_m).all() and np.nanmax(fit.left_out_m) > vendor_map.tolerance_m:
         worst = int(np.nanargmax(fit.left_out_m))
-        yield f"the others put {points[worst]} {fit.left_out_m[worst]:z.3f} m off; read that one again first"
+        p, off_m = points[worst], fit.left_out_m[worst]
+        yield f"a fit without {p} places it {off_m:z.3f} m from its reference point; read {p} again first"
 
 
 def _datum_lines(datum: Datum) -> Iterator[str]:

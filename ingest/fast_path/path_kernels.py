@@ -49,9 +49,10 @@ LIMITS = np.dtype(
         ("slow_turn_rad", np.float64),  # `plausibility.SLOW_TURN_RAD`
     ]
 )
-"""What the kernel needs to know of a robot and of the rules, all of one type.
+"""The robot's facts and the limits of the rules that the kernel needs, all of one type.
 
-It gets them as an array of floats and views them as this record: numba takes twice as long to accept a record array.
+The kernel gets them as an array of floats and views them as this record: numba takes twice as long to accept a record
+array.
 """
 Limits = Any
 """One record of `LIMITS`."""
@@ -133,7 +134,8 @@ def _by_velocity(here: Pose, speed_mps: float, turn_radps: float, limits: Limits
 
 @inner
 def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, limits: Limits) -> bool:
-    """Whether `plausibility.reconcile` certainly corrects and finds nothing, and no claim sees a jump."""
+    """Whether the motion certainly needs no check: `plausibility.reconcile` would correct nothing and report no
+    deviation, and `ownership_claims` would see no jump."""
     gap_s, dx, dy = now[0] - before[0], now[1] - before[1], now[2] - before[2]
     moved2 = dx * dx + dy * dy
     if not 0.0 < gap_s <= limits.comparable_s:
@@ -168,7 +170,8 @@ def _write_stops(
 
 @inner
 def _breaks_a_rule(stamp_s: float, points: Floats, stops: Floats, limits: Limits) -> bool:
-    """Whether `path_points` finds something in the number or the times of a path or of destinations."""
+    """Whether `path_points` would report a deviation: of the number of points, or of the times, of a path or of
+    destinations."""
     slack_s, most = limits.slack_s, limits.most_points
     if len(points) and (
         len(points) > most

@@ -1,1 +1,1 @@
-"""Counters of the receiving half, and detection of changes in what is measured."""
+"""Counters of the receiver, and detection of changes in measured values."""

@@ -33,11 +33,11 @@ def secret(source: str) -> str:
 
 
 def renewed(source: str, before: str) -> str:
-    """The present secret. If it can't be read, that is logged and the earlier one returned."""
+    """The secret of `source`. If it can't be read, that is logged, and `before` is returned."""
     try:
         return secret(source)
     except SecretError as error:
-        log.error("the earlier secret stays in use: %s", error)
+        log.error("the old secret stays in use: %s", error)
         return before
 
 

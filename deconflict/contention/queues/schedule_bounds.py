@@ -1,10 +1,14 @@
 """Lower bounds of the cost of any order of service, from two relaxations that need no search.
 
-Both let jobs be interrupted. The first takes all places as one that is as many times as fast, and always serves the
-job with the most weight for its length: each job then ends, on the weighted mean, no sooner than the mean time at which
-it is served plus half its length (Goemans, Queyranne, Schulz, Skutella and Wang 2002, "Single machine scheduling with
-release dates"; for several places, Schulz and Skutella 2002). The second holds if one place serves jobs of one weight:
-shortest remaining time first ends them soonest (Schrage 1968).
+Both relaxations allow jobs to be interrupted.
+
+The first replaces n places by one place that is n times as fast. It always serves the released job with the highest
+weight for its length. The bound is the weighted sum, over all jobs, of the mean time at which the job is served plus
+half its length (Goemans, Queyranne, Schulz, Skutella and Wang 2002, "Single machine scheduling with release dates"; for
+several places, Schulz and Skutella 2002).
+
+The second applies to one place and jobs of equal weight. To serve the job with the shortest remaining time first gives
+the least sum of ends (Schrage 1968).
 """
 
 from collections.abc import Sequence
@@ -15,16 +19,18 @@ from math import ceil
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One job, in whole milliseconds; its weight is for each millisecond."""
+    """One job. Times are whole milliseconds."""
 
     release: int
+    """Earliest time at which it may begin."""
     length: int
-    """More than 0."""
+    """Duration, more than 0."""
     weight: int
+    """Cost of each millisecond until it ends."""
 
 
 def least_weighted_ends(tasks: Sequence[Task], places: int) -> int:
-    """No schedule of `tasks` on so many equal places has a smaller sum of weight times end."""
+    """A lower bound of the sum of weight times end, for any schedule of `tasks` on equal places."""
     bound = sum(
         task.weight * (busy + task.length / 2) for task, busy in zip(tasks, _mean_busy(tasks, places), strict=True)
     )
@@ -66,7 +72,8 @@ def _shortest_remaining_first(tasks: Sequence[Task]) -> list[float]:
 def _served(
     tasks: Sequence[Task], left: list[float], speed: int, rank: Sequence[float]
 ) -> list[tuple[int, float, float]]:
-    """Which task is served from when to when; of the released tasks, the one with the lowest rank first."""
+    """Row, begin and end of each interval in which a task is served. The released task with the lowest rank goes
+    first."""
     order = sorted(range(len(tasks)), key=lambda row: tasks[row].release)
     waiting: list[tuple[float, int]] = []
     pieces, now, following = [], 0.0, 0

@@ -22,9 +22,9 @@ from ingest.batch import Batch, Floats, Ints
 SHORTEST_S = 5.0
 """Arrivals that are nearer are not used: their ratios are noise."""
 MOST_RATED = 8
-"""So many of the first announcements of one destination count."""
+"""Of the announcements of one destination, so many count, the first ones."""
 MOST_RATIOS = 200
-"""Kept for one vendor."""
+"""Number of ratios that are kept for one vendor."""
 HALF_LIFE_S = 86400.0
 PRIOR_RATIOS = (0.9, 1.0, 1.0, 1.0, 1.3)
 """The prior for every vendor; each ratio has the weight of one new arrival."""
@@ -37,14 +37,14 @@ SHARES = (0.1, 0.5, 0.9)
 
 
 class ArrivalCorrections(NamedTuple):
-    """By what the times that n robots announce are corrected."""
+    """Corrections of the arrival times that n robots announce."""
 
     row: Ints
-    """(n,) which of the v rows below applies to each robot."""
+    """(n,) the row of the two tables below that applies to each robot."""
     rates: Floats
     """(v, 3) quantiles of time taken over time announced."""
     left_s: Floats
-    """(v, len(OVERDUE_S), 3) quantiles of the time left to a robot that stands and is so long overdue."""
+    """(v, len(OVERDUE_S), 3) quantiles of the time until arrival of a robot that stands, by how long it is overdue."""
 
 
 @dataclass(slots=True)
@@ -54,7 +54,7 @@ class VendorRatios:
     seen: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=MOST_RATIOS))
     """Time of the arrival, and its ratio."""
     quantiles: Quantiles | None = None
-    """None since the last new ratio until they are asked for."""
+    """Computed when they are needed; None after each new ratio."""
 
 
 class ArrivalForecast:

@@ -243,8 +243,8 @@ def update_records(
 def collect_boxes(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats, Floats, Floats, Ints, Ints, Ints]:
     """Boxes of stops that lie in no resource, of robots that stand, and of the paths of robots that move or wait.
 
-    Three times boxes (n, 4), each larger by `spare_m`; then (n, 2) slot and number of each stop, (n,) slot of each
-    standing robot, (n,) slot of each path. All are empty if no robot stands.
+    Returns three arrays of boxes (n, 4), each box enlarged by `spare_m` on every side; then (n, 2) slot and number of
+    each stop, (n,) slot of each standing robot, (n,) slot of the robot of each path. All are empty if no robot stands.
     """
     ends, standing, going = 0, 0, 0
     for slot in range(len(robots)):

@@ -50,11 +50,11 @@ def _gather(
     lasts_s: float,
     fewest: float,
 ) -> int:
-    """Add the errors `graded_s` ahead of the kinds from `first` on to the `counts` (vendors, BINS) of their vendors,
-    which are collected since `since_s` (vendors,). Stops at the first kind whose vendor has enough errors for a value,
-    and returns it; -1 if there is none.
+    """Add errors of forecasts `graded_s` ahead to `counts` (vendors, BINS), kind by kind, from the kind `first` on.
 
-    `vendor_of` (kinds,) is the vendor of each kind, -1 for kinds that do not count.
+    Stops at the first kind whose vendor now has enough errors for a value, and returns that kind; -1 if there is none.
+    `since_s` (vendors,) is when the count of each vendor began. `vendor_of` (kinds,) is the vendor of each kind, -1 for
+    kinds that do not count.
     """
     last, before = np.full(len(vendor_of), -1), np.empty(len(errors), np.int64)
     for at, error in enumerate(errors):

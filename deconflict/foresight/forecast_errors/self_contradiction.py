@@ -1,11 +1,11 @@
 """Robots that go elsewhere than their forecasts say, and where they go instead.
 
 A robot is compared with its forecast whenever it has moved for about a second. Its contradiction is its distance from
-the way that it had way, at any time of that way. So a robot that is late, waits, or hurries along its way does not
-contradict itself: the bands of the ledger cover that. A robot that says that it stands but moves, or that takes another
-way, does. After a few such reports, its forecast is replaced while it moves: it is taken to go straight on at the speed
-of its last second. Points of a forecast that are far apart in time say little of the way between them, so such a
-forecast is not compared.
+the path that it stated. The time along that path does not count. So a robot that waits, hurries, or is late on its path
+does not contradict itself: the bands of the ledger cover such errors. A robot contradicts itself if it takes another
+path, or if it moves although it reports that it stands. After a few such reports, its forecast is replaced while it
+moves: it is assumed to go straight on at the speed of its last second. Points of a forecast that are far apart in time
+say little about the path between them, so such a forecast is not compared.
 """
 
 from dataclasses import replace
@@ -19,15 +19,15 @@ from ingest.batch import Basis, Batch, Floats, Forecasts, Ints
 from ingest.kernels import inner, kernel
 
 AHEAD_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
-"""The stated way of a robot is kept at these times after its report."""
+"""The stated path of a robot is kept at these times after its report."""
 LEAST_S, MOST_S = 0.7, 3.0
 """Minimum and maximum time between two reports that are compared."""
 DOUBTED_MPS = 0.3
-"""A slower robot is believed: it may wait, or set out."""
+"""A slower robot is believed: it may wait, or be starting."""
 SLACK_M, SLACK_SHARE = 0.15, 0.5
-"""A robot is still on its way within this distance plus this share of the distance that it went."""
+"""A robot is still on its path within this distance plus this share of the distance that it went."""
 LONGEST_LEG_S, AWAY_M = 3.0, 0.3
-"""A leg that takes longer and leads further does not state the way."""
+"""A leg that takes longer and leads further does not state the path."""
 KEEPS = 0.7
 """The share of a contradiction that is left at the next comparison."""
 

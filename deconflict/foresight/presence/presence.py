@@ -47,8 +47,8 @@ LOST_LOOK_S = 5.0
 LEAST_CHANGE = 0.01
 """Smaller changes of a probability are ignored."""
 KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
-"""The probable outcome of a silence counts as known, also for later engines, once the silence is longer than the first
-number, or the probability that the robot is present is lower than the second."""
+"""The outcome of a silence counts as known, also after a restart, once the silence is longer than `KNOWN_AFTER_S` or
+the probability that the robot is present is below `KNOWN_LEFT`."""
 STANDS_M = 0.1
 """By a forecast that leads no further, the robot stands."""
 EXITS_EVERY_S = 10.0
@@ -65,10 +65,10 @@ class Presence:
         self._intervals, self._connections = ReportIntervals(), VendorConnections()
         self._outcomes, self._places = SilenceOutcomes(), BelievedPlaces()
         self._last_seen_at = BelievedPlaces()
-        """Where robots were last heard that are believed to have driven on from there."""
+        """The last reported place of each robot that is believed to have driven on from it."""
         self.passed: set[str] = set()
-        """Silent robots through whose outline, where they were last heard or are believed to be, another robot drove by
-        the last batch."""
+        """Silent robots through which another robot drove, according to the last batch: through the outline at their
+        last reported place, or at their believed place."""
         self._silences, self._removed = LastingSilences(), RemovedRobots()
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next checked; see `_next_s`."""
@@ -190,8 +190,8 @@ class Presence:
     def _remove_driven_through(self, batch: Batch, legs: Legs) -> list[str]:
         """Remove the robots through whose places others have driven, and return their UUIDs.
 
-        A robot that was on its way when last heard is believed to have stopped where that was, if no robot has driven
-        through that place too.
+        A robot that was moving at its last report has two possible places: where its forecast ends, and where it
+        reported last. If a robot drove through the first place only, it is believed to have stopped at the second.
         """
         removed = []
         for uuid, row in self._places.driven_through(batch, legs).items():

@@ -68,18 +68,22 @@ class NearMiss:
 
     def summary(self) -> str:
         """One sentence for a person."""
-        separation_m = self.nearest.separation_m
-        how = f"within {separation_m:.2f} m" if separation_m else "into each other's envelope"
-        warned = "without a warning" if self.warned_s is None else f"warned of {self.warned_s:.1f} s before"
+        separation_m, names = self.nearest.separation_m, " and ".join(self.names)
+        met = f"{names} came within {separation_m:.2f} m" if separation_m else f"The envelopes of {names} overlapped"
+        warned = (
+            "No advisory was raised before."
+            if self.warned_s is None
+            else f"The advisory was raised {self.warned_s:.1f} s before."
+        )
         delays = [
             (delay_s, name) for delay_s, name in zip(self.avoiding_s, self.names, strict=True) if delay_s is not None
         ]
         if delays:
             least_s, name = min(delays)
-            avoided = f"no conflict had {name} come {least_s:g} s later"
+            avoided = f"A delay of {least_s:g} s for {name} would have avoided it."
         else:
-            avoided = f"no delay of one of them up to {LONGEST_S:g} s would have avoided it"
-        return f"{' and '.join(self.names)} came {how}, {warned}; {avoided}"
+            avoided = f"No delay of up to {LONGEST_S:g} s for one robot would have avoided it."
+        return f"{met}. {warned} {avoided}"
 
 
 def verified_near_miss(

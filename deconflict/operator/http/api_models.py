@@ -53,9 +53,9 @@ class BlackBoxList(BaseModel):
 class Reloaded(BaseModel):
     """The result of reading a changed site file."""
 
-    applied: bool = Field(description="false if the file was refused; then the old settings stay in force")
+    applied: bool = Field(description="false if the file was refused; then the old settings stay in use")
     problems: list[str] = Field(description="what to change in the file")
-    needs_restart: list[str] = Field(description="changed keys that take effect after a restart")
+    needs_restart: list[str] = Field(description="changed keys that are in use only after a restart")
 
 
 class Problem(BaseModel):

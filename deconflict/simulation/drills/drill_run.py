@@ -31,7 +31,7 @@ LONGEST_S = 120.0
 
 
 def drill(drills: Sequence[Drill], exposition: Exposition, *, ignored: bool) -> int:
-    """Run drills at the same time. Returns 0 if all followed advice had the predicted cost. With `ignored` no robot\n
+    """Run drills at the same time. Returns 0 if all followed advice had the predicted cost. With `ignored` no robot
     follows advice."""
     console = Console()
     behaviour = "robots ignore the advice" if ignored else "robots follow the advice"

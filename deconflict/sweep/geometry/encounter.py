@@ -37,9 +37,9 @@ CLASSES = (
 )
 ENCOUNTER = np.dtype(
     [
-        ("x", np.float64),  # place between the two robots, nan if unknown
+        ("x", np.float64),  # place between the two robots, metres in the frame of the floor; nan if unknown
         ("y", np.float64),
-        ("kind", np.int64),  # place of the class in `CLASSES`, -1 if unknown
+        ("kind", np.int64),  # index of the class in `CLASSES`, -1 if unknown
         ("floor", np.int64),  # of the first robot, -1 if unknown
     ]
 )
@@ -63,8 +63,10 @@ class Encounter:
     closing_speed_mps: float
     """Of the centres; negative if they draw apart."""
     x_m: float
+    """Place between the two envelopes, in the frame of the floor."""
     y_m: float
     floor: int
+    """Index of the first robot's floor."""
 
 
 def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
@@ -101,8 +103,8 @@ def _box(at: Moving, columns: Columns) -> Box:
 
 @inner
 def _from_corner(box: Box, other: Box, corner: int) -> tuple[float, float, float, float, float, float]:
-    """A corner of `other` in the frame of `one`; the vector from there to `one` in the same frame; and the point
-    midway."""
+    """A corner of `other` in the frame of `box`; the vector from that corner to `box` in the same frame; and the point
+    midway, in the frame of the floor."""
     x, y, c, s, half_length, half_width = other
     along = half_length if corner in (0, 3) else -half_length
     across = half_width if corner in (0, 1) else -half_width
@@ -117,7 +119,7 @@ def _from_corner(box: Box, other: Box, corner: int) -> tuple[float, float, float
 
 @inner
 def _apart(box: Box, other: Box) -> bool:
-    """Whether a side of `one` separates it from all of `other`."""
+    """Whether a side of `box` separates it from all of `other`."""
     right = left = ahead = behind = 0
     for corner in range(4):
         u, v, _, _, _, _ = _from_corner(box, other, corner)

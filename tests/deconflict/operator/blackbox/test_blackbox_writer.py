@@ -45,7 +45,7 @@ def test_a_near_miss_has_its_facts_and_the_delay_that_would_have_avoided_it(box:
     delays = {row["name"]: row["later_s"] for row in miss["avoided_by"]}
     assert 0 < delays["Alder B-1"] <= 0.5, "the one behind need have been only a little later"
     assert delays["Alder A-1"] > delays["Alder B-1"] + 1
-    assert f"no conflict had Alder B-1 come {delays['Alder B-1']:g} s later" in miss["summary"]
+    assert f"A delay of {delays['Alder B-1']:g} s for Alder B-1 would have avoided it." in miss["summary"]
 
 
 def test_the_stated_delay_avoids_the_near_miss_and_a_delay_one_step_shorter_does_not(tmp_path: Path, box: Box) -> None:
