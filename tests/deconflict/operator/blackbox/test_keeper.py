@@ -103,7 +103,8 @@ def behind(tmp_path: Path) -> tuple[Floor, Site, bytes]:
     lines = segment.read_bytes().splitlines(keepends=True)
     ends = next(row for row, line in enumerate(lines) if _tick_s(line) > floor.near[-1].at_s + 0.5)
     segment.write_bytes(b"".join(lines[:ends]))
-    return floor, MADE.model_copy(update={"blackbox": BlackBox(before_s=10.0, after_s=1.0)}), b"".join(lines[ends:])
+    kept_for_ever = BlackBox(before_s=10.0, after_s=1.0, keep_days=36500.0)
+    return floor, MADE.model_copy(update={"blackbox": kept_for_ever}), b"".join(lines[ends:])
 
 
 def _tick_s(line: bytes) -> float:
