@@ -13,7 +13,8 @@ from metrics.monitoring.catalogue import CATALOGUE, CatalogueEntry
 from metrics.monitoring.health_page import ENGINE
 from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query, as_json, names_in, panel
 from metrics.monitoring.promql import quantile
-from metrics.monitoring.site_page import SITE, WINDOW, labels_of, measured, rated, zero_if_absent
+from metrics.monitoring.queries import WINDOW, labels_of, measured, rated, zero_if_absent
+from metrics.monitoring.site_page import SITE
 from metrics.monitoring.vendor_page import VENDORS
 
 

@@ -3,7 +3,7 @@
 from metrics.monitoring.alert_rules import OBJECTIVE_S
 from metrics.monitoring.panels import Dashboard, Query, panel, row
 from metrics.monitoring.promql import quantile, time_share
-from metrics.monitoring.site_page import STATUS_WAIT, WINDOW, measured, rated, rated_by_vendor, zero_if_absent
+from metrics.monitoring.queries import STATUS_WAIT, WINDOW, measured, rated, rated_by_vendor, zero_if_absent
 
 _STEP = "deconflict_sweep_duration_seconds"
 

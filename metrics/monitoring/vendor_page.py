@@ -4,7 +4,7 @@ from ingest.measures import clock_changes
 from metrics.monitoring.alert_rules import OBJECTIVE_S, OBJECTIVE_SHARE
 from metrics.monitoring.panels import Dashboard, Query, panel, row
 from metrics.monitoring.promql import level, or_zero, or_zero_by_vendor, rate, share_within
-from metrics.monitoring.site_page import (
+from metrics.monitoring.queries import (
     STATUS_WAIT,
     VENDOR,
     WINDOW,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from deconflict.settings.importers.opentcs import use_of
+from deconflict.settings.importers.location_uses import use_of
 from deconflict.settings.importers.plan import Block, Door, ImportedPlan, Lane, Level, Lift, Node, Use
 
 SEPARATOR = " --- "

@@ -6,12 +6,11 @@ Follows the plant model's schema of releases 4 to 6: positions are `positionX` o
 from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element
 
+from deconflict.settings.importers.location_uses import use_of
 from deconflict.settings.importers.plan import Block, ImportedPlan, Lane, Level, Node, PlanError, Use
 
 SINGLE = "SINGLE_VEHICLE_ONLY"
-CHARGING = ("charg", "recharg")
-"""Parts of operations and location types that mean charging."""
-LOADING = ("load", "transfer", "goods", "storage", "drop", "pick")
+"""The type of a block that only one robot at a time may use."""
 
 
 def read_plant(model: Element) -> ImportedPlan:
@@ -46,14 +45,6 @@ def _lanes(model: Element) -> tuple[Lane, ...]:
         for (start, end), reversible in paths.items()
         if start <= end or (end, start) not in paths
     )
-
-
-def use_of(description: str) -> Use:
-    """The use of a location. `description` has the names of its type and operations."""
-    description = description.casefold()
-    if any(part in description for part in CHARGING):
-        return "charger"
-    return "dock" if any(part in description for part in LOADING) else "station"
 
 
 def _uses(model: Element) -> Iterator[tuple[str, tuple[Use, str]]]:

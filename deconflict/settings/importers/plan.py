@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Spot = tuple[float, float]
+"""x and y in the frame of its level, metres."""
 Use = Literal["charger", "parking", "dock", "station"]
 
 
@@ -57,8 +58,11 @@ class Lift:
     level: str
     """The floor that `at` is on."""
     at: Spot
+    """Centre of the cabin."""
     yaw_rad: float
+    """Direction of its first side, anticlockwise from x."""
     size_m: tuple[float, float]
+    """Length along that direction, and across it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +78,10 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class ImportedPlan:
+    """Everything that an importer reads from one file."""
+
     name: str
+    """Name of the site for people."""
     levels: tuple[Level, ...]
     """Ordered from the lowest."""
     lifts: tuple[Lift, ...] = ()
