@@ -1,6 +1,6 @@
 // The open advisories, read once and then kept up to date by the stream, and the list that shows them.
 
-import { SIGNS, advice, countdown, urgency, what } from "./words.js";
+import { SIGNS, advice, countdown, urgency, what } from "./texts.js";
 
 const RETRY_MS = 1000;
 

@@ -6,7 +6,7 @@ import { Live } from "./live.js";
 import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
 import { Vendors } from "./vendors.js";
-import { ago, clock, countdown, likely, short, urgency, what } from "./words.js";
+import { ago, clock, countdown, likely, short, urgency, what } from "./texts.js";
 
 const STALE_S = 4;
 const LISTED = 200;

@@ -3,7 +3,7 @@
 import { exits } from "./exits.js";
 import { envelope, movesFor, poseAt } from "./motion.js";
 import { holds } from "./places.js";
-import { SIGNS, countdown, likely, short } from "./words.js";
+import { SIGNS, countdown, likely, short } from "./texts.js";
 
 const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };

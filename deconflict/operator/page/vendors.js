@@ -9,7 +9,7 @@ const MARKS = 4;
 const RATE_SAMPLES = 6;
 const CLOCK_OFF_S = 0.5;
 // The largest error of a forecast three seconds ahead, in four of five cases.
-const TRUST = { A: "within 0.1 m", B: "within 0.25 m", C: "within 0.5 m", D: "within 1 m", E: "over 1 m off" };
+const ACCURACY = { A: "within 0.1 m", B: "within 0.25 m", C: "within 0.5 m", D: "within 1 m", E: "over 1 m off" };
 
 const CLOCK = { hour: "2-digit", minute: "2-digit" };
 
@@ -85,9 +85,9 @@ export class Vendors {
       [vendor.forecast_age_s === null ? "–" : `${vendor.forecast_age_s.toFixed(1)} s`, vendor.forecast_age_s > 3],
     ];
     const flags = vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
-    if (vendor.distrusted) flags.push(`${vendor.distrusted} robots move other than they report`);
+    if (vendor.distrusted) flags.push(`${vendor.distrusted} robots whose motion contradicts their forecasts`);
     cells.push(
-      [vendor.grade === null ? "not yet known" : `${vendor.grade}: ${TRUST[vendor.grade]}`, vendor.grade >= "D"],
+      [vendor.grade === null ? "not yet known" : `${vendor.grade}: ${ACCURACY[vendor.grade]}`, vendor.grade >= "D"],
       [flags.join("; ") || "nothing", flags.length > 0],
     );
     return cells.map(([text, bad]) => {
