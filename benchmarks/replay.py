@@ -22,7 +22,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from benchmarks.offer import Circling
-from deconflict.__main__ import COLLECTED_EVERY
+from deconflict.__main__ import GC_THRESHOLDS
 from deconflict.advice.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
@@ -178,7 +178,7 @@ def main() -> None:
     options.add_argument("--robots", type=int, default=100)
     options.add_argument("--seconds", type=float, default=300.0)
     args = options.parse_args()
-    gc.set_threshold(*COLLECTED_EVERY)
+    gc.set_threshold(*GC_THRESHOLDS)
     site = load(args.site or demo_site()) if args.site or not (args.log or args.circles) else Site()
     with TemporaryDirectory() as folder:
         log, short = args.log or Path(folder) / "log.jsonl", Path(folder) / "short.jsonl"

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.endtoend import benchmark_site
 from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
 from benchmarks.replay import timed
-from deconflict.__main__ import COLLECTED_EVERY
+from deconflict.__main__ import GC_THRESHOLDS
 from deconflict.advice.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
@@ -104,7 +104,7 @@ def main() -> None:
     arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
     arguments.add_argument("--seconds", type=float, default=10.0)
     args = arguments.parse_args()
-    gc.set_threshold(*COLLECTED_EVERY)
+    gc.set_threshold(*GC_THRESHOLDS)
     measured(20, 2.0)
     sums = []
     for robots in args.robots:

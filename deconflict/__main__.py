@@ -29,7 +29,7 @@ from deconflict.settings.site_check import check
 from deconflict.simulation.demo_site import ROBOTS, demo_site
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
-from metrics import commands as logs
+from metrics.commands import LogError, add_log_commands, files_of
 from metrics.monitoring import dashboards
 from metrics.monitoring.exposition import render
 
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from deconflict.simulation.drills.drill_scripts import Drill
 
 FAILED, MISUSED = 1, 2
-COLLECTED_EVERY = (50_000, 20, 100)
-"""Thresholds of Python's cyclic garbage collector. Reference cycles are rare here, and ten thousand robots have a
-million objects: with Python's own threshold of 700 the collector took a sixth of the time."""
+GC_THRESHOLDS = (50_000, 20, 100)
+"""Thresholds of Python's cyclic garbage collector. Reference cycles are rare here. A high threshold avoids scans of
+millions of objects."""
 DESCRIBED = json_schemas.SCHEMAS | {"openapi": api_descriptions.openapi, "asyncapi": api_descriptions.asyncapi}
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -64,101 +64,114 @@ def parser() -> argparse.ArgumentParser:
     _add_check(commands)
     _add_site(commands)
     _add_simulate(commands)
-    logs.add(commands)
+    add_log_commands(commands)
     _add_descriptions(commands)
     _add_role(commands)
     return root
 
 
 def _add_service(commands: Commands) -> None:
-    serve = commands.add_parser("serve", help="run the service")
-    serve.add_argument(
+    serve_parser = commands.add_parser("serve", help="run the service")
+    serve_parser.add_argument(
         "site", nargs="?", type=Path, metavar="SITE.toml", help="the site file; without it, each datum is a floor"
     )
-    _add_ports(serve)
-    serve.add_argument("--data", type=Path, help="directory for recordings and advisories")
-    serve.add_argument(
+    _add_ports(serve_parser)
+    serve_parser.add_argument("--data", type=Path, help="directory for recordings and advisories")
+    serve_parser.add_argument(
         "--part", action="append", choices=list(PARTS), help="the part of a cluster to run here; may be repeated"
     )
-    serve.set_defaults(run=_serve)
+    serve_parser.set_defaults(run=_serve)
 
 
 def _add_simulations(commands: Commands) -> None:
-    show = commands.add_parser("demo", help="run the service with simulated vendors on a bundled site")
-    show.add_argument("--robots", type=_positive, default=ROBOTS, metavar="N")
-    show.add_argument(
+    demo_parser = commands.add_parser("demo", help="run the service with simulated vendors on a bundled site")
+    _add_simulated_world(demo_parser)
+    demo_parser.add_argument(
         "--seconds", type=float, metavar="S", help="stop after this time; 60 if there is no terminal, else never"
     )
-    show.add_argument("--seed", type=int, default=1)
-    _add_ports(show)
-    show.add_argument("--data", type=Path, help="directory to keep recordings and advisories; else they are discarded")
-    show.set_defaults(run=_demo)
+    _add_ports(demo_parser)
+    demo_parser.add_argument(
+        "--data", type=Path, help="directory to keep recordings and advisories; else they are discarded"
+    )
+    demo_parser.set_defaults(run=_demo)
 
-    practise = commands.add_parser("drill", help="run scripted situations through the whole service, and score advice")
-    practise.add_argument("drills", nargs="*", metavar="NAME", type=_drill_named)
-    practise.add_argument("--ignore", action="store_true", help="let the simulated robots ignore all advice")
-    practise.set_defaults(run=_drill)
+    drill_parser = commands.add_parser(
+        "drill", help="run scripted situations through the whole service, and score advice"
+    )
+    drill_parser.add_argument(
+        "drills", nargs="*", metavar="NAME", type=_drill_named, help="the drills to run; without names, all"
+    )
+    drill_parser.add_argument("--ignore", action="store_true", help="let the simulated robots ignore all advice")
+    drill_parser.set_defaults(run=_drill)
 
 
 def _add_check(commands: Commands) -> None:
-    verify = commands.add_parser(
+    check_parser = commands.add_parser(
         "check", help="check a site file, and the fit of each vendor's map to the site's frame"
     )
-    verify.add_argument("site", type=Path, metavar="SITE.toml")
-    verify.set_defaults(run=lambda args: check(args.site, sys.stdout))
+    check_parser.add_argument("site", type=Path, metavar="SITE.toml", help="the site file")
+    check_parser.set_defaults(run=lambda args: check(args.site, sys.stdout))
 
 
 def _add_simulate(commands: Commands) -> None:
-    pretend = commands.add_parser("simulate", help="run simulated vendors that report to a running service")
-    pretend.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
-    pretend.add_argument("--robots", type=_positive, default=ROBOTS, metavar="N")
-    pretend.add_argument("--seconds", type=float, metavar="S", help="stop after this time")
-    pretend.add_argument("--seed", type=int, default=1)
-    pretend.set_defaults(run=_simulate)
+    simulate_parser = commands.add_parser("simulate", help="run simulated vendors that report to a running service")
+    simulate_parser.add_argument("--url", default="ws://127.0.0.1:3000", help="the service's robots' port")
+    _add_simulated_world(simulate_parser)
+    simulate_parser.add_argument("--seconds", type=float, metavar="S", help="stop after this time")
+    simulate_parser.set_defaults(run=_simulate)
 
 
 def _add_descriptions(commands: Commands) -> None:
-    describe = commands.add_parser("schema", help="print a JSON Schema, the OpenAPI or the AsyncAPI description")
-    describe.add_argument("name", choices=sorted(DESCRIBED))
-    describe.set_defaults(run=_schema)
+    schema_parser = commands.add_parser("schema", help="print a JSON Schema, the OpenAPI or the AsyncAPI description")
+    schema_parser.add_argument("name", choices=sorted(DESCRIBED), help="what to describe")
+    schema_parser.set_defaults(run=_schema)
 
-    boards = commands.add_parser("dashboards", help="write Grafana dashboards and Prometheus rules")
-    boards.add_argument("folder", type=Path, metavar="DIR")
-    boards.set_defaults(run=_dashboards)
+    dashboards_parser = commands.add_parser("dashboards", help="write Grafana dashboards and Prometheus rules")
+    dashboards_parser.add_argument("folder", type=Path, metavar="DIR", help="the directory to write them to")
+    dashboards_parser.set_defaults(run=_dashboards)
 
 
 def _add_role(commands: Commands) -> None:
-    role = commands.add_parser("role")
-    role.add_argument("name")
-    role.add_argument("runtime", type=Path)
-    role.add_argument("data", type=Path)
-    role.set_defaults(run=_role)
+    role_parser = commands.add_parser("role", help="run one process of the service; the supervisor uses this command")
+    role_parser.add_argument("name", help="receiver, engine or operator; in a cluster also feed or follower")
+    role_parser.add_argument("runtime", type=Path, help="directory of the sockets and settings of the running service")
+    role_parser.add_argument("data", type=Path, help="directory for recordings and advisories")
+    role_parser.set_defaults(run=_role)
 
 
 def _add_site(commands: Commands) -> None:
-    plans = commands.add_parser("site", help="write parts of a site file").add_subparsers(dest="part", required=True)
-    importer = plans.add_parser(
+    site_parsers = commands.add_parser("site", help="write parts of a site file").add_subparsers(
+        dest="part", required=True
+    )
+    import_parser = site_parsers.add_parser(
         "import", help="print sections of a site file from an Open-RMF building file or an openTCS plant model"
     )
-    importer.add_argument("file", type=Path, metavar="FILE")
-    importer.add_argument(
+    import_parser.add_argument("file", type=Path, metavar="FILE", help="the file to read")
+    import_parser.add_argument(
         "--width", type=float, default=plan_reader.WIDTH_M, metavar="M", help="width of lanes and places, metres"
     )
-    importer.set_defaults(run=_site_import)
+    import_parser.set_defaults(run=_site_import)
 
-    propose = plans.add_parser("suggest", help="print resources at places where robots often stand, from recorded logs")
-    propose.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
-    propose.add_argument(
+    suggest_parser = site_parsers.add_parser(
+        "suggest", help="print resources at places where robots often stand, from recorded logs"
+    )
+    suggest_parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
+    suggest_parser.add_argument(
         "--site", type=Path, metavar="SITE.toml", help="the site file of the log, with the resources known already"
     )
-    propose.set_defaults(run=_site_suggest)
+    suggest_parser.set_defaults(run=_site_suggest)
 
 
 def _add_ports(command: argparse.ArgumentParser) -> None:
     command.add_argument("--host", help="address that both ports listen on")
     command.add_argument("--open", action="store_true", help="allow access without credentials, also from a network")
-    command.add_argument("--robots-port", type=int, metavar="PORT")
-    command.add_argument("--operator-port", type=int, metavar="PORT")
+    command.add_argument("--robots-port", type=int, metavar="PORT", help="port for the robots' messages")
+    command.add_argument("--operator-port", type=int, metavar="PORT", help="port of the API, the stream and the page")
+
+
+def _add_simulated_world(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--robots", type=_positive, default=ROBOTS, metavar="N", help="number of simulated robots")
+    command.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the simulated traffic")
 
 
 def _positive(text: str) -> int:
@@ -256,7 +269,7 @@ def _site_import(args: argparse.Namespace) -> int:
 def _site_suggest(args: argparse.Namespace) -> int:
     from deconflict.contention.suggest_resources import suggested  # noqa: PLC0415 - loads numba
 
-    logs.files_of(args.logs)
+    files_of(args.logs)
     sys.stdout.write(suggested(args.logs, site_file.load(args.site) if args.site else site.DEFAULT))
     return 0
 
@@ -292,7 +305,7 @@ def _role(args: argparse.Namespace) -> int:
 
 def main() -> int:
     """Run one command and return its exit code."""
-    gc.set_threshold(*COLLECTED_EVERY)
+    gc.set_threshold(*GC_THRESHOLDS)
     args = parser().parse_args()
     begin_log(args.log)
     try:
@@ -304,7 +317,7 @@ def main() -> int:
         DataTakenError,
         SecretError,
         CertificateError,
-        logs.LogError,
+        LogError,
         BoxError,
     ) as error:
         sys.stderr.write(f"deconflict: {error}\n")

@@ -36,7 +36,7 @@ class LogError(ValueError):
     """A log or a result can't be read. The message says what to change."""
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_log_commands(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the commands to the command line."""
     replay_command = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
     _add_logs(replay_command, "*")

@@ -65,7 +65,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     verify_command = parts.add_parser(
         "verify", help="verify that a file is unchanged and replays to the same advisories"
     )
-    verify_command.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    verify_command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a black box")
     verify_command.set_defaults(run=_verify)
 
 
