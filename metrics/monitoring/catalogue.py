@@ -14,7 +14,9 @@ class CatalogueEntry:
 
     kind: Kind
     labels: Labels
+    """Names of the labels."""
     help: str
+    """What it measures, for people. Prometheus and the dashboards show it."""
 
 
 def counter(meaning: str, *labels: str) -> CatalogueEntry:
@@ -36,8 +38,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "result",
     ),
     "deconflict_messages_per_second": gauge("Messages per second in the last minute, with any result.", "vendor"),
-    "deconflict_deviations_total": counter("Departures from the standard in accepted messages.", "vendor", "rule"),
-    "deconflict_rejections_total": counter("Rejected messages, by the rule they broke.", "vendor", "rule"),
+    "deconflict_deviations_total": counter("Deviations from the standard in accepted messages.", "vendor", "rule"),
+    "deconflict_rejections_total": counter("Rejected messages, by the rule that rejects them.", "vendor", "rule"),
     "deconflict_robots": gauge("Robots on the floors, by operational state.", "vendor", "state"),
     "deconflict_connections": gauge("Open connections of robots and fleet managers."),
     "deconflict_connections_refused_total": counter(
@@ -56,14 +58,15 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Age of the poses on which forecasts are based, median of the vendor's robots.", "vendor"
     ),
     "deconflict_messages_shed_total": counter(
-        "Messages over the vendor's rate limit that a newer message overtook before they were read.", "vendor"
+        "Messages over the vendor's rate limit that were not read because a newer message had arrived.", "vendor"
     ),
     "deconflict_datum_drift_metres": gauge(
-        "Distance between where the vendor's robots now stop at docks and chargers and where they stopped at first.",
+        "How far from their first places the vendor's robots now stop at docks and chargers.",
         "vendor",
     ),
     "deconflict_changed_since_timestamp_seconds": gauge(
-        "Time since which the vendor's forecasts, datum or clock differ from usual. Absent if nothing differs.",
+        "Unix time at which the vendor's forecasts, datum or clock began to differ from usual. Absent if nothing "
+        "differs.",
         "vendor",
         "what",
     ),
@@ -110,8 +113,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Revisions of advisories, by event: raised, updated or cleared.", "kind", "event"
     ),
     "deconflict_conflicts_ended_total": counter(
-        "Published conflicts that ended, counted once for each vendor in them, by outcome: met, not_met (avoided, "
-        "or a nuisance), or left.",
+        "Published conflicts that ended, counted once for each vendor in them, by outcome: met (the robots came within "
+        "the clearance), not_met (they did not: avoided, or a nuisance), or left (a robot left, or the outcome is not "
+        "known).",
         "vendor",
         "outcome",
     ),
@@ -130,8 +134,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Share of forecast errors within the band that should contain the given share.", "vendor", "share"
     ),
     "deconflict_forecast_grade": gauge(
-        "1 for the vendor's grade: A to E by the 80 % error of forecasts 3 s ahead (up to 0.1, 0.25, 0.5, 1 m, or "
-        "more).",
+        "1 for the vendor's grade. The grade depends on the 80 % error of forecasts 3 s ahead: A up to 0.1 m, B up to "
+        "0.25 m, C up to 0.5 m, D up to 1 m, E above.",
         "vendor",
         "grade",
     ),
@@ -143,7 +147,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "vendor",
     ),
     "deconflict_probability_outcomes_total": counter(
-        "Watched pairs, sampled each second, by outcome: met, passed, or left (became silent, or waits as advised).",
+        "Watched pairs, sampled each second, by outcome: met (the robots got in each other's way), passed (they "
+        "did not), or left (a robot became silent, or waits as advised: the outcome is not known).",
         "outcome",
     ),
     "deconflict_conflicts": gauge("Pairs of robots in predicted conflict, confirmed or not."),
@@ -211,7 +216,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Near misses: two robots came within the clearance by their forecasts, and at least one of them moved."
     ),
     "deconflict_blackboxes_total": counter(
-        "Requested black boxes, by outcome: kept, unfounded, failed or beyond.", "outcome"
+        "Requested black boxes, by outcome: kept, unfounded (the reports show no near miss), failed (an error), or "
+        "beyond (too many at once).",
+        "outcome",
     ),
     "deconflict_role_up": gauge("1 if this role of the service answers, else 0.", "role"),
     "deconflict_deadlines_missed_total": counter("Passes of the engine that took longer than engine.deadline_s."),

@@ -126,8 +126,8 @@ class Keeper:
         self._measures.count(BLACKBOXES, "kept" if box else "unfounded")
         if box:
             summaries = [near_miss["summary"] for near_miss in box["near_misses"]]
-            more = f"; and {len(summaries) - MOST_LOGGED} more" if len(summaries) > MOST_LOGGED else ""
-            text = "; ".join(summaries[:MOST_LOGGED]) + more
+            more = [f"And {len(summaries) - MOST_LOGGED} more."] if len(summaries) > MOST_LOGGED else []
+            text = " ".join([*summaries[:MOST_LOGGED], *more])
             log.warning("near miss: %s (%s, sha256 %s)", text, box["file"], box["sha256"])
 
     def _request(self, pairs: list[NearPair]) -> BlackBoxRequest:
