@@ -52,11 +52,14 @@ class NearbyRobots(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class HoldWindow:
-    """When holds begin, how long they may last, and how far ahead forecasts are used."""
+    """The limits within which holds are planned."""
 
     start_s: float
+    """When holds begin, seconds since the epoch."""
     horizon_s: float
+    """How far ahead forecasts are used, from `start_s` plus the hold of a robot on."""
     clearance_m: float
+    """Envelopes nearer than this are in conflict."""
     longest_hold_s: float
 
     @property

@@ -45,8 +45,10 @@ class UndeliveredError(Exception):
 
 
 class WaitingParcel(NamedTuple):
+    """Revisions that the operator face has not taken yet, and the messages that they reflect."""
+
     payload: bytes
-    """Empty if a pass decided nothing."""
+    """The packed parcel. Empty if a pass decided nothing."""
     arrivals_s: dict[str, Floats]
     """By vendor, the arrival times of the messages that are reflected once this parcel is stored."""
 

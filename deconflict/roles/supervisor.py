@@ -43,11 +43,16 @@ class RoleProcess:
     role: str
     command: list[str]
     process: subprocess.Popen[bytes] | None = None
+    """None while it does not run."""
     heartbeats: HeartbeatMonitor | None = None
+    """Of the running process, or of the last one."""
     restarts: int = 0
     started_s: float = field(default=float("-inf"))
+    """When the process was last started. Times are of the monotonic clock."""
     backoff_s: float = 0.0
+    """How long the next restart waits."""
     due_s: float = float("-inf")
+    """No start before this time."""
 
     def ensure(self, now_s: float) -> bool:
         """Start the process if it does not run and is due; kill it if it hangs. Returns whether it ended or started."""

@@ -13,10 +13,12 @@ RECOVERED_SEGMENTS = 2
 
 
 class Recovered(NamedTuple):
+    """What was read from a log."""
+
     messages: int
-    """How many messages were read."""
+    """How many messages."""
     connection: int
-    """The highest connection number in the log, 0 if it has none. New connections are numbered from there on."""
+    """The highest connection number in the log, 0 if it has none. New connections get higher numbers."""
 
 
 def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:

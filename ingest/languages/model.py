@@ -8,7 +8,7 @@ import msgspec
 from ingest.batch import Amounts
 
 Row = tuple[float, float, float, float]
-"""t_s, x, y, yaw_rad. The yaw is nan if the heading is unknown."""
+"""t_s, x, y, yaw_rad: time by the sender's clock, place in the sender's frame and unit. The yaw is nan if unknown."""
 
 
 class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -37,33 +37,42 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
 
     uuid: str
     stamp_s: float
+    """Time of the message by the sender's clock."""
     manufacturer: str
     model: str
     serial: str
+    """Serial number."""
     envelope_m: tuple[float, float, float]
     """Length, width and height; height 0 if unknown."""
     max_speed_mps: float | None
+    """None if it was not sent."""
     findings: tuple[str, ...]
+    """Codes of the rules from which the message deviates."""
 
 
 class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
-    """Where a robot is and will be, as sent: its own clock, its own frame."""
+    """Where a robot is and will be, as sent: times by its own clock, places in its own frame and unit."""
 
     uuid: str
     stamp_s: float
+    """Time of the pose."""
     stamp_resolution_s: float
+    """Smallest difference that the stamp can show, 1 for whole seconds."""
     state: str
-    """As the schema spells it, or as the sender does if the standard does not have it."""
+    """Operational state: as the schema spells it, or as the sender does if the standard does not have it."""
     known_state: bool
     """Whether the standard has the state."""
     x: float
+    """Reported location, in the frame of `datum`."""
     y: float
     z: float
+    """Height, 0 if it was not sent."""
     yaw_rad: float
-    """nan if unknown."""
+    """Heading, anticlockwise from x; nan if unknown."""
     datum: str
     """In lower case; "" if none was sent."""
     linear_mps: float | None
+    """Speed along the heading. None if it was not sent, as for `turn_rad_per_s`."""
     turn_rad_per_s: float | None
     """The rotation made in one second."""
     amounts: Amounts
@@ -71,14 +80,18 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     destinations: Path
     path: Path
     findings: tuple[str, ...]
+    """Codes of the rules from which the message deviates."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
-    """Why a message is not accepted: the rule that it broke, and what the sender should change."""
+    """Why a message is not accepted."""
 
     rule: str
+    """Code of the rule that rejects it."""
     reason: str
+    """A sentence for the sender that says what to change."""
     uuid: str | None = None
     """The robot's UUID; None if it could not be read."""
     findings: tuple[str, ...] = ()
+    """Codes of further rules from which the message deviates."""

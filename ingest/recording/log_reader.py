@@ -63,20 +63,27 @@ class Overtaken(msgspec.Struct, frozen=True, gc=False):
 
 @dataclass(frozen=True, slots=True)
 class Closed:
+    """A connection was closed."""
+
     connection: Connection
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
+    """The engine made a pass."""
+
     now_s: float
+    """Time of the pass, seconds since the epoch."""
     effort: int = 0
-    """Of the engine's pass; 0 if it did everything."""
+    """0 if the pass did everything. A higher number left out more, for lack of time."""
     pending: int = 0
-    """How many of the newest answers the pass did not have yet."""
+    """How many of the newest questions for advice had no answer at the pass."""
 
 
 @dataclass(frozen=True, slots=True)
 class EngineStarted:
+    """The engine started, or started again."""
+
     now_s: float
 
 

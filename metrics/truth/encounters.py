@@ -37,8 +37,11 @@ class RecordedEncounter:
 
     pair: Pair
     start_s: float
+    """Time of the first sample below the threshold."""
     end_s: float
+    """Time of the last one."""
     foreseeable: bool
+    """Whether both robots were present for `FORESEEABLE_S` before the start."""
 
 
 class EncounterFinder:

@@ -51,15 +51,18 @@ class Stand(NamedTuple):
 
     span: TimeSpan
     floor: str
+    """Datum of the floor."""
     x_m: float
+    """Centre of the envelope in the floor's frame."""
     y_m: float
     outside: bool
     """Whether it stood outside of every resource."""
     goals: dict[str, float]
     """Resources that it had announced as destinations, and since when."""
     bottom_m: float
-    """Lowest height of the robot; `top_m` is the highest."""
+    """Lowest height of the robot, -inf if unknown."""
     top_m: float
+    """Highest height of the robot, inf if unknown."""
 
     def since(self, t_s: float) -> "Stand":
         """The part of it after a time."""
@@ -70,7 +73,9 @@ class Stay(NamedTuple):
     """A robot occupied a place."""
 
     span: TimeSpan
+    """It ends at inf while the robot is inside."""
     bottom_m: float
+    """Lowest and highest height of the robot, as in `Stand`."""
     top_m: float
 
 
@@ -78,42 +83,56 @@ class QueueWait(NamedTuple):
     """A robot waited for a place."""
 
     place: str
+    """Id of a resource or zone."""
     robot: str
+    """UUID."""
     span: TimeSpan
+    """From the beginning of the first wait to the end of the last one of the same stand."""
 
 
 class PlaceEntry(NamedTuple):
     """A robot entered a place."""
 
     place: str
+    """Id of a resource or zone."""
     robot: str
+    """UUID."""
     t_s: float
+    """Time of the first report from inside."""
     known_s: float
     """Time of the robot's first report."""
 
 
 class _Report(NamedTuple):
+    """One report of a robot. Fields with the names of those of `Stand` have the same meaning."""
+
     t_s: float
+    """Time of the pose."""
     floor: str
     x_m: float
     y_m: float
     places: frozenset[str]
+    """Ids of the resources and zones in which the robot is."""
     outside: bool
     goals: frozenset[str]
+    """Ids of the resources that it announces as destinations."""
     bottom_m: float
     top_m: float
 
 
 @dataclass(slots=True, eq=False)
 class _RobotState:
+    """One robot at one position, by its reports so far."""
+
     arrived: _Report
-    """With this report it came to where it stands."""
+    """Its first report from the position where it is."""
     newest: _Report
     places: frozenset[str] = NOWHERE
-    """Those that it is counted in."""
+    """Ids of the resources and zones in which it is counted."""
     goals: dict[str, float] = field(default_factory=dict)
     """Resources that it announces as destinations, and since when."""
     pending: list[Stand] = field(default_factory=list)
+    """Its stands since it last entered a place: each may turn out to be a wait for the next one."""
 
 
 class ResourceUse:

@@ -52,9 +52,9 @@ class Announcement(NamedTuple):
     """One announced arrival."""
 
     made_s: float
-    """When it was announced."""
+    """Time of the announcement, seconds since the epoch."""
     announced_s: float
-    """For when."""
+    """Announced time of the arrival."""
 
 
 @inner

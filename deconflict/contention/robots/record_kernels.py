@@ -44,11 +44,11 @@ ROBOT = np.dtype(
         ("floor", np.int64),  # number of the floor that it is on
         ("stops", np.int64),  # how many stops lie ahead
         ("row", np.int64),  # row of the batch that this comes from
-        ("stood_floor", np.int64),  # number of the floor where it stands, and below the place
-        ("yaw_rad", np.float64),  # of its newest pose
-        ("stood_x_m", np.float64),
+        ("stood_floor", np.int64),  # number of the floor where it stands
+        ("yaw_rad", np.float64),  # heading of its newest pose, anticlockwise from x
+        ("stood_x_m", np.float64),  # where it stands: centre of its envelope
         ("stood_y_m", np.float64),
-        ("west_m", np.float64),  # box around its path, or around the last path it was on
+        ("west_m", np.float64),  # box around its path, or around its last path; west is the least x, south the least y
         ("south_m", np.float64),
         ("east_m", np.float64),
         ("north_m", np.float64),

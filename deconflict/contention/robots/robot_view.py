@@ -1,4 +1,4 @@
-"""What is known of one robot, as contention asks for it."""
+"""The facts of one robot that contention uses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,23 +10,28 @@ from deconflict.contention.robots.place_geometry import ZonePassage
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotView:
-    """One robot, by its newest report."""
+    """One robot, by its newest report. Times are seconds since the epoch; places are in the frame of its floor."""
 
     uuid: str
     vendor: str
     name: str
     state: str
+    """Operational state as reported."""
     event_s: float
+    """Time of the newest pose."""
     x_m: float
+    """Centre of the envelope at that time."""
     y_m: float
     length_m: float
+    """Of the envelope, along the heading."""
     width_m: float
+    """Of the envelope, across the heading."""
     bottom_m: float
     """The lowest height it reaches; -inf if it is not known."""
     top_m: float
     """The highest height it reaches; inf if it is not known."""
     way_m: float
-    """How far it gets in the next ten seconds."""
+    """Length of its forecast path in the next ten seconds."""
     stood_s: float
     """Since when it stands where it is."""
     goes: bool
@@ -40,9 +45,9 @@ class RobotView:
     came_s: float = 0.0
     """Since when it has the resource."""
     stops: tuple[PlannedStop, ...] = ()
-    """Its next stops by time, without those it is at already."""
+    """Its next stops, ordered by time, without a stop where it is already."""
     passages: Mapping[str, ZonePassage] = field(default_factory=dict)
-    """Its passages by zone."""
+    """By zone id."""
 
     @property
     def speed_mps(self) -> float:

@@ -17,7 +17,7 @@ class Want:
 
     waiter: Node
     holders: tuple[Node, ...]
-    """It is enough that one of them moves on."""
+    """It is enough for the waiter that one of them moves on."""
     where: str
     """Id of a resource or zone, or "path"."""
     from_s: float
@@ -26,12 +26,16 @@ class Want:
 
 @dataclass(frozen=True, slots=True)
 class RingLink:
-    """One robot of a ring, and the next one that it waits for."""
+    """One robot of a ring, and the next one that it waits for. See `Want`."""
 
     waiter: str
+    """UUID."""
     holder: str
+    """UUID of the robot that it waits for."""
     where: str
+    """What it waits for: id of a resource or zone, or "path"."""
     from_s: float
+    """When it begins to wait, seconds since the epoch."""
 
 
 def rings(wants: Iterable[Want]) -> list[tuple[RingLink, ...]]:

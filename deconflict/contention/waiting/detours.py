@@ -22,8 +22,11 @@ class Refuge:
     """A resource with room left."""
 
     resource: str
+    """Id."""
     datum: str
+    """Datum of its floor."""
     x_m: float
+    """A point inside it, in the floor's frame."""
     y_m: float
 
 
@@ -32,11 +35,12 @@ class RingMove:
     """One robot of a ring, and where it goes next."""
 
     robot: str
+    """UUID."""
     at: tuple[float, float]
-    """x and y in metres."""
+    """Centre of its envelope in the floor's frame: x and y in metres."""
     to: PlannedStop
     leaves_s: float
-    """When it means to depart."""
+    """When it means to depart, seconds since the epoch."""
     priority: float
     """Weight of a second of its delay."""
 

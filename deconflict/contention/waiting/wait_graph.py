@@ -81,15 +81,21 @@ class Leg(NamedTuple):
     """A robot keeps `place` from `since_s` to `until_s`, and is at `wants` from `arrives_s` on."""
 
     node: Node
+    """The robot, and the number of its next stop, counted from 0."""
     place: str
+    """Id of the resource; for a robot outside every resource, `AT` and the UUID of the robot that stands there."""
     since_s: float
+    """Seconds since the epoch, as all times of a leg."""
     until_s: float
+    """When it departs for `wants`; inf if it has no further stop."""
     bottom_m: float
     """The lowest height that the robot reaches."""
     top_m: float
     """The highest height that it reaches."""
     wants: str | None = None
+    """Its next place, named like `place`; None if it goes nowhere, or where nobody else goes."""
     arrives_s: float = inf
+    """When it is expected at its next stop."""
 
 
 def legs(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Leg]:

@@ -29,16 +29,23 @@ MOST_STEPS = 64
 
 
 class BelievedPlace(NamedTuple):
-    """The outline of a robot on a floor."""
+    """The outline of a robot on a floor, in the floor's frame."""
 
     x_m: float
+    """Centre of the envelope."""
     y_m: float
     yaw_rad: float
+    """Heading, anticlockwise from x."""
     floor: int
+    """Index of the floor."""
     half_length_m: float
+    """Half of the envelope, along the heading."""
     half_width_m: float
+    """Half of the envelope, across the heading."""
     bottom_m: float
+    """Lowest height of the robot, -inf if unknown."""
     top_m: float
+    """Highest height of the robot, inf if unknown."""
     doubt_m: float
     """Uncertainty of the position."""
 
@@ -54,9 +61,11 @@ class Approach(NamedTuple):
     """A robot has come near the place of a silent one."""
 
     silent: str
+    """UUID of the silent robot."""
     other: str
+    """UUID of the robot that came near."""
     at_s: float
-    """When it was first so near."""
+    """When it was first so near, seconds since the epoch."""
 
 
 class BelievedPlaces:

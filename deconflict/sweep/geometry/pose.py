@@ -23,19 +23,22 @@ _REAL, _WHOLE = (numba.types.Array(kind, 1, "A", readonly=True) for kind in (num
 COLUMNS = numba.types.Tuple((_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64))  # type: ignore[no-untyped-call]
 """The type of `Columns` in kernels."""
 Moving = tuple[float, float, float, float, float, int]
-"""A robot at one moment: x, y and yaw; velocity along x and y; floor."""
+"""A robot at one moment: the fields of `Pose` in order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Centre of the envelope, heading, velocity and floor."""
+    """The pose and velocity of an envelope, in the frame of its floor."""
 
     x_m: float
+    """Centre of the envelope."""
     y_m: float
     yaw_rad: float
+    """Heading, anticlockwise from x."""
     vx_mps: float
     vy_mps: float
     floor: int
+    """Index of the floor; -1 if it is not known."""
 
     @property
     def speed_mps(self) -> float:

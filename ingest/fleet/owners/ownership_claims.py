@@ -30,12 +30,14 @@ MOST_WATCHED = 1000
 
 @dataclass(slots=True, eq=False)
 class _StandingClaim:
+    """The doubtful reports of one claimant about the robots of one owner."""
+
     since_s: float
-    """When the first report of it arrived."""
+    """When the first of them arrived."""
     latest_s: float
-    """When the latest report of it arrived."""
+    """When the latest of them arrived."""
     robots: dict[str, None] = field(default_factory=dict)
-    """UUIDs in the order in which they were claimed."""
+    """UUIDs in the order in which they were claimed. The values are unused."""
 
 
 class OwnershipClaims:
