@@ -20,7 +20,7 @@ CELL_M = 2.0
 LARGEST_M = 10.0
 """A robot with a larger radius is not compared: the cells around it would be too many."""
 MOST_COMPARED = 200
-"""A robot is compared with so many others, so that no fleet costs more than the square of this."""
+"""A robot is compared with at most so many others, so that many above each other cost no more."""
 
 _INTS, _MATRIX = numba.int64[::1], numba.float64[:, ::1]
 

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
-from tests.deconflict.foresight.probability.made_stage import Stage, Walk
+from ingest.measures.measures import Measures
+from tests.deconflict.foresight.probability.made_stage import CLEARANCE_M, Stage, Walk
 from tests.helpers.made_encounters import NOW_S
 
 
@@ -111,3 +113,17 @@ def test_giving_way_is_forgotten_when_one_of_the_two_falls_silent(silent: str) -
     stage.foresight.mark_silent([silent])
     assert pairs["gives_way"].tolist() == [False]
     assert pairs["gave_way_s"].tolist() == [-np.inf]
+
+
+def test_of_a_robot_in_a_crowd_only_conflicts_that_the_sweep_finds_are_estimated_and_are_likely() -> None:
+    walks = {"a": Walk((-8.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, -8.0), (0.0, 1.0))}
+    alone, crowded = (
+        Stage(walks, ProbabilityEstimator(CLEARANCE_M, CLEARANCE_M + 0.1, 10.0, Measures(), crowds))
+        for crowds in ({}, {"b": 1})
+    )
+    assert alone.second(0).keys() == {("a", "b")}
+    assert crowded.second(0) == {}
+    crowded.foresight.receive(crowded.batch(1.0))
+    swept = SweptConflicts((("a", "b"),), np.array([-1]), np.zeros(1), np.array([NOW_S + 8]), np.array([NOW_S + 7.4]))
+    (probability,) = crowded.foresight.estimate(NOW_S + 1, swept, 0.5).probability.tolist()
+    assert 0.5 < probability < 0.9

@@ -6,6 +6,7 @@ from deconflict.foresight.probability.pair_table import (
     REMEMBERED_S,
     Pairs,
     codes,
+    needs_rollout,
     open_rows,
     rows_to_report,
     select_pairs,
@@ -109,6 +110,17 @@ def test_an_earlier_conflict_with_a_third_robot_sets_the_features() -> None:
     assert every["features"][:, 6] == pytest.approx([0.0, 1.0, 0.0], abs=0.01)
     assert every["features"][:, 7] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
     assert every["still"].tolist() == [False, False, True]
+
+
+def test_a_robot_in_a_crowd_stops_no_other_one_and_is_not_driven_on() -> None:
+    every, is_crowded, nobody = pairs((0, 1), (0, 2)), np.array([False, True, False]), np.full(3, -1)
+    every["near_s"] = every["contact_s"] = NOW_S + np.array([2.0, 6.0])
+    every["share"] = 1.0
+    for crowded, expected in ((np.zeros(3, bool), 1.0), (is_crowded, 0.0)):
+        set_preemption(every, np.zeros(3, bool), np.zeros(3, bool), nobody, crowded, NOW_S, 0.3, 10.0)
+        assert every["features"][1, 6] == pytest.approx(expected, abs=0.01)
+    assert needs_rollout(every, np.zeros(3), np.zeros(3, bool)).tolist() == [True, True]
+    assert needs_rollout(every, np.zeros(3), is_crowded).tolist() == [False, True]
 
 
 def test_robots_that_stand_and_may_set_out_are_not_still() -> None:
