@@ -40,7 +40,11 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_messages_per_second": gauge("Messages per second in the last minute, with any result.", "vendor"),
     "deconflict_deviations_total": counter("Deviations from the standard in accepted messages.", "vendor", "rule"),
     "deconflict_rejections_total": counter("Rejected messages, by the rule that rejects them.", "vendor", "rule"),
-    "deconflict_robots": gauge("Robots on the floors, by operational state.", "vendor", "state"),
+    "deconflict_robots": gauge(
+        "Robots on the floors, by operational state; `silent` for silent robots, `other` for states that the standard does not have.",
+        "vendor",
+        "state",
+    ),
     "deconflict_connections": gauge("Open connections of robots and fleet managers."),
     "deconflict_connections_refused_total": counter(
         "Connections that the service refused or closed, by reason.", "reason"
@@ -83,9 +87,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_statuses_superseded_total": counter(
         "Status messages that a newer one replaced before the engine read them.", "vendor"
     ),
-    "deconflict_robots_forgotten_total": counter(
-        "Robots removed from the floor because they were silent for too long.", "vendor"
-    ),
+    "deconflict_robots_forgotten_total": counter("Robots forgotten because they were silent for too long.", "vendor"),
     "deconflict_silences_total": counter(
         "Silences that ended, by outcome: there (back at the same place), elsewhere (back at another place), or "
         "driven_through (removed because another robot drove through its place).",
