@@ -41,7 +41,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_deviations_total": counter("Deviations from the standard in accepted messages.", "vendor", "rule"),
     "deconflict_rejections_total": counter("Rejected messages, by the rule that rejects them.", "vendor", "rule"),
     "deconflict_robots": gauge(
-        "Robots on the floors, by operational state; `silent` for silent robots, `other` for states that the standard does not have.",
+        "Robots on the floors, by operational state; `silent` and `other` are none of the standard.",
         "vendor",
         "state",
     ),
