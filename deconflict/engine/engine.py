@@ -189,9 +189,7 @@ class Engine:
 
     def _predictions(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs in conflict by the sweep, and those that are likely to be although it does not say so."""
-        swept = SweptConflicts(
-            conflicts.pairs, conflicts.before, conflicts.separation_m, conflicts.separation_at_s, conflicts.contact_s
-        )
+        swept = SweptConflicts(conflicts.pairs, conflicts.separation_m, conflicts.separation_at_s, conflicts.contact_s)
         foreseen = self.foresight.estimate(now_s, swept, held_probability(self.site.conflict))
         contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh
         n = len(conflicts.pairs)

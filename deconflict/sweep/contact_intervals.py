@@ -1,7 +1,7 @@
 """Which pairs come within the clearance, slab by slab, in a table that is kept from pass to pass."""
 
 from math import inf
-from typing import Any, cast
+from typing import Any
 
 import numba
 import numpy as np
@@ -145,42 +145,3 @@ def by_pair(
             separation_m[n - 1], separation_at_s[n - 1] = interval.separation, interval.separation_at
     slots = (a[:n].copy(), b[:n].copy())
     return *slots, contact_s[:n].copy(), separation_m[:n].copy(), separation_at_s[:n].copy(), fresh[:n].copy()
-
-
-@kernel(numba.types.UniTuple(_INTS, 2)(*[_INTS] * 4))  # type: ignore[no-untyped-call]
-def _places_before(before: Ints, a: Ints, b: Ints, ranks: Ints) -> tuple[Ints, Ints]:
-    """Codes (p,) of sorted pairs, which ascend, and the place of each among the codes `before`; -1 if it is not
-    there."""
-    codes, places, at = np.empty(len(a), np.int64), np.full(len(a), -1), 0
-    for row in range(len(a)):
-        code = codes[row] = ranks[a[row]] * len(ranks) + ranks[b[row]]
-        while at < len(before) and before[at] < code:
-            at += 1
-        if at < len(before) and before[at] == code:
-            places[row] = at
-    return codes, places
-
-
-class PairNames:
-    """The keys of listed pairs, kept from pass to pass, as most pairs are listed again."""
-
-    def __init__(self) -> None:
-        self._ranks: Ints = np.zeros(0, np.int64)
-        self._codes: Ints = np.zeros(0, np.int64)
-        self._names: list[tuple[str, str] | None] = [None]
-        """By place. One None at the end, for a pair that was not listed before."""
-
-    def of(self, a: Ints, b: Ints, keys: NDArray[np.object_], ranks: Ints) -> tuple[tuple[tuple[str, str], ...], Ints]:
-        """The two keys of each of p sorted pairs of slots `a` and `b`, and (p,) the place of each pair in the last
-        list; -1 if it was not there.
-
-        `keys` and `ranks` are by slot. What is kept holds as long as `ranks` is the same array.
-        """
-        if self._ranks is not ranks:
-            self._ranks, self._codes, self._names = ranks, self._codes[:0], [None]
-        self._codes, before = _places_before(self._codes, a, b, ranks)
-        names = list(map(self._names.__getitem__, before.tolist()))
-        for row in np.flatnonzero(before < 0).tolist():
-            names[row] = (keys[a[row]], keys[b[row]])
-        self._names = [*names, None]
-        return cast(tuple[tuple[str, str], ...], tuple(names)), before

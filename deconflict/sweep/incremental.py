@@ -13,7 +13,6 @@ from deconflict.sweep.broadphase import PAIR, Pairs, SweptBoxes, sorted_pairs
 from deconflict.sweep.contact_intervals import (
     CONTACT_INTERVAL,
     ContactIntervals,
-    PairNames,
     by_pair,
     in_span,
     intervals_of,
@@ -51,8 +50,6 @@ class PairConflicts(NamedTuple):
     """c pairs that come within the clearance, ascending by keys, and the work of the pass."""
 
     pairs: tuple[tuple[str, str], ...]
-    before: Ints
-    """(c,) the place of each pair in the result of the last pass; -1 if it is not known to be there."""
     contact_s: Floats
     """(c,) first time within the clearance, to a millimetre and never late; `now_s` if the two are within it then."""
     separation_m: Floats
@@ -111,7 +108,6 @@ class Sweeper:
         self._rings: Ints = np.arange(2 * self._slabs) % self._slabs
         """The ring rows of successive slabs, twice, so that the rows of any range are a slice."""
         self._intervals: ContactIntervals = np.empty(0, CONTACT_INTERVAL)
-        self._names = PairNames()
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
 
     def update(
@@ -267,10 +263,9 @@ class Sweeper:
             rows = self._crowded_pairs.kept_rows(a, b, contact_s, self._slot_table.column(self._crowds))
             a, b, contact_s, fresh = a[rows], b[rows], contact_s[rows], fresh[rows]
             separation_m, separation_at_s = separation_m[rows], separation_at_s[rows]
-        pairs, before = self._names.of(a, b, self._slot_table.keys, self._slot_table.ranks())
+        keys = self._slot_table.keys
         return PairConflicts(
-            pairs=pairs,
-            before=before,
+            pairs=tuple(zip(keys[a].tolist(), keys[b].tolist(), strict=True)),
             contact_s=contact_s,
             separation_m=separation_m,
             separation_at_s=separation_at_s,

@@ -338,7 +338,6 @@ class ProbabilityEstimator:
         slots = self._robots.remove(uuids)
         if not len(slots):
             return
-        self._candidates.forget_swept()
         self._stated_ways[slots] = blank_records(len(slots))
         self._pending.forget(slots)
         self._rollouts.forget(slots)

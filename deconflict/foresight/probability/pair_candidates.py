@@ -20,8 +20,6 @@ class SweptConflicts(NamedTuple):
     """What the exact sweep found: c pairs whose forecasts come within the clearance. Arrays are (c,)."""
 
     pairs: Sequence[Pair]
-    before: Ints
-    """The place of each pair in the `SweptConflicts` of the last look; -1 if it is not known to be there."""
     separation_m: Floats
     separation_at_s: Floats
     contact_s: Floats
@@ -32,23 +30,11 @@ class PairCandidates:
 
     def __init__(self, robots: TrackedRobots, clearance_m: float, horizon_s: float) -> None:
         self._robots, self._clearance_m, self._horizon_s = robots, clearance_m, horizon_s
-        self._swept: Ints = np.full(1, -1)
-        """Codes of the pairs that the sweep found for the last look, -1 if a robot has left since. One more -1 at the
-        end, for a pair that it did not find."""
 
     def swept_codes(self, swept: SweptConflicts) -> Ints:
-        """(c,) the codes of the pairs that the sweep found, most of which it found for the last look too."""
-        code = self._swept[swept.before]
-        new = np.flatnonzero(code < 0)
-        if len(new):
-            flat = np.array([self._robots.slots[uuid] for row in new.tolist() for uuid in swept.pairs[row]])
-            code[new] = codes(flat[::2], flat[1::2])
-        self._swept = np.append(code, -1)
-        return code
-
-    def forget_swept(self) -> None:
-        """Robots have left, so that slots may change hands: find all codes anew."""
-        self._swept[:] = -1
+        """(c,) the codes of the pairs that the sweep found."""
+        slots = np.array([self._robots.slots[uuid] for pair in swept.pairs for uuid in pair], np.int64)
+        return codes(slots[::2], slots[1::2])
 
     def nearby_codes(self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float) -> Ints:
         """(p,) the codes of the pairs that may come near at any whole second of the horizon. At least one robot of each

@@ -4,7 +4,7 @@ from itertools import groupby
 
 import numpy as np
 
-from deconflict.sweep.contact_intervals import CONTACT_INTERVAL, ContactIntervals, PairNames, by_pair, merged
+from deconflict.sweep.contact_intervals import CONTACT_INTERVAL, ContactIntervals, by_pair, merged
 from ingest.batch import Ints
 
 RNG = np.random.default_rng(21)
@@ -43,20 +43,3 @@ def test_parts_are_joined_in_the_order_of_keys_and_slabs() -> None:
     for number in range(4):
         some = merged(some, whole[part == number], RANKS)
         assert some.tolist() == whole[part <= number].tolist()
-
-
-def test_names_are_those_of_the_pairs_whatever_was_listed_before() -> None:
-    names, kept, ranks = PairNames(), dict[tuple[str, str], tuple[str, str]](), RANKS
-    keys = np.array([f"r{slot}" for slot in range(ROBOTS)], object)
-    for turn in range(40):
-        if turn % 10 == 9:
-            keys, ranks = np.roll(keys, 1), RNG.permutation(ROBOTS)
-            kept.clear()
-        intervals = made(int(RNG.choice([0, 1, 800])), ranks)
-        a, b, *_ = by_pair(intervals, np.zeros(ROBOTS, bool), 0.0)
-        listed, before = names.of(a, b, keys, ranks)
-        assert listed == tuple(zip(keys[a], keys[b], strict=True))
-        assert all(kept.get(pair, pair) is pair for pair in listed)
-        places = {pair: place for place, pair in enumerate(kept)}
-        assert before.tolist() == [places.get(pair, -1) for pair in listed]
-        kept = {pair: pair for pair in listed}

@@ -13,7 +13,7 @@ from tests.helpers.made_encounters import NOW_S, robot
 CLEARANCE_M = 0.3
 
 
-NONE_SWEPT = SweptConflicts((), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0))
+NONE_SWEPT = SweptConflicts((), np.empty(0), np.empty(0), np.empty(0))
 
 
 NO_STOPS = Destinations(np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.int64))

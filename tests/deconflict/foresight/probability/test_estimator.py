@@ -90,12 +90,12 @@ def test_the_same_calls_give_the_same_answers() -> None:
 def test_robots_that_return_in_other_slots_are_not_confused() -> None:
     far, near = Walk((0.0, 90.0), (1.0, 0.0)), {"b": Walk((-8.0, 0.0), (1.0, 0.0)), "a": Walk((0.0, 0.0), (0.0, 0.0))}
     stage = Stage({"c": far} | near)
-    swept = SweptConflicts((("a", "b"),), np.array([-1]), np.array([0.1]), np.array([NOW_S + 8]), np.array([NOW_S + 8]))
+    swept = SweptConflicts((("a", "b"),), np.array([0.1]), np.array([NOW_S + 8]), np.array([NOW_S + 8]))
     stage.second(0)
     stage.foresight.estimate(NOW_S, swept, 0.5)
     stage.foresight.receive(replace(stage.batch(0.5).take(np.arange(0)), gone=tuple(stage.walks)))
     stage.foresight.receive(stage.batch(1.0))
-    stage.foresight.estimate(NOW_S + 1, swept._replace(before=np.array([0])), 0.5)
+    stage.foresight.estimate(NOW_S + 1, swept, 0.5)
     assert [pair for pair, _ in stage.foresight.probabilities()] == [("a", "b")]
 
 
