@@ -14,8 +14,8 @@ from deconflict.advisory import Severity
 from ingest.batch import Pair
 
 MOST_REVISIONS = 50
-"""In one pass, of the conflicts between robots of the same two vendors. Recorded traffic, and a thousand robots of the
-benchmark, need fewer than half as many."""
+"""In one pass, of the conflicts between robots of the same two vendors. Honest robots need far fewer, even if a
+thousand of them share a floor."""
 
 
 class Candidate(NamedTuple):

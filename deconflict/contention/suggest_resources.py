@@ -33,7 +33,7 @@ FEWEST = 3
 LOOK_S = 1.0
 HEAD = """\
 # Where robots kept standing in {logs}: {dwells} stops of {least:g} s or longer, {places} places with {fewest} or more.
-# Set right the kind, the name and the outline of each, and give one group to those that can stand in for each other.
+# Correct the kind, name and outline of each. Give the same `group` to resources that can replace each other.
 """
 
 
@@ -44,11 +44,14 @@ class Dwell:
     vendor: str
     datum: str
     x_m: float
+    """Centre of the envelope in the floor's frame."""
     y_m: float
     size_m: float
     """The longer side of its envelope."""
     dwell_s: float
+    """How long it stood."""
     states: tuple[str, ...]
+    """Operational states that it reported there."""
 
 
 @dataclass(slots=True)

@@ -49,7 +49,7 @@ class RepeatReader:
     limits: Floats
     """The values of a `path_kernels.LIMITS` record."""
     findings: tuple[str, ...]
-    """Findings on each of its statuses, except those on times and the number of points."""
+    """Deviations of each of its statuses, except those of times and of the number of points."""
 
     def is_valid(self, connection: Connection) -> bool:
         """Whether the robot still reports over this connection and is read by the same settings."""
@@ -57,7 +57,7 @@ class RepeatReader:
         return self.connection is connection and robot.context is self.context and robot.context_key is self.context_key
 
     def read(self, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
-        """Update the robot and its forecast. Returns the findings. None, without any change, for any other status."""
+        """Update the robot and its forecast. Returns its deviations. None, without any change, for any other status."""
         robot, before, marks = self.robot, self.robot.seen, scanned.marks
         if before is None or before.floor != self.floor:
             return None
@@ -160,7 +160,7 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
 
 
 def _constant_findings(scanned: ScannedStatus, frame: Frame, names_as_uuid: str | None) -> tuple[str, ...]:
-    """The findings on each status of the robot, except those on times and the number of points."""
+    """The deviations of each status of the robot, except those of times and of the number of points."""
     findings: Findings = {}
     vocabulary.robot_uuid(scanned.uuid.decode(), names_as_uuid, findings)
     texts = scanned.texts

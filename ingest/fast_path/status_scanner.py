@@ -36,7 +36,7 @@ _RESOLUTIONS_S = [digit_resolution_s(digits) for digits in range(10)]
 _CACHED = 1024
 """Combinations of texts that are cached: robots send the same few again and again."""
 PointTexts = tuple[str, tuple[str, ...]]
-"""The datum of points, and the findings on their stamps and their datum."""
+"""The datum of points, and the deviations of their stamps and their datum."""
 
 
 class StatusTexts(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -46,7 +46,7 @@ class StatusTexts(msgspec.Struct, frozen=True, gc=False, eq=False):
     known_state: bool
     datum: str
     findings: tuple[str, ...]
-    """Findings on its stamp, state and datum."""
+    """Deviations of its stamp, state and datum."""
     path: PointTexts | None
     """None if there are no points."""
     destinations: PointTexts | None

@@ -24,7 +24,7 @@ class ScannedStatusProtocol(Protocol):
 
     @property
     def texts(self) -> object:
-        """One object shared by all statuses with the same state, datums and findings on them."""
+        """One object shared by all statuses with the same state, datums and deviations of these."""
 
     @property
     def stamp_s(self) -> float: ...
@@ -57,7 +57,7 @@ class RepeatReaderProtocol(Protocol[Read_contra]):
         """Whether the robot still reports over this connection and is read by the same settings."""
 
     def read(self, scanned: Read_contra, event_s: float) -> tuple[str, ...] | None:
-        """Update the robot and its forecast. Returns the findings. None, without any change, for any other status."""
+        """Update the robot and its forecast. Returns its deviations. None, without any change, for any other status."""
 
 
 @dataclass(frozen=True, slots=True)

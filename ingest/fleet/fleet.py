@@ -41,7 +41,7 @@ STALE_S = 2.0
 
 
 class Fleet:
-    """All robots. Counts messages and findings in `measures`; rejected messages go to `quarantine`."""
+    """All robots. Counts messages and deviations in `measures`; rejected messages go to `quarantine`."""
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class Fleet:
     def _update_identity(
         self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection
     ) -> tuple[str, ...]:
-        """Take over an identity. The robot's last status is forecast again with it. Returns the findings."""
+        """Take over an identity. The robot's last status is forecast again with it. Returns the deviations."""
         before, robot.identity = robot.identity, identity
         assigned = self._owners.assign_by_identity(robot, identity, connection)
         robot.shared_identity = SharedIdentity(robot.uuid, raw, arrival_s, connection.vendor, robot.vendor, assigned)
@@ -149,7 +149,7 @@ class Fleet:
     def _event_time(
         self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
     ) -> tuple[float, tuple[str, ...]]:
-        """When the pose of a status was true, by the sender's corrected clock, and the findings."""
+        """When the pose of a status was true, by the sender's corrected clock, and the deviations."""
         event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
         if robot.clock.delay_s > STALE_S + resolution_s:
@@ -161,7 +161,7 @@ class Fleet:
     def _update_status(
         self, robot: Robot, status: Status, raw: bytes, arrival_s: float, event_s: float
     ) -> tuple[str, ...]:
-        """Place and forecast the robot by its status, unless it already sent a newer one. Returns the findings."""
+        """Place and forecast the robot by its status, unless it already sent a newer one. Returns the deviations."""
         findings: tuple[str, ...] = ()
         frame, sighting = self._placement.sighting(robot, status, event_s)
         if robot.seen:

@@ -64,7 +64,7 @@ class Placement:
     def forecast(
         self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
-        """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the findings."""
+        """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the deviations."""
         context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum)
         robot.frame = frame
         robot.seen, findings = plausibility.reconcile(before, sighting)

@@ -43,8 +43,9 @@ class Fit:
 
     method: Method
     transform: Transform
+    """From readings to the floor's frame."""
     affine: Affine
-    """The global part."""
+    """The global fit, to which ADJUST adds local corrections."""
     residuals_m: Floats
     """(points,) distance of each point from its place by the global fit; 0 by construction for up to three points."""
     left_out_m: Floats

@@ -29,7 +29,9 @@ class Frame:
     comparable: bool = True
     """False for a frame that no other vendor shares."""
     projection: Projection | None = None
+    """From degrees to metres; None if the frame is in metres."""
     transform: Transform | None = None
+    """From the vendor's map to the floor's frame; None if they are the same."""
 
     @property
     def mirrored(self) -> bool:

@@ -39,6 +39,7 @@ class LevelChange(NamedTuple):
     """A detected change of a level."""
 
     since_s: float
+    """When it began."""
     by: float
     """By how much the level is above the usual one; negative if it is below."""
 
@@ -66,6 +67,7 @@ class ChangeDetector:
     usual: float = 0.0
     """The usual level."""
     variance: Annotated[float, Field(ge=0)] = 0.0
+    """Of values around the usual level."""
     at_s: float = 0.0
     """The time of the newest value."""
     sums: Sides = field(default_factory=lambda: [0.0, 0.0])

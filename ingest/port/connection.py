@@ -10,6 +10,8 @@ class Connection:
     id: int
     """Unique within a log, across restarts of the receiver."""
     peer: str = ""
+    """Address of the sender."""
     path: str = "/"
+    """Path of the URL, which may name a vendor."""
     vendor: str | None = None
     """The vendor for which the connection speaks, by its path or the dialled address. None if neither says it."""

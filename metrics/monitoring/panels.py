@@ -32,9 +32,13 @@ class Panel:
     queries: tuple[Query, ...]
     kind: Literal["timeseries", "stat", "table"] = "timeseries"
     columns: int = 8
+    """Width; a dashboard has 24 columns."""
     rows: int = 7
+    """Height."""
     warn_above: float | None = None
+    """A value above this is marked; None if no value is too high."""
     warn_below: float | None = None
+    """A value below this is marked; None if no value is too low."""
 
 
 def panel(title: str, unit: str, *queries: Query, **look: Any) -> Panel:

@@ -1,4 +1,4 @@
-"""Counts of each vendor's departures from the standard: a part of every replay, and the whole of `conform`."""
+"""Counts of each vendor's deviations from the standard: a part of every replay, and the whole of `conform`."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -23,7 +23,7 @@ def feed(fleet: Fleet, event: Received) -> None:
 
 
 def findings(measures: Measures) -> list[Vendor]:
-    """By vendor: messages accepted and rejected, and the count of each broken rule, the largest first."""
+    """By vendor: messages accepted and rejected, and the count of each deviation and rejection, the largest first."""
     messages = measures.values.get("deconflict_messages_total", {})
     broken: dict[str, dict[str, int]] = {}
     for name in ("deconflict_rejections_total", "deconflict_deviations_total"):
@@ -42,7 +42,7 @@ def findings(measures: Measures) -> list[Vendor]:
 
 
 def conform(reader: LogReader, events: Iterable[Event], site: Site) -> dict[str, Any]:
-    """The conformance findings of the events that `reader` reads. No engine runs."""
+    """The deviations and rejections in the events that `reader` reads. No engine runs."""
     measures = Measures()
     fleet = fleet_of(site, measures)
     messages = 0
@@ -80,6 +80,6 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
         yield ""
         yield f"{vendor['vendor']}: {vendor['accepted']} accepted, {vendor['rejected']} rejected"
         if not vendor["findings"]:
-            yield "  no departures from the standard"
+            yield "  no deviations from the standard"
         for finding in vendor["findings"]:
             yield f"  {finding['count']:>8}  {finding['rule']} ({finding['clause']}): {finding['meaning']}"

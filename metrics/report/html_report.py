@@ -44,7 +44,7 @@ def _sections(result: Part) -> Iterator[str]:
     if result["places"]:
         yield "<h2>Forecasts for shared places</h2>" + places(result["places"])
     yield "<h2>Nearest moments</h2>" + _scenes(result["nearest"])
-    yield "<h2>Departures from the standard</h2>" + _conformance(result["conformance"])
+    yield "<h2>Deviations from the standard</h2>" + _conformance(result["conformance"])
 
 
 def _figures(scores: Sequence[Part]) -> str:
@@ -127,7 +127,7 @@ def _scorecard(result: Part) -> str:
     rows = []
     for vendor in score["by_vendor"]:
         errors, counts = ahead.get(vendor["vendor"]), conformance.get(vendor["vendor"])
-        departures = sum(finding["count"] for finding in counts["findings"]) if counts else 0
+        deviations = sum(finding["count"] for finding in counts["findings"]) if counts else 0
         messages = counts["accepted"] + counts["rejected"] if counts else 0
         rows.append(
             [
@@ -144,11 +144,11 @@ def _scorecard(result: Part) -> str:
                 else f"{number(errors['distance_median_m'], 2)} / {number(errors['distance_p90_m'], 2)}",
                 f"{messages:,}",
                 f"{counts['rejected']:,}" if counts else "-",
-                f"{100 * departures / messages:.1f}" if messages else "-",
+                f"{100 * deviations / messages:.1f}" if messages else "-",
             ]
         )
     head = ("vendor", "grade", "robot-hours", "encounters", "recall", "precision", "alerts per robot-hour")
-    more = ("lead time, s", "error 3 s ahead, m: median / p90", "messages", "rejected", "departures per 100 messages")
+    more = ("lead time, s", "error 3 s ahead, m: median / p90", "messages", "rejected", "deviations per 100 messages")
     return f"<p>At a clearance of {score['clearance_m']:g} m.</p>" + table((*head, *more), rows)
 
 
@@ -255,8 +255,8 @@ def _conformance(vendors: Sequence[Part]) -> str:
         for finding in vendor["findings"]
     ]
     if not rows:
-        return "<p>No departures from the standard.</p>"
-    return table(("vendor", "rule", "count", "", "departure, and how it is read"), rows, text_columns=5)
+        return "<p>No deviations from the standard.</p>"
+    return table(("vendor", "rule", "count", "", "deviation, and how it is read"), rows, text_columns=5)
 
 
 def _span(seconds: float) -> str:

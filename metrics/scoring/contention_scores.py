@@ -46,8 +46,10 @@ class ContentionAlert:
     places: frozenset[str]
     """Ids of the resources or of the zone that it concerns, if any."""
     spot: tuple[str, float, float]
+    """Datum, x and y in the floor's frame."""
     raised_s: float
     predicted_s: float
+    """When the event was predicted to begin."""
     wait_s: float
     """The longest predicted wait when it was raised. nan unless it is a contention."""
     robots: set[str] = field(default_factory=set)

@@ -26,9 +26,12 @@ class YieldEvent:
     """One robot yielded to another."""
 
     robot: str
+    """UUID of the robot that yielded."""
     other: str
+    """UUID of the other robot."""
     outcome: InteractionOutcome
     onset_s: float
+    """When it began to yield."""
     doubt_s: float
     """Uncertainty of the onset."""
     end_s: float

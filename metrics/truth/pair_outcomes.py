@@ -48,7 +48,9 @@ class OutcomeSpan(NamedTuple):
     """A time in which two robots are in each other's way, or one waits for the other."""
 
     onset_s: float
+    """When it begins."""
     end_s: float
+    """When it ends."""
 
 
 @dataclass(slots=True, eq=False)

@@ -72,10 +72,11 @@ class RobotExtents:
     """Where the robots of a batch are and may be. Arrays are (n, 2) unless said otherwise, metres."""
 
     at: Floats
+    """The first knot of each forecast: x and y in the floor's frame."""
     low: Floats
-    """(n, 2) the lower corner of the box around all knots of a forecast, metres."""
+    """The lower corner of the box around all its knots."""
     high: Floats
-    """(n, 2) the upper corner, metres."""
+    """The upper corner of that box."""
     slack_m: Floats
     """(n,) how far from its knots a robot may be in conflict: envelope, clearance and uncertainty."""
     floor: Ints
@@ -109,6 +110,7 @@ class ChannelSorter:
     grid: Grid
     conflict: Conflict
     reach_m: float
+    """How far around its tiles an engine listens."""
     _last: dict[str, Tile] = field(default_factory=dict)
     """The last tile of each robot."""
     _spans: dict[str, "TileSpan"] = field(default_factory=dict)

@@ -43,7 +43,9 @@ class _QueueQuestion:
     advice: Recommendation | None = None
     """The newest answer that was given."""
     signature: Signature = ()
+    """What the newest question was about. Another signature needs another answer."""
     asked_s: float = -inf
+    """When the newest question was asked."""
     answer: PendingAnswer | None = None
     """The answer that is yet to be given."""
     late: bool = False

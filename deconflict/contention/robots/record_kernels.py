@@ -37,7 +37,7 @@ ROBOT = np.dtype(
         ("width_m", np.float64),  # across the heading
         ("bottom_m", np.float64),  # the lowest height it reaches; -inf if not known
         ("top_m", np.float64),  # the highest height it reaches; inf if not known
-        ("way_m", np.float64),  # how far it gets in the next ten seconds
+        ("way_m", np.float64),  # length of its forecast path in the next ten seconds
         ("stood_s", np.float64),  # since when it stands where it is
         ("goes", np.bool_),  # it is forecast to move
         ("stands", np.bool_),  # it is at rest, whatever it reports

@@ -23,7 +23,9 @@ class Prior(NamedTuple):
     """The weights of the features of a pair, see `pair_table.FEATURES`, before anything is learned."""
 
     mean: Floats
+    """(features,)"""
     sd: Floats
+    """(features,) standard deviations."""
     same_vendor: float = 0.0
     """Added to the first weight for robots of one vendor."""
 

@@ -90,8 +90,11 @@ class PairEstimates(NamedTuple):
 
     pairs: Sequence[Pair]
     probability: Floats
+    """That the two get in each other's way within the horizon."""
     near_s: Floats
+    """Time at which the forecasts are nearest within the horizon, seconds since the epoch."""
     near_m: Floats
+    """Separation of the envelopes at that time."""
     now_m: Floats
     """Separation at the last look, by the newest forecasts."""
     fresh: Bools

@@ -24,11 +24,15 @@ class CrossingPassage:
     """One crossing on a drive."""
 
     node: int
+    """Number of the crossing's node."""
     enter_m: float
+    """Progress along the drive at which the robot enters it."""
     leave_m: float
+    """Progress at which it has left it."""
     inward: tuple[int, int]
     """Direction in which it is entered, as signs of x and y."""
     left: bool
+    """Whether the robot turns left there."""
 
     def meets(self, other: "CrossingPassage") -> bool:
         """Whether two paths through one crossing touch. Paths from the same side do not, nor opposite ones without left

@@ -48,8 +48,9 @@ class RelativePositions:
     """Positions of n robots relative to the middle of one robot's path."""
 
     ahead_m: Floats
-    """(n,)"""
+    """(n,) along the path from the robot."""
     left_m: Floats
+    """(n,) to the left of the path."""
     along_m: Floats
     """(n,) half extent of their bodies along its path; `across_m` is that across it."""
     across_m: Floats

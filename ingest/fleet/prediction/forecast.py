@@ -37,7 +37,7 @@ _YAW = itemgetter(3)
 
 
 def forecast(status: Status, here: Sighting, context: ForecastContext) -> Forecast:
-    """The forecast of a robot seen at `here`, with findings on the path."""
+    """The forecast of a robot seen at `here`, with the deviations of its path."""
     findings: list[str] = []
     basis, (knots, floors) = _route(status, here, context, findings)
     return _enveloped(basis, knots, floors, context.body, status.z, tuple(findings))

@@ -46,7 +46,9 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Where a robot was: its location, not the envelope centre, in the floor's frame."""
 
     t_s: float
+    """Time of the pose, by the service's clock."""
     floor: int
+    """Index of the floor."""
     x_m: float
     y_m: float
     yaw_rad: float
@@ -54,6 +56,7 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     linear_mps: float | None = None
     """Speed along the heading, negative backwards; None if neither sent nor observed."""
     turn_radps: float = 0.0
+    """Turn rate, anticlockwise positive."""
     clock_offset_s: float = 0.0
     """The robot's stamps plus this are service time."""
 
@@ -67,12 +70,15 @@ class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
     floors: tuple[int, ...]
     """(k,) floor index of each knot."""
     length_m: float
+    """Of the envelope, along the heading."""
     width_m: float
+    """Of the envelope, across the heading."""
     bottom_m: float
-    """-inf if the height is unknown."""
+    """Lowest height of the envelope, -inf if unknown."""
     top_m: float
-    """inf if the height is unknown."""
+    """Highest height of the envelope, inf if unknown."""
     findings: tuple[str, ...] = ()
+    """Deviations of the path that it was made from."""
 
 
 def robot_body(model: Model, reported: Envelope, loaded: bool, max_speed_mps: float | None) -> RobotBody:

@@ -30,7 +30,7 @@ def frequency(gap_s: float, quiet_after_s: float) -> tuple[str, ...]:
 
 
 def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[str, ...]]:
-    """`now` with heading, speed and turn rate corrected by the motion since `before`, and the findings.
+    """`now` with heading, speed and turn rate corrected by the motion since `before`, and the deviations.
 
     An unknown heading becomes the direction of travel, or the heading before if the robot has not moved. A speed that
     was not sent becomes the observed one. A speed without sign gets the sign of the motion. A turn rate that
@@ -64,7 +64,7 @@ def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[s
 def _with_sign(
     now: Sighting, linear_mps: float, travel_rad: float, findings: tuple[str, ...]
 ) -> tuple[Sighting, tuple[str, ...]]:
-    """`now` with a negative speed if it travels backwards, and the findings."""
+    """`now` with a negative speed if it travels backwards, and the deviations."""
     off_heading_rad = abs(turn_between(now.yaw_rad, travel_rad))
     if linear_mps > 0 and off_heading_rad > 3 * pi / 4:
         return replace(now, linear_mps=-linear_mps), (*findings, "speed-sign-lost")

@@ -1,4 +1,4 @@
-"""Amounts of a message: speeds, percentages, run times. Values out of range are clamped or left out, with a finding.
+"""Amounts of a message: speeds, percentages, run times. Values out of range are deviations: clamped or left out.
 
 A further amount of a status is a key of `AmountsReport`, a line in `_sent` and one in `read`, and a field of
 `ingest.batch.Amounts`.

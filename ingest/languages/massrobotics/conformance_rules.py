@@ -1,7 +1,7 @@
-"""Every way in which a message departs from the standard, by code.
+"""The rules of the standard by code: rejections and deviations.
 
-A message that breaks a rejecting rule can't be understood. A message that breaks another rule is read as the rule's
-sentence says, and counted. Codes are label values of metrics: they do not change. `python -m
+A message that breaks a rejecting rule is rejected. A message that deviates from another rule is read as the sentence of
+the rule says, and the deviation is counted. Codes are label values of metrics: they do not change. `python -m
 ingest.languages.massrobotics.conformance_rules` writes the table of docs/conformance.md.
 """
 
@@ -10,15 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 Findings = dict[str, None]
-"""Codes of the rules that a message broke, each once, in the order in which they were found. The values are unused."""
+"""Codes of the deviations of a message, each once, in the order in which they were found. The values are unused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One deviation: what the message has, and how it is read."""
+    """One kind of deviation or rejection."""
 
     code: str
+    """Its name in metrics."""
     sentence: str
+    """What the message has, and how it is read or what to change."""
     clause: str
     """Of the standard, or `schema` for its published JSON schema."""
     rejects: bool = False
@@ -27,7 +29,7 @@ class Rule:
 
 
 class RejectedError(ValueError):
-    """A message that can't be understood: the rule it broke, and what the sender should change."""
+    """A message that is not accepted: the rule that rejects it, and what the sender should change."""
 
     def __init__(self, rule: str, reason: str, sent_uuid: object = None) -> None:
         super().__init__(f"{rule}: {reason}")
@@ -173,15 +175,15 @@ def page() -> str:
 
 
 _INTRODUCTION = (
-    "# Departures from the standard",
+    "# Deviations from the standard",
     "",
-    "Every rule a message can break. A message that breaks a rule of the first table is rejected and kept in the",
-    "quarantine; any other is read as the sentence says, and counted by vendor and rule in",
-    "`deconflict_deviations_total`. *Clause* is the clause of the MassRobotics AMR Interoperability Standard 1.0, or",
-    "`schema` for its published JSON schema. Rules marked \\* need more than the message itself: the robot's history,",
-    "the site file or the socket.",
+    "All rules by which messages are checked. A message that breaks a rule of the first table is rejected and kept",
+    "in the quarantine. In all other cases the message is read as the sentence says, and the deviation is counted by",
+    "vendor and rule in `deconflict_deviations_total`. *Clause* is the clause of the MassRobotics AMR Interoperability",
+    "Standard 1.0, or `schema` for its published JSON schema. Rules marked \\* need more than the message itself: the",
+    "robot's history, the site file or the socket.",
     "",
-    "Not a departure, and therefore no rule: whole seconds in a timestamp (its resolution is estimated), a height",
+    "Not a deviation, and therefore no rule: whole seconds in a timestamp (its resolution is estimated), a height",
     "`z` left out, an empty list, keys repeated within one object (the last one holds).",
     "",
     "Written by `python -m ingest.languages.massrobotics.conformance_rules`.",

@@ -1,7 +1,7 @@
 """Decodes the reports of `report_models` with `msgspec`, from structs derived from the same models.
 
-A report that it decodes has the same values as with pydantic, which is five times as slow. It decodes no report with an
-unknown key or a null: those are left to pydantic, which keeps unknown keys.
+It decodes faster than pydantic, to the same values. It decodes no report with an unknown key or a null. Pydantic, which
+keeps unknown keys, decodes those.
 """
 
 from typing import Any, TypeGuard, cast

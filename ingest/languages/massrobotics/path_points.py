@@ -18,7 +18,7 @@ PATH_S, DESTINATIONS_S = 10.0, 900.0
 MOST_POINTS = 10
 MOST_POINTS_USED = 200
 SLACK_S = 1.0
-"""A time may lie this far beyond a limit without a finding, since stamps are rounded."""
+"""A time may be this far beyond a limit without a deviation, since stamps are rounded."""
 UNSET_CLOCK_S = 366 * 86400.0
 """Times before this, in 1970, come from a clock that was never set, or that counts from some start."""
 
@@ -146,7 +146,7 @@ def _read(points: Sequence[PredictedLocation] | None, findings: Findings) -> Pat
 
 
 def _conforming_rows(points: Sequence[PredictedLocation], findings: Findings) -> list[Row] | None:
-    """The points (p, 4). None if one has a finding other than on its timestamp, which is rare."""
+    """The points (p, 4). None if one deviates in more than its timestamp, which is rare."""
     read = timestamps.plain_seconds([point.timestamp for point in points])
     if read is None:
         return None

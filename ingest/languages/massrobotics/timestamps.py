@@ -52,7 +52,7 @@ def parse(text: str) -> Stamp | None:
 
 
 def plain_seconds(texts: Iterable[str]) -> tuple[list[float], tuple[str, ...]] | None:
-    """The moments that one or more `texts` name, and the findings. None unless all are RFC 3339 and plausible."""
+    """The moments that one or more `texts` name, and their deviations. None unless all are RFC 3339 and plausible."""
     moments_s, after_us = [], 0
     known: str | None = None
     findings: tuple[str, ...] = ()

@@ -62,7 +62,7 @@ def robot_uuid(text: str, names_as_uuid: str | None, findings: Findings) -> str:
 
 
 def _robot(text: str, names_as_uuid: str | None) -> tuple[str, tuple[str, ...]]:
-    """The UUID that `text` spells or names, and the findings on it."""
+    """The UUID that `text` spells or names, and its deviations."""
     plain = _plain_uuid(text)
     if plain:
         found = {

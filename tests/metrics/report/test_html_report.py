@@ -28,7 +28,7 @@ def test_the_page_opens_offline_and_is_the_same_each_time(result: dict[str, Any]
     assert html == page(copy.deepcopy(result), "Replay")
     for outside in ("http", "src=", "@import", "url(", "<script"):
         assert outside not in html
-    for part in ("Lead time", "Where conflicts were predicted", "Departures", "Distance from forecast"):
+    for part in ("Lead time", "Where conflicts were predicted", "Deviations from", "Distance from forecast"):
         assert part in html
 
 
@@ -50,7 +50,7 @@ def test_names_from_vendors_are_shown_as_text(result: dict[str, Any]) -> None:
 def test_a_log_in_which_nothing_happened_has_a_page() -> None:
     html = page(replay(LogReader(), [], DEFAULT, [0.3]), "Replay")
     assert "No two robots came near each other" in html
-    assert "No departures from the standard" in html
+    assert "No deviations from the standard" in html
 
 
 def test_messages_out_of_order_are_mentioned_if_there_are_any(result: dict[str, Any]) -> None:
