@@ -56,7 +56,7 @@ def limited_advice(advice: Recommendation, robots: Collection[str]) -> Recommend
 
 
 def _first(entries: Sequence[Hold | Slot], most: int, robots: Collection[str]) -> tuple[Hold | Slot, ...]:
-    """At most so many entries, those of `robots` first, in their order."""
+    """At most `most` entries, those of `robots` first, in their order."""
     if len(entries) <= most:
         return tuple(entries)
     own_first = sorted(range(len(entries)), key=lambda index: entries[index].robot not in robots)

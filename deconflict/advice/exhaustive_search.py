@@ -13,7 +13,7 @@ from ingest.batch import Bools, Ints
 from ingest.kernels import inner, kernel
 
 MOST_TRIED = 200_000
-"""After so many tried holds, of single robots, the solver takes over: it needs no longer from there on."""
+"""Number of tried holds after which the search gives up. From there on the solver is as fast."""
 NO_PLAN, UNKNOWN = -1, -2
 """Returned in place of a score: there is no plan, or the search gave up."""
 HIGHEST_SCORE = 1 << 62

@@ -25,7 +25,7 @@ from ingest.measures.measures import Measures
 AGAIN_S = 3.0
 """A conflict is asked about again after this time, with its group; a new one at once."""
 NEAR_M, MOST_NEAR = 20.0, 30
-"""A plan heeds other robots within this distance of one of the group, at most so many, the nearest first."""
+"""A plan heeds other robots within this distance of one of the group, at most this many, the nearest first."""
 GROWS_S = 1.5
 """Advice waits no longer than this for a group of conflicts to stop growing."""
 PAIRS_PER_S, MOST_PAIRS = 20.0, 60.0

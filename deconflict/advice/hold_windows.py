@@ -155,6 +155,6 @@ def _pairs_with(robots: int, chosen: Sequence[int]) -> tuple[Ints, Ints]:
 
 @cache
 def _all_pairs(robots: int) -> tuple[Ints, Ints]:
-    """Rows of all pairs of so many robots."""
+    """Rows of all pairs of this many robots."""
     a, b = np.triu_indices(robots, 1)
     return np.ascontiguousarray(a), np.ascontiguousarray(b)

@@ -22,7 +22,7 @@ HOLD_CHANGED_S = 1.0
 UPDATE_GAP_S = 1.0
 """Shortest time between two revisions, unless severity rises."""
 FADES_S = 1.0
-"""After a conflict has been unlikely for so long, its advisory is updated to the low probability."""
+"""After a conflict has been unlikely for this long, its advisory is updated to the low probability."""
 HELD_SHARE = 0.15
 """An advisory stands until its probability is below this share of `raise_probability`."""
 

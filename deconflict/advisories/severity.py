@@ -18,7 +18,7 @@ SURE = 0.8
 
 
 SLACK_S = 1.0
-"""A severity falls only once the time to the conflict is so much longer than its bound."""
+"""A severity falls only once the time to the conflict is this much longer than its bound."""
 
 
 def severity_level(time_s: float, is_shallow: bool, warning_s: float, critical_s: float) -> int:

@@ -98,7 +98,7 @@ def _begin_watch(pairs: NDArray[Any], first: int) -> int:
 
 @inner
 def _has_enough_looks(looks: int, looks_needed: int) -> bool:
-    """Whether at least so many bits of `looks` are set."""
+    """Whether at least `looks_needed` bits of `looks` are set."""
     while looks and looks_needed > 0:
         looks &= looks - 1
         looks_needed -= 1
@@ -206,7 +206,7 @@ def _decide_update(pair: Any, advisory: Any, predicted: Any, now_s: float, thres
 
 @inner
 def _has_been_still(pair: Any, is_still: bool, now_s: float, clear_after_s: float) -> bool:
-    """Whether both have stood, or one has given way to the other, for so long."""
+    """Whether both have stood, or one has given way to the other, for long enough."""
     if not is_still:
         pair.still_since_s = inf
     elif pair.still_since_s == inf:

@@ -50,10 +50,10 @@ THRESHOLDS = np.dtype(
         ("left_probability", np.float64),  # robots less likely than this to be present have probably left
         ("urgent_s", np.float64),  # a conflict nearer than this raises an advisory at its first look
         ("clear_after_s", np.float64),  # an advisory clears after its conflict was unlikely, or still, for so long
-        ("fades_s", np.float64),  # after so long an advisory is updated to the low probability
+        ("fades_s", np.float64),  # after this long an advisory is updated to the low probability
         ("warning_s", np.float64),  # a conflict nearer than this is a warning
         ("critical_s", np.float64),  # a conflict nearer than this is critical
-        ("slack_s", np.float64),  # severity falls only once the time has grown so far beyond its bound
+        ("slack_s", np.float64),  # severity falls only once the time has grown this far beyond its bound
         ("gap_s", np.float64),  # shortest time between two revisions, unless severity rises
         ("likelier", np.float64),  # a smaller change of probability is surely worth no revision
         ("moved_s", np.float64),  # a smaller change of the predicted time is surely worth none

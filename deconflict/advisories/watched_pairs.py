@@ -209,7 +209,7 @@ class WatchedPairs:
         return watched
 
     def _make_room(self, pairs: int) -> None:
-        """Have free rows for so many more pairs."""
+        """Have free rows for this many more pairs."""
         missing = len(self._row_of) + pairs - len(self._pairs)
         if missing > 0:
             more = max(missing, len(self._pairs), 16)

@@ -46,7 +46,7 @@ LISTEN_S, MOST_AT_ONCE = 0.05, 32
 LEARNED_NAME = "conflicts"
 """Name under which the bus keeps the learned state of conflicts."""
 CATCH_UP_TIMEOUT_S = 30.0
-"""A new member waits at most so long for the open advisories."""
+"""A new member waits at most this long for the open advisories."""
 
 
 class EngineMember:

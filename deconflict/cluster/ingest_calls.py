@@ -22,7 +22,7 @@ WITHIN_S, ROBOTS_WITHIN_S = 1.5, 8.0
 """Time limits of answers. The documents of ten thousand robots take seconds."""
 TICK_S = 0.2
 IDLE_S = 10.0
-"""The subscription to the robots ends if nobody has followed the floor for so long."""
+"""The subscription to the robots ends if nobody has followed the floor for this long."""
 
 
 class IngestCalls:

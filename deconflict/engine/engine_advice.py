@@ -54,7 +54,7 @@ class EngineAdvice:
         return self._answers.pending()
 
     def set_pending(self, pending: int) -> None:
-        """Treat so many of the newest questions as not answered until the next call."""
+        """Treat the newest `pending` questions as unanswered until the next call."""
         self._answers.set_pending(pending)
 
     def add_holds(self, now_s: float, conflicts: ConflictLifecycle) -> list[ConflictAdvisory]:

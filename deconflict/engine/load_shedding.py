@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 LATE_PASSES = 2
-"""After so many late passes in a row the next pass does less."""
+"""After this many late passes in a row the next pass does less."""
 EASY_PASSES, MOST_EASY_PASSES = 50, 800
 """After so many easy passes in a row the next pass does more; twice as many each time that this proved too much."""
 EASY_SHARE = 0.5

@@ -8,7 +8,7 @@ from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 
 LEARNED_EVERY_S = 60.0
-"""The engine hands what it has learned to the operator face so often, and at its end."""
+"""Interval at which the engine passes what it has learned to the operator face. It also does so when it ends."""
 
 
 STEPPED_S = 30.0

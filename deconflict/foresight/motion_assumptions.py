@@ -7,4 +7,4 @@ SPACED_S = 0.9
 BRAKES_MPS2 = 1.0
 """Deceleration and acceleration of every robot."""
 LOST_S, MOVES_MPS = 1.0, 0.3
-"""A robot gives way if it drove at least so fast, and loses so much time."""
+"""A robot gives way if it drove at least this fast, and loses this much time."""

@@ -26,7 +26,7 @@ MEASURES_EVERY_S = 1.0
 RETRY_S, MOST_RETRY_S = 0.2, 2.0
 """First and longest pause before a parcel is sent again."""
 STUCK_S = 5.0
-"""If too much waits and none of it was taken for so long, the engine ends."""
+"""If too much waits and none of it was taken for this long, the engine ends."""
 MOST_WAITING_BYTES = 64 << 20
 """If more waits for the operator face, some five minutes of a crowded floor, the engine makes no further pass."""
 

@@ -10,7 +10,7 @@ DELAY = "deconflict_delivery_delay_seconds"
 LATE_S = 5.0
 """A longer delay is reported as degraded."""
 SET_ASIDE_SHOWN_S = 60.0
-"""A revision that was set aside is reported as degraded for so long."""
+"""A revision that was set aside is reported as degraded for this long."""
 
 
 class DeliveryHealth:

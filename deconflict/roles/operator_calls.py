@@ -23,7 +23,7 @@ from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 
 ANSWER_TIMEOUT_S = 5.0
 SHOWN_BYTES = 200
-"""The log shows so much of an invalid revision."""
+"""Characters of an invalid revision that the log shows."""
 
 log = logging.getLogger(__name__)
 

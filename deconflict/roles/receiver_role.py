@@ -36,7 +36,7 @@ from ingest.security.vendor_credentials import VendorCredentials
 logger = logging.getLogger(__name__)
 
 DISK_TIMEOUT_S = 0.05
-"""A batch waits at most so long until its messages are recorded, and not at all if the disk is already behind."""
+"""A batch waits at most this long until its messages are recorded, and not at all if the disk is already behind."""
 DOCUMENTS_AT_ONCE = 20
 INTRODUCER = "another ingest"
 """Recorded as the peer of an identity report that came from another ingest."""

@@ -14,13 +14,13 @@ from collections.abc import Callable
 from contextlib import suppress
 
 SILENCE_LIMIT_S = 20
-"""A role may be silent for so long. It sends each second, except while it waits at most ten seconds for a call."""
+"""A role may be silent for this long. It sends each second, except while it waits at most ten seconds for a call."""
 LONG_SILENCE_LIMIT_S = 240
 """The same while a role starts, and before work that may take long."""
 PORT_OPEN = 0
 HEARTBEAT_S = 1.0
 MOST_GAP_S = 1.0
-"""Silence between two checks counts for at most so long: no role hangs because the supervisor itself was stopped."""
+"""Silence between two checks counts for at most this long: no role hangs because the supervisor itself was stopped."""
 
 
 class HeartbeatMonitor:

@@ -15,7 +15,7 @@ VARIABLE = "DECONFLICT_LOG"
 """Environment variable that gives the format to the processes of the roles, and to a container."""
 TEXT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 MOST_ALIKE, WITHIN_S = 20, 60.0
-"""Each line of the program logs at most so many records in so many seconds. The next record says how many were left
+"""Each line of the program logs at most this many records in this many seconds. The next record says how many were left
 out."""
 CHATTY = ("websockets", "uvicorn", "httpx", "httpcore")
 """Loggers that log each connection or request, and write out addresses with their queries."""

@@ -24,7 +24,7 @@ ABSENT = -1
 MIXED = -2
 """The floor of a box in which the robot changes floor. It is compared with boxes of all floors."""
 FEW = 20
-"""Up to so many changed robots are compared with all others one by one. For more, boxes are sorted into grid cells."""
+"""Up to this many changed robots are compared with all others one by one. For more, boxes are sorted into cells."""
 FEW_PAIRS = 20_000
 """More changed robots are also compared one by one if that makes no more pairs than this: cells would cost more."""
 ROOMY = 1.5
@@ -430,7 +430,7 @@ class SweptBoxes:
         self.reaches: Reaches = np.zeros(0, REACH)
 
     def grow(self, slots: int) -> None:
-        """Make room for so many slots."""
+        """Make room for this many slots."""
         before, reaches = self.by_ring, self.reaches
         if slots > len(reaches):
             self.by_ring, self.reaches = np.zeros((len(before), slots), BOX), np.empty(slots, REACH)

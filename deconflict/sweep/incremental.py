@@ -40,7 +40,7 @@ TOLERANCE_M = 1e-3
 ACCURACY_M = 1e-3
 """Accuracy of the smallest separation."""
 ROUNDS = 100
-"""After so many steps of advancement a pair is left open, and FCL decides."""
+"""After this many steps of advancement a pair is left open, and FCL decides."""
 AHEAD = 1
 """So many slabs are covered beyond the horizon, so that a robot that reports every second is covered once for each
 report."""
@@ -193,7 +193,7 @@ class Sweeper:
         return is_changed, is_new
 
     def _cover_changed(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
-        """Cover the changed robots in so many slabs from `first_slab` on. Returns the pairs of boxes to look at."""
+        """Cover the changed robots in `slabs` slabs from `first_slab` on. Returns the pairs of boxes to look at."""
         self._since[changed] = first_slab
         self._cover(changed, first_slab, slabs, anew=True)
         return self._boxes.overlapping_pairs(changed, self._rings_of(first_slab, slabs))
@@ -214,7 +214,7 @@ class Sweeper:
         return found
 
     def _rings_of(self, first_slab: int, slabs: int) -> Ints:
-        """The ring rows of so many slabs."""
+        """The ring rows of `slabs` slabs."""
         first = first_slab % self._slabs
         return self._rings[first : first + slabs]
 

@@ -25,11 +25,11 @@ from ingest.kernels import inner, kernel
 
 TINY_MPS = 1e-12
 NEAR_M = 0.02
-"""So near the target, the exact distance is computed."""
+"""This near the target, the exact distance is computed."""
 MOST_HALVINGS = 40
-"""Branch and bound halves a motion at most so often."""
+"""Branch and bound halves a motion at most this many times."""
 BLOCK = 32
-"""The first knots of so many pairs are read together, so that the waits for memory overlap."""
+"""The first knots of this many pairs are read together, so that the waits for memory overlap."""
 CLEAR, MET, OPEN = 0, 1, 2
 """Results of advancement: no contact, contact, and undecided."""
 

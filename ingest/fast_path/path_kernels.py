@@ -204,9 +204,9 @@ def forecast_repeat(
 ) -> Result:
     """The forecast of a robot whose status repeats its last one, from the rows that `scanner_kernels` made of it.
 
-    Writes the knots into the first `rows`, and the destinations ahead behind the room for all knots. Returns the number
-    of knots, 0 if the status is left to the slow path; the number of destinations ahead; whether the points break a
-    rule; and x_m, y_m, yaw_rad, speed, turn rate, height and stamp.
+    Writes the knots into the first `rows`, and the destinations ahead into the rows after the last possible knot.
+    Returns the number of knots, 0 if the status is left to the slow path; the number of destinations ahead; whether the
+    points deviate from a rule; and x_m, y_m, yaw_rad, speed, turn rate, height and stamp.
     """
     limits: Limits = limits_row.view(LIMITS)[0]
     points, stops = scanned[first_point:end_of_path], scanned[first_stop:end_of_stops]

@@ -57,7 +57,7 @@ class Robot:
     uuid_as_sent: bytes = b""
     """The key of its repeat reader in the fast path; empty if it has none."""
     deviations: dict[str, int] = field(default_factory=dict)
-    """How many of its messages broke each conformance rule."""
+    """By rule, how many of its messages deviated."""
 
     def __post_init__(self) -> None:
         self.assign_vendor(self.vendor)

@@ -16,7 +16,7 @@ AMOUNTS = {
     "datum": "deconflict_datum_change_metres",
     "clock": "deconflict_clock_change_seconds",
 }
-"""By kind of change, the level that says by how much."""
+"""By kind of change, the metric of its size."""
 
 
 class ClockChanges:

@@ -36,11 +36,11 @@ LARGEST = frozenset(
         "deconflict_build_info",
     }
 )
-"""Levels that do not add up: of the values of several roles or machines the largest counts."""
+"""Levels that are not summed over roles or machines: the largest value is used."""
 FURTHEST = frozenset(
     {"deconflict_clock_offset_seconds", "deconflict_clock_change_seconds", "deconflict_host_clock_off_seconds"}
 )
-"""Levels of either sign: the value furthest from 0 counts. All other counts and levels add up."""
+"""Levels of either sign: the value furthest from 0 is used. All other counts and levels are summed."""
 
 
 class Histogram:

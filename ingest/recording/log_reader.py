@@ -105,9 +105,9 @@ class LogReader:
         self.unreadable = 0
         """Incomplete or foreign lines so far, and compressed files that end too early."""
         self.late, self.late_by_s = 0, 0.0
-        """Messages that stand behind one that arrived later, and by how much at most."""
+        """How many messages are behind one that arrived later, and the largest difference."""
         self.own = False
-        """Whether a log had lines other than messages. Then the service wrote it, in the order of its reading."""
+        """Whether a log has lines other than messages. The service wrote such a log, in the order in which it read."""
         self._newest_s = -inf
         self._finished_bytes = 0
         self._file: IO[bytes] | None = None

@@ -28,7 +28,7 @@ class Certificates:
         self._load()
 
     def refresh(self) -> None:
-        """Load the files again if one has changed. If that fails, it is logged and the earlier certificates stay."""
+        """Load the files again if one has changed. If that fails, it is logged; the old ones stay in use."""
         changed = self._changed()
         if changed == self._read:
             return

@@ -66,7 +66,7 @@ class Tokens:
         return self._digests.get(owner)
 
     def refresh(self) -> None:
-        """Read every source again. If one can't be read, that is logged and its earlier token stays."""
+        """Read every source again. If one can't be read, that is logged, and its old token stays in use."""
         before = dict(self._digests)
         for owner, source in self._sources.items():
             try:

@@ -24,7 +24,7 @@ from metrics.scoring.vendor_records import LOOK_S
 TICK_S = 0.25
 """Time between passes over a log without ticks."""
 LONGEST_GAP = 400
-"""In ticks. Of a longer gap in a log without ticks, only the last so many ticks are passes."""
+"""Number of ticks. If a log without ticks has a longer gap, only this many ticks at its end are passes."""
 HELD_S, MOST_HELD = 120.0, 50_000
 """A log of this service may begin this long, and this many messages, before the first tick of its engine."""
 

@@ -13,7 +13,7 @@ from ingest.fleet.prediction.forecast_model import Sighting
 from ingest.settings import UNKNOWN
 
 CLAIM_LASTS_S = 2.0
-"""A claim stands for so long after the last batch of any ingest that has it."""
+"""A claim stands for this long after the last batch of any ingest that has it."""
 
 
 class CrossIngestClaims:

@@ -13,7 +13,7 @@ from ingest.batch import FloorPoint
 MOST_WAITING = 20_000
 """If more revisions and passes that decided them wait, some 40 MB, the engine makes no further pass."""
 STUCK_S = 5.0
-"""If too much waits and none of it was written for so long, the engine ends."""
+"""If too much waits and none of it was written for this long, the engine ends."""
 HomedRevision = tuple[FloorPoint | None, AnyAdvisory]
 
 

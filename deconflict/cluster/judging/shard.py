@@ -31,7 +31,7 @@ from ingest.batch import Batch, Bools, FloorPoint, Ints, Pair
 from ingest.measures.measures import Measures
 
 ROBOTS_TIMEOUT_S = 10.0
-"""An advisory of a tile that was taken over waits so long for reports of its robots."""
+"""An advisory of a tile that was taken over waits this long for reports of its robots."""
 REMEMBERED = 100_000
 """Number of advisories whose last revision is remembered."""
 

@@ -9,7 +9,7 @@ from nats.errors import Error as NatsError
 from nats.js import JetStreamContext, api
 
 REPLAYED_S = 15.0
-"""An engine that takes over a tile receives the parcels of so long before again."""
+"""An engine that takes over a tile receives the parcels of this time before again."""
 MOST_PENDING_MESSAGES, MOST_PENDING_BYTES = 1 << 20, 1 << 30
 """Messages and bytes that may wait in the client."""
 

@@ -22,13 +22,13 @@ GONE = "gone"
 EVERY = "every"
 """The channel of all robots of all floors, once each."""
 LEAD_S = 3.0
-"""An engine receives a robot this long before its conflicts matter: so long do the looks take that confirm one."""
+"""An engine receives a robot this long before its conflicts matter. The looks that confirm a conflict take as long."""
 MOST_BYTES = 1 << 19
 """Largest parcel. By default NATS servers accept messages of up to a mebibyte."""
 BODY_M = 5.0
 """Part of an engine's reach for envelopes, clearance and uncertainty."""
 BAND_M = 1.0
-"""A robot may be so far beside its forecast."""
+"""A robot may be this far beside its forecast."""
 
 
 def reach_m(fastest_mps: float, conflict: Conflict) -> float:

@@ -17,7 +17,7 @@ from ingest.batch import Ints
 FEWEST = 9
 """Fewer overlapping robots in one heap are no crowd."""
 HELD_S = 5.0
-"""A robot is in a crowd until it has not overlapped with it for so long."""
+"""A robot is in a crowd until it has not overlapped with it for this long."""
 
 Cell = tuple[int, float, float, float]
 """Vendor, floor, and numbers along x and y."""

@@ -18,7 +18,7 @@ from deconflict.contention.robots.robot_view import RobotView
 from ingest.batch import Floats, Ints
 
 AHEAD_S: Floats = np.arange(60.0, 901.0, 60.0)
-"""Up to a quarter of an hour: so far ahead robots may announce destinations (standard 5.2.3)."""
+"""Robots may announce destinations up to a quarter of an hour ahead (standard 5.2.3)."""
 LIKELY, HELD = 0.8, 0.6
 """Probability of full chargers from which a shortage is found, and down to which it then stands."""
 LEAST_LIKELY = 0.05

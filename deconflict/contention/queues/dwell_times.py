@@ -10,7 +10,7 @@ MOST_DWELLS = 50
 SHORTEST_S = 3.0
 """A robot that is inside for less than this only passes through."""
 PRIOR_WEIGHT = 3
-"""The prior counts as so many dwells."""
+"""The prior counts as this many dwells."""
 
 
 class DwellTimes:

@@ -23,10 +23,10 @@ class ZoneFlow:
     flow_per_s: float = 0.0
     """Mean number of robots that leave in a second."""
     by_density: dict[int, tuple[float, float]] = field(default_factory=dict)
-    """By number of robots inside, how long there were so many, and how many left meanwhile; both decay."""
+    """By number of robots inside: how long there were that many, and how many left meanwhile. Both decay."""
 
     def add_interval(self, dt_s: float, inside: int, left: int) -> None:
-        """Add `dt_s` seconds in which so many robots were inside and so many left."""
+        """Add `dt_s` seconds in which `inside` robots were inside and `left` robots left."""
         keep = exp(-dt_s / MEMORY_S)
         self.robots = keep * self.robots + (1 - keep) * inside
         self.flow_per_s = keep * self.flow_per_s + (1 - keep) * left / dt_s

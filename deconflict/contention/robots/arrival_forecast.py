@@ -22,7 +22,7 @@ from ingest.batch import Batch, Floats, Ints
 SHORTEST_S = 5.0
 """Arrivals that are nearer are not used: their ratios are noise."""
 MOST_RATED = 8
-"""Of the announcements of one destination, so many count, the first ones."""
+"""The first announcements of one destination count, up to this number."""
 MOST_RATIOS = 200
 """Number of ratios that are kept for one vendor."""
 HALF_LIFE_S = 86400.0

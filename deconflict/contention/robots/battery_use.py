@@ -19,11 +19,11 @@ from ingest.kernels import kernel, ready
 DRAINS_S = 600.0
 """A drain is measured over at least this time."""
 CHARGED_PCT = 1.0
-"""A battery whose level has risen by so much was charged."""
+"""A battery whose level has risen by this much was charged."""
 PRIOR_LEVELS_PCT = (20.0, 22.5, 25.0)
 """The prior of the levels at which robots come to a charger; each has the weight of an observed level."""
 LEVEL_SPREAD_PCT = 2.5
-"""An observed level stands for those up to so much above and below it."""
+"""An observed level stands for all levels up to this much above and below it."""
 PRIOR_DRAIN_PCT_PER_S = 100.0 / (8 * 3600.0)
 """The prior of a drain, if neither robot nor vendor are known and no run time is reported."""
 FEWEST_DRAINS = 3

@@ -128,7 +128,7 @@ def postpone_overdue(robots: Records, stops: Stops, slots: Ints, now_s: float, c
 
 @inner
 def _time_left_s(left_s: Floats, overdue_s: Floats, late_s: float) -> tuple[float, float, float]:
-    """Quantiles of the time left to a robot that is so late, interpolated between rows, extrapolated after the last."""
+    """Quantiles of the time left to a robot that is `late_s` late: interpolated, extrapolated after the last row."""
     after = 1
     while after < len(overdue_s) - 1 and overdue_s[after] < late_s:
         after += 1

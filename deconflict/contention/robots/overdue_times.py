@@ -46,7 +46,7 @@ class OverdueTimes:
             self._tables.pop(vendor, None)
 
     def table_s(self, vendor: str) -> Floats:
-        """(len(OVERDUE_S), len(SHARES)) quantiles of the time left to a robot that is so long overdue."""
+        """(len(OVERDUE_S), len(SHARES)) quantiles of the time left to a robot that is overdue for these times."""
         if vendor not in self._tables:
             at_s, late_s = np.array(self._seen.get(vendor, ())).reshape(-1, 2).T
             weights = 0.5 ** ((at_s.max(initial=0.0) - at_s) / HALF_LIFE_S)

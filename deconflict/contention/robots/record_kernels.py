@@ -17,13 +17,13 @@ from ingest.kernels import inner, kernel
 STANDS_M = 0.1
 """A robot that has moved no farther than this stands."""
 STANDS_S = 3.0
-"""A robot that is forecast to move stands only after so long."""
+"""A robot that is forecast to move stands only after this long."""
 WAY_M = 0.5
 """A path with less than this left has ended."""
 LEAST_M = 0.05
 """What reaches less than this into a robot's path does not block it; no path is narrower than this on either side."""
 STRAIGHT = int(3.0 / STEP_S)
-"""A robot without a path is taken to go straight on for so many steps; beyond, its way is not known."""
+"""A robot without a path is assumed to go straight on for this many steps; its further path is not known."""
 
 Records = NDArray[Any]
 """Of `ROBOT`, by slot."""

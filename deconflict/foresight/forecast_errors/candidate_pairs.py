@@ -78,7 +78,7 @@ def find_pairs(
     seconds: int,
     rounding_m: float,
 ) -> Ints:
-    """(p, 2) pairs of `slots` (n,) that come near each other at any of so many whole seconds. Each pair comes once, the
+    """(p, 2) pairs of `slots` (n,) that come near each other at any of the whole seconds. Each pair comes once, the
     lower in `rank` first. At least one robot of each pair `has_news`.
 
     Near means within the `reach` of both plus half of each one's longest step. Only robots whose boxes `around`, grown

@@ -20,7 +20,7 @@ from ingest.kernels import kernel
 from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
 
 GATHERED_S, FEWEST = 120.0, 20
-"""A value covers at least so much time, and so many errors."""
+"""A value covers at least this much time, and this many errors."""
 SHARE: Floats = np.array([0.8])
 """The quantile of the errors that makes a value."""
 FINE_M = 0.2

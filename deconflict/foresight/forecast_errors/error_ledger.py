@@ -20,7 +20,7 @@ from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 HORIZONS = 10
-"""Forecasts are compared with reports at so many whole seconds ahead, from 1 on."""
+"""Forecasts are compared with reports at this many whole seconds ahead, from 1 on."""
 SHARES: Floats = np.array([0.5, 0.8, 0.9])
 """The share of errors that each band is to cover."""
 HALF_LIFE_S = 3 * 86_400.0
@@ -36,12 +36,12 @@ LOWEST_LEVEL: Floats = SHARES - 0.2
 HIGHEST_LEVEL: Floats = np.minimum(SHARES + 0.2, 0.998)
 """Limits of the level of each band."""
 MOST_CLASSES = 100
-"""From so many kinds on, new models of a vendor share one kind."""
+"""From this many kinds on, new models of a vendor share one kind."""
 FEWEST_KEPT = 1.0
 """A kind with fewer faded cases is not kept over a restart."""
 LEARNED = ("counts", "bias_m", "level", "covered", "cases", "as_of_s")
 REFRESH_S = 1.0
-"""Bands are read anew at most so often."""
+"""Shortest time between two readings of the bands."""
 RADIAL = 0
 """The place of radial errors in the counts. Those along the heading and across it are at 1 and 2."""
 

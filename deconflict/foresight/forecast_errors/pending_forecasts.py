@@ -14,7 +14,7 @@ from ingest.kernels import ready
 KEPT = HORIZONS + 1
 """Forecasts that are kept of each robot."""
 TRACK_S = HORIZONS + 2
-"""A forecast is sampled so far ahead of its report: the horizon, and the age of a report in use."""
+"""A forecast is sampled this far ahead of its report: the horizon, and the age of a report in use."""
 TRACK_LOOKS: Floats = np.arange(TRACK_S + 1.0)
 ROUNDING_M = 1e-6
 
@@ -60,7 +60,7 @@ class PendingForecasts:
         )
 
     def grow(self, slots: int) -> None:
-        """Make room for so many slots."""
+        """Make room for this many slots."""
         more = slots - len(self.newest)
         if more > 0:
             columns = ((column, np.zeros((more, *column.shape[1:]), column.dtype)) for column in self._history)

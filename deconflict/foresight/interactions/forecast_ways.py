@@ -8,7 +8,7 @@ from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Floats
 
 TOUCHES_M = 0.1
-"""A way leads to another robot if the envelopes come so near."""
+"""A way leads to another robot if the envelopes come this near."""
 NEARER_M = 0.05
 """They must also come nearer than they were by this: a robot that stands beside the way is not in it."""
 WAY_M = 0.15

@@ -37,7 +37,7 @@ EARLIER_S = 1.0
 SEARCHED_S = 4.0
 """The search for the robot in the way ends this time after the onset."""
 CLEARED_M = 0.3
-"""The way of a robot is cleared if so much more of it is free than before."""
+"""The way of a robot is cleared if this much more of it is free than before."""
 APART_S = 15.0
 """Interactions of a pair that are less apart in time count as one."""
 SETTLED_S = 20.0
@@ -134,7 +134,7 @@ class InteractionFinder:
         """By pair of slots, when its last interaction ended, if that may still continue."""
 
     def grow(self, slots: int) -> None:
-        """Make room for so many slots."""
+        """Make room for this many slots."""
         more = slots - len(self._states)
         if more > 0:
             lengthen(self, ("_states", "_t_s", "_tracks", "_floor", "_speed", "_follows"), more)

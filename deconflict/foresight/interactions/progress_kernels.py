@@ -20,9 +20,9 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 KEPT = 12
-"""The history of a robot holds so many reports."""
+"""Number of reports in the history of a robot."""
 AHEAD_S = 10
-"""The forecast of a kept report is kept for so many whole seconds; sample 0 is the report itself."""
+"""The forecast of a kept report is kept for this many whole seconds; sample 0 is the report itself."""
 EARLIER_S, EARLIEST_S = 2.0, 4.0
 """Minimum and maximum age of the forecast with which a report is compared. The newest such forecast is used."""
 WITHIN_S = 5.0
@@ -32,7 +32,7 @@ SLOWS, BRAKES = 0.85, 0.6
 GROWS_S = 0.2
 """From the last report before braking to the next, the delay grows by at least this."""
 RISES = 1.3
-"""A robot is on its way again once it is so many times as fast as at its slowest."""
+"""A robot is on its way again once it is this many times as fast as at its slowest."""
 FOLLOWS = 0.5
 """A robot follows its forecast if it goes at least this share of the distance that the forecast of the last report
 said."""

@@ -25,7 +25,7 @@ CELL_M = 3.0
 """Side of a grid cell. Most legs reach no further from their middle, so that a look at the grid excludes most legs."""
 NONE: Ints = np.empty(0, np.int64)
 MOST_STEPS = 64
-"""A leg has at most so many samples."""
+"""Most samples of a leg."""
 
 
 class BelievedPlace(NamedTuple):
@@ -65,7 +65,7 @@ class Approach(NamedTuple):
     other: str
     """UUID of the robot that came near."""
     at_s: float
-    """When it was first so near, seconds since the epoch."""
+    """When it first came near, seconds since the epoch."""
 
 
 class BelievedPlaces:

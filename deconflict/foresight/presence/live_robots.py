@@ -137,7 +137,7 @@ class LiveRobots:
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))
 
     def _grow(self, missing: int) -> None:
-        """Make room for so many more slots."""
+        """Make room for this many more slots."""
         if missing > 0:
             more = max(len(self._slots), 64)
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])

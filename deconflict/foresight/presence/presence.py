@@ -54,7 +54,7 @@ STANDS_M = 0.1
 EXITS_EVERY_S = 10.0
 """How often exits are computed anew."""
 MOST_SHOWN = 300
-"""At most so many robots or exits are shown of each list."""
+"""Most robots or exits that each list shows."""
 
 
 class Presence:

@@ -21,9 +21,9 @@ from ingest.batch import Floats, FloorPoint
 CELL_M = 2.0
 """Side of a cell of a floor."""
 PLACE_CASES = 1.5
-"""At a place, the outcomes of the vendor count as so many cases."""
+"""At a place, the outcomes of the vendor count as this many cases."""
 PRIOR_CASES = 5.0
-"""Of a vendor, the prior counts as so many cases."""
+"""Of a vendor, the prior counts as this many cases."""
 PLACE_MEMORY_CASES = 40.0
 """If a place has more cases, the old ones lose weight."""
 KEPT_SHARE = 0.98

@@ -81,7 +81,7 @@ class AdviceFollowers:
         self._is_any_advised = False
 
     def grow(self, slots: int) -> None:
-        """Make room for so many slots."""
+        """Make room for this many slots."""
         more = slots - len(self._was_moving)
         if more > 0:
             lengthen(self, ("_advised_until_s", "_was_moving", "_since_s", "_last_s"), more)

@@ -47,9 +47,9 @@ FADES_S = 900.0
 CERTAIN = 0.01
 """Shares nearer than about this to 0 or 1 count as much the same as 0 or 1."""
 CAUTION = 0.5
-"""Alerts are decided by the score plus so many of its standard deviations."""
+"""Alerts are decided by the score plus this many of its standard deviations."""
 NINETY = 1.645
-"""90 % of a normal distribution is within so many standard deviations."""
+"""90 % of a normal distribution is within this many standard deviations."""
 
 
 def log_odds(share: Floats) -> Floats:

@@ -63,6 +63,6 @@ def _weights(known: Floats, left: Floats, parts: int) -> Floats:
 
 
 def weights(known: Floats, left: Floats) -> Floats:
-    """(PARTS + 1,) what an outcome of each part counts, if so many pairs became known (PARTS + 1,) and so many left
-    (PARTS + 1,) in each part."""
+    """(PARTS + 1,) the weight of an outcome of each part. `known` and `left` (PARTS + 1,) are how many pairs became
+    known and how many left in each part."""
     return _weights(known, left, PARTS)

@@ -23,7 +23,7 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 EIGHTY = 1.28
-"""80 % of a normal distribution is within so many standard deviations."""
+"""80 % of a normal distribution is within this many standard deviations."""
 EXACT_M = 0.02
 """Standard deviation, in metres, of a forecast that was never wrong."""
 SURPRISE_KEEPS, SURPRISE_MOST = 0.7, 10.0
@@ -53,7 +53,7 @@ _LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
 
 @inner
 def _reach(bands_m: Floats, kind: int, ahead_s: float) -> float:
-    """Radius of the 80 % band of a kind so far ahead, linear between and beyond the whole seconds."""
+    """Radius of the 80 % band of a kind at a time ahead, linear between and beyond the whole seconds."""
     whole = min(max(int(np.floor(ahead_s)), 0), bands_m.shape[1] - 1)
     before = bands_m[kind, whole - 1, 1] if whole else 0.0
     return float(before + max(ahead_s - whole, 0.0) * (bands_m[kind, whole, 1] - before))

@@ -55,8 +55,8 @@ from ingest.measures.measures import Labels, Measures
 STAYS_S = 20.0
 """A robot that has stood for at least this time is expected to stay."""
 DISTRUSTED = 2.0
-"""A robot contradicts its forecasts if its errors a second ahead are more than so many 90 % bands, averaged over a few
-reports."""
+"""A robot contradicts its forecasts if its errors a second ahead are more than this many 90 % bands, averaged over a
+few reports."""
 
 PAIR_FIELDS = frozenset(PAIR.names or ())
 ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")

@@ -39,7 +39,7 @@ class PairRollouts:
         return self._schedule.waits_for != NOBODY
 
     def grow(self, slots: int) -> None:
-        """Make room for so many slots."""
+        """Make room for this many slots."""
         self._schedule.grow(slots)
 
     def forget(self, slots: Ints) -> None:

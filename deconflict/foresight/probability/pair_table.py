@@ -38,15 +38,15 @@ FEATURES = 9 + ROLLED
 9. Log odds of coming within the clearance, which a model of its own learns.
 """
 CONTACT_FEATURES = 5
-"""The first so many features predict whether the envelopes come within the clearance."""
+"""The first features, up to this number, predict whether the envelopes come within the clearance."""
 PREEMPTED, DRIVEN, TOUCHING = slice(6, 8), slice(8, 8 + ROLLED), FEATURES - 1
 """Places of the features of third robots, of driving on together, and of contact."""
 REMEMBERED_S = 25.0
 """A pair that is no candidate for longer is dropped from the table."""
 ROLLOUT_M, ROLLOUT_SHARE = 1.5, 0.01
-"""Robots are driven on together if they come so near, or if their share of feature 1 is larger than this."""
+"""Robots are driven on together if they come this near, or if their share of feature 1 is larger than this."""
 SETTLED_S = 10.0
-"""A pair of which one robot gave way to the other so lately needs no alert: the robots handle it."""
+"""A pair of which one robot gave way to the other this recently needs no alert: the robots handle it."""
 PREEMPTED_S = 0.3
 """If a robot has another conflict that comes earlier by this, that one is likely to stop it."""
 

@@ -12,7 +12,7 @@ from deconflict.foresight.rollout.rollout import NEVER, NOBODY, RolloutResult
 from ingest.batch import Bools, Floats, Ints
 
 EVERY_S = 1.0
-"""An island is driven on so often."""
+"""Interval between two rollouts of an island."""
 MOST = 200
 """About how many robots are driven on at one look. The others wait; those that have waited longest come first."""
 KEYS = 1 << 24
@@ -35,7 +35,7 @@ class RolloutSchedule:
         """(p, 2)"""
 
     def grow(self, slots: int) -> None:
-        """Make room for so many slots."""
+        """Make room for this many slots."""
         more = slots - len(self.waits_for)
         self.waits_for = np.concatenate([self.waits_for, np.full(more, NOBODY)])
         self._driven_s = np.concatenate([self._driven_s, np.full(more, -np.inf)])

@@ -2,9 +2,9 @@
 time stood.
 
 Robots that wait their turn, are stalled, or stand before another robot send paths as if they went at once. Of the
-robots that have stood for so long, the share that starts in the next second is counted by kind, apart for those that
-are blocked by another robot. Counts fade by a half in `HALF_LIFE_S`. The rate of a kind with few cases is drawn towards
-that of all kinds (a piecewise constant hazard with a gamma prior).
+robots that have stood for the same time, the share that starts in the next second is counted by kind, and separately
+for those that another robot blocks. Counts fade by a half in `HALF_LIFE_S`. The rate of a kind with few cases is drawn
+towards that of all kinds (a piecewise constant hazard with a gamma prior).
 """
 
 from dataclasses import dataclass, field
@@ -21,9 +21,9 @@ PRIOR_PER_S: Floats = np.array(
 )
 """(2, bins) starts a second of a kind without cases: of robots whose way is free, and of blocked robots."""
 PRIOR_S = 30.0
-"""The prior counts as so many seconds of standing."""
+"""The prior counts as this many seconds of standing."""
 SHRUNK_S = 20.0
-"""All kinds together count as so many seconds of standing of one kind."""
+"""All kinds together count as this many seconds of standing of one kind."""
 LATE_S: Floats = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 30.0])
 """Delays that stand for all others: no delay, four delays, and one by which the robot stays for the horizon."""
 _UNTIL_S: Floats = np.array([0.5, 1.5, 3.0, 5.5, 10.0])
@@ -103,7 +103,7 @@ def _before(per_s: Floats) -> Floats:
 
 
 def _hazard(per_s: Floats, stood_s: Floats) -> Floats:
-    """(n, k) cumulative hazard after robots have stood for so long (n, k)."""
+    """(n, k) cumulative hazard of robots that have stood for times (n, k)."""
     rows, bins = np.arange(len(per_s))[:, None], _bin(stood_s)
     return _before(per_s)[rows, bins] + per_s[rows, bins] * (stood_s - STOOD_S[bins])
 

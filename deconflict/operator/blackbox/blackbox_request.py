@@ -8,9 +8,9 @@ from typing import NamedTuple
 from deconflict.settings.site import Site
 
 WARM_UP_S = 15.0
-"""The replayed engine starts so long before `from_s`, so that its memory of the time before is right by then."""
+"""The replayed engine starts this long before `from_s`. By then it has the same memory as the live engine had."""
 LEAD_S = 40.0
-"""Messages are read from so long before the engine starts: a robot's clock is judged by its last 32 messages."""
+"""Messages are read from this long before the engine starts. The estimate of a robot's clock needs 32 messages."""
 
 
 class NearPair(NamedTuple):

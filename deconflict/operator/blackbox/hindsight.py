@@ -22,7 +22,7 @@ STOOD_M = 0.1
 LEVEL_M = 0.1
 """A robot whose height changes by no more keeps its height."""
 BRIEF_S = 1e-3
-"""A robot stays in its place until so long before it is elsewhere, and so long after its last report."""
+"""A robot stays in its place until this long before it is reported elsewhere, and this long after its last report."""
 STEP_S = 0.1
 """Delays are tried in steps of this."""
 LONGEST_S = 20.0

@@ -20,9 +20,9 @@ from ingest.batch import Forecasts
 from ingest.languages.massrobotics import timestamps
 
 LONGEST_AFTER_S = 30.0
-"""The nearest approach lies at most so long after the engine noticed the pair."""
+"""The nearest approach is at most this long after the engine noticed the pair."""
 LONGEST_BEFORE_S = 3.0
-"""A near miss began at most so long before the engine noticed it."""
+"""A near miss began at most this long before the engine noticed it."""
 
 
 @dataclass(frozen=True, slots=True)

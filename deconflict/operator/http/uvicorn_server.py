@@ -21,7 +21,7 @@ MOST_MESSAGE_BYTES = 4096
 """Largest message accepted from a subscriber; none is expected."""
 SHUTDOWN_S = 2
 IDLE_TIMEOUT_S = 10.0
-"""A connection without a request for so long is ended."""
+"""A connection without a request for this long is ended."""
 HANDSHAKE_S = 5.0
 """A TLS handshake that takes longer is ended."""
 SPARE_FILES = 200

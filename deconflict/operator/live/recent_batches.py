@@ -10,7 +10,7 @@ from ingest.batch import Batch
 KEPT = 16
 """Number of batches that are kept; a follower that is further behind receives the whole floor."""
 TICK_TIMEOUT_S = 1.0
-"""A follower waits for a tick for at most so long; then it receives an empty batch."""
+"""A follower waits for a tick for at most this long; then it receives an empty batch."""
 HEAD = Struct(">Q?")
 """The number of a batch, and whether it is the whole floor."""
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 
 MOST_PENDING = 20_000
-"""If so many revisions wait in memory for the disk, some 40 MB, more are refused, and the engine sends them again."""
+"""If this many revisions wait in memory for the disk, some 40 MB, more are refused, and the engine sends them again."""
 LOOK_BACK_S = 3600.0
 """A question about the past finds advisories that changed in this time before it."""
 

@@ -64,7 +64,7 @@ FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
 UNSOUND = -1
 """Result of `replace` if a forecast is invalid."""
 SAME_S = 1e-6
-"""If a forecast is cut at a time, a knot so soon after it is left out."""
+"""If a forecast is cut at a time, a knot this soon after it is left out."""
 
 
 def is_sound(

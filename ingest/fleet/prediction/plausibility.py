@@ -23,7 +23,7 @@ SLOW_TURN_RAD = 0.5
 
 
 def frequency(gap_s: float, quiet_after_s: float) -> tuple[str, ...]:
-    """Findings on the time between the arrivals of two statuses."""
+    """Deviations of the time between the arrivals of two statuses."""
     if gap_s < MIN_GAP_S:
         return ("status-too-frequent",)
     return ("status-too-rare",) if gap_s > quiet_after_s else ()

@@ -91,7 +91,7 @@ def _load_available(report: AmountsReport, findings: Findings) -> float | None:
 
 
 def _percentage(value_pct: float | None, rule: str, findings: Findings) -> float | None:
-    """The value clamped to 0 to 100. A value outside breaks `rule`."""
+    """The value clamped to 0 to 100. A value outside deviates from `rule`."""
     if value_pct is None or 0.0 <= value_pct <= 100.0:
         return value_pct
     findings[rule] = None

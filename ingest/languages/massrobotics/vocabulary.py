@@ -94,7 +94,7 @@ def _plain_uuid(text: str) -> str | None:
 def datum(proper: str | None, misplaced: str | None, findings: Findings, *, empty: str) -> str:
     """A datum in lower case. `proper` is under the key that the schema has for it, `misplaced` under the other key.
 
-    A datum that is absent, empty or nil breaks the rule `empty`. A nil one is returned, since a site may map it.
+    A datum that is absent, empty or nil deviates from the rule `empty`. A nil one is returned, since a site may map it.
     """
     if misplaced is not None:
         findings["datum-key"] = None
