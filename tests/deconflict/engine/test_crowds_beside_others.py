@@ -7,7 +7,7 @@ from math import cos, pi, sin
 import pytest
 
 from deconflict.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory, CrowdAdvisory
-from deconflict.contention.crowds.crowds import HELD_S
+from deconflict.contention.crowds.crowds import FEWEST, HELD_S
 from deconflict.engine.claim_lifecycle import CLEAR_AFTER_S
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
@@ -126,7 +126,8 @@ def test_robots_that_meet_where_others_crowd_are_warned_of_each_other_and_of_few
     first = {robot("Alder-0"), robot("Corvid-0")}
     mixed = [conflict for conflict in floor.engine.conflicts() if len(first.intersection(conflict.robots)) == 1]
     assert 0 < len(mixed) <= 12
-    assert not any(advisory.recommendation and advisory.recommendation.holds for advisory in mixed)
+    between = [revision.recommendation for revision in floor.revisions if set(revision.robots) == first]
+    assert any(advice and advice.holds for advice in between), "as if there were no crowd"
 
 
 def test_conflicts_among_robots_end_when_a_crowd_grows_around_them() -> None:
@@ -143,3 +144,31 @@ def test_conflicts_among_robots_end_when_a_crowd_grows_around_them() -> None:
     assert {advisory.cleared_because for advisory in ended} >= {
         "both report from a place with many others of their vendors"
     }
+
+
+def few(courses: dict[str, Course]) -> Floor:
+    """These robots and no pairs: of Mallory, but for those whose names begin with A."""
+    floor = Floor(at_zero, 0)
+    floor.courses = {name: ("Alder" if name[0] == "A" else "Mallory", course) for name, course in courses.items()}
+    for name, (vendor, _) in floor.courses.items():
+        floor.fleet.receive(identity(name, NOW_S, manufacturerName=vendor), NOW_S, VENDORS[vendor])
+    return floor
+
+
+def test_a_robot_that_crosses_the_way_of_a_crowd_is_warned_without_advice() -> None:
+    convoy: dict[str, Course] = {f"M-{n}": lambda t: (t - 12.0, 0.0, 0.0) for n in range(12)}
+    floor = few(convoy | {"A": lambda t: (0.0, t - 12.0, pi / 2)})
+    floor.run(10.0)
+    assert 0 < len(floor.engine.conflicts()) <= 3
+    assert not any(revision.recommendation for revision in floor.revisions)
+
+
+def test_the_conflicts_of_robots_end_in_the_pass_in_which_they_become_a_crowd() -> None:
+    floor, conflicts = few({f"M-{n}": at_zero(n) for n in range(FEWEST)}), []
+    for n, name in enumerate(floor.courses):
+        floor.fleet.receive(status(name, NOW_S), NOW_S, VENDORS["Mallory"])
+        floor.engine.receive(Batch.from_bytes(floor.fleet.next_batch(NOW_S + n / 10).to_bytes()))
+        floor.engine.step(NOW_S + n / 10)
+        floor.engine.measures.as_document()
+        conflicts.append(floor.engine.measures.values["deconflict_conflicts"][()])
+    assert conflicts == [0, 1, 3, 6, 10, 15, 21, 28, 0]

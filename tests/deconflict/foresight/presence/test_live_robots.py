@@ -48,6 +48,9 @@ def test_a_group_comes_with_the_nearest_robots_of_its_floors() -> None:
             found = live.group_with_nearest({robot(name) for name in group}, within_m, most)
             assert found == nearest(group, within_m, most, list(SPOTS))
     assert live.group_with_nearest(set(), 15.0, 100) == []
+    others = [name for name in SPOTS if name not in {"R2", "R40"}]
+    found = live.group_with_nearest({robot("R1"), robot("R2")}, 100.0, 30, without={robot("R2"), robot("R40")})
+    assert found == nearest({"R1", "R2"}, 100.0, 30, others)
 
 
 def test_a_removed_robot_is_near_nobody_and_its_slot_is_reused() -> None:
