@@ -64,7 +64,7 @@ class Delivery:
     def __init__(self, runtime: Path) -> None:
         self.runtime = runtime
         self.measures = Measures()
-        self._set_asides = SetAsides(self.measures)
+        self.set_asides = SetAsides(self.measures)
         self._operator = Caller(runtime, "operator")
         self._waiting: queue.SimpleQueue[WaitingParcel | None] = queue.SimpleQueue()
         self._added_bytes = self._delivered_bytes = 0
@@ -131,7 +131,7 @@ class Delivery:
             try:
                 yield to_json(revision)
             except ValueError as error:
-                self._set_asides.add("invalid", f"{revision.id}, revision {revision.revision}", error)
+                self.set_asides.add("invalid", f"{revision.id}, revision {revision.revision}", error)
 
     def _add(self, parcel: WaitingParcel) -> None:
         self._added_bytes += parcel.size_bytes

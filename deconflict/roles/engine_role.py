@@ -1,6 +1,5 @@
 """The engine's process: requests batches from the receiver, runs the engine, and delivers to the operator face."""
 
-import json
 import logging
 import threading
 import time
@@ -9,13 +8,13 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from deconflict.advisory import ADVISORY, Recommendation
+from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.roles.delivery import RETRY_S, Delivery
+from deconflict.roles.restoration import StoredState, stored_state
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -93,7 +92,7 @@ class EngineRole:
         operator = Caller(self._delivery.runtime, "operator")
         while not stop.is_set():
             try:
-                stored, learned = json.loads(operator.call("restore")), operator.call("learned")
+                stored, learned = stored_state(operator, self._delivery.set_asides), operator.call("learned")
                 try:
                     return self._engine(stored, unpacked(learned) if learned else None)
                 except UnreadableError as error:
@@ -105,14 +104,14 @@ class EngineRole:
                 operator.close()
         return None
 
-    def _engine(self, stored: dict[str, Any], learned: dict[str, Part] | None) -> Engine:
+    def _engine(self, stored: StoredState, learned: dict[str, Part] | None) -> Engine:
         """An engine with the stored advisories and the learned state."""
         return Engine(
             self._site,
-            [ADVISORY.validate_python(advisory) for advisory in stored["open"]],
-            {(a, b): count for a, b, count in stored["encounters"]},
+            stored.open,
+            stored.encounters,
             lambda work: self._adviser.submit(self._timed, work),
-            stored["burdens_s"],
+            stored.burdens_s,
             learned,
         )
 

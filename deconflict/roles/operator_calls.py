@@ -18,6 +18,7 @@ from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.store.tables import UnreadableAdvisoryError
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
+from deconflict.roles.restoration import page_of_encounters, page_of_open
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 
@@ -49,6 +50,8 @@ class OperatorCalls:
     def handlers(self) -> dict[str, Handler]:
         return {
             "restore": self._restore,
+            "encounters": self._encounters,
+            "burdens": self._burdens,
             "learned": self._learned,
             "learn": self._learn,
             "unlearn": self._unlearn,
@@ -72,14 +75,15 @@ class OperatorCalls:
         if not seq:
             raise SourceUnavailableError("NATS server")
 
-    async def _restore(self, _: bytes) -> bytes:
-        """The stored state with which a new engine resumes."""
-        stored = {
-            "open": [advisory.model_dump(mode="json") for advisory in self._store.open()],
-            "burdens_s": self._store.burdens_s(),
-            "encounters": [[*pair, count] for pair, count in self._store.encounters().items()],
-        }
-        return json.dumps(stored).encode()
+    async def _restore(self, after: bytes) -> bytes:
+        return await asyncio.to_thread(page_of_open, self._store, int(after))
+
+    async def _encounters(self, after: bytes) -> bytes:
+        a, b = json.loads(after)
+        return await asyncio.to_thread(page_of_encounters, self._store, (a, b))
+
+    async def _burdens(self, _: bytes) -> bytes:
+        return json.dumps(await asyncio.to_thread(self._store.burdens_s)).encode()
 
     async def _learned(self, _: bytes) -> bytes:
         """The learned state with which a new engine resumes."""

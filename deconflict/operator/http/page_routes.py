@@ -90,10 +90,8 @@ class PageRoutes:
         """Where advisories were raised in the hour before."""
         end_s = time.time() if until_s is None else until_s
         counts: dict[str, Counter[tuple[float, float]]] = {}
-        for advisory in self._store.raised_between(end_s - HEAT_S, end_s):
-            if location := advisory.location:
-                cell = (_cell(location.x), _cell(location.y))
-                counts.setdefault(location.datum, Counter())[cell] += 1
+        for place, count in self._store.raised_between(end_s - HEAT_S, end_s).items():
+            counts.setdefault(place.datum, Counter())[_cell(place.x), _cell(place.y)] += count
         floors = {datum: [(*cell, count) for cell, count in cells.items()] for datum, cells in counts.items()}
         return _json(Heat(since_s=end_s - HEAT_S, until_s=end_s, cell_m=HEAT_CELL_M, floors=floors))
 

@@ -20,6 +20,8 @@ from deconflict.settings.outlet_settings import Mqtt
 from ingest.security.tokens import renewed, secret
 
 AT_LEAST_ONCE = 1
+MOST_AT_ONCE = 500
+"""Open advisories that are read at once."""
 GOODBYE_S = 2.0
 """Longest wait for a broker's answer to the goodbye, and again for its answer to the disconnect."""
 
@@ -85,10 +87,15 @@ class MqttOutlet:
 
     async def _send_revisions(self, client: Client) -> None:
         """Send the open advisories up to the position, in case the broker has lost them, then all that follow."""
-        for advisory in await asyncio.to_thread(self._store.open):
-            if advisory.seq <= self._cursor.seq:
-                topic = f"{self._settings.topic}/advisories/{advisory.id}"
-                await self._send(client, MqttMessage(topic, advisory.model_dump_json(), True))
+        until, last = self._cursor.seq, 0
+        while page := await asyncio.to_thread(self._store.open_after, last, MOST_AT_ONCE):
+            for document in page:
+                if document.seq <= until:
+                    topic = f"{self._settings.topic}/advisories/{document.id}"
+                    await self._send(client, MqttMessage(topic, document.text, True))
+            last = page[-1].seq
+            if last > until:
+                break
         async for line in self._cursor.lines():
             for message in messages_of(self._settings.topic, line):
                 await self._send(client, message)

@@ -10,16 +10,18 @@ commits, but not the file.
 """
 
 import sqlite3
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
+from itertools import chain, islice
+from operator import attrgetter
 from pathlib import Path
 from threading import RLock
 from typing import Literal
 
 from deconflict.advice.vendor_burden import yielded_s
-from deconflict.advisory import Acknowledgement, AnyAdvisory, ConflictAdvisory, Listing
+from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory, Listing, Location
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
     PendingWrites,
@@ -32,21 +34,29 @@ from deconflict.operator.store.pending_writes import (
 from deconflict.operator.store.sqlite_connections import SqliteConnections
 from deconflict.operator.store.tables import (
     UNWRITABLE,
+    StoredDocument,
     add_burdens,
     advisory_of,
     answers_of,
+    encounters_after,
     insert,
     last_seq,
     numbered,
+    open_after,
     open_at,
     position,
     put_positions,
+    raised_between,
+    remove_oldest,
     stored_revision,
     write_one,
 )
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
+from ingest.batch import Pair
 
 PRUNE_STEP = 500
+MOST_PAST = 2_000
+"""Most advisories of a time in the past."""
 
 StateFilter = Literal["open", "cleared", "all"]
 
@@ -222,15 +232,24 @@ class Store:
         found = sorted([*stored, *unstored], key=lambda advisory: -advisory.seq)
         return Listing(seq=seq, advisories=found[:limit], more=limit is not None and len(found) > limit)
 
-    def open(self) -> list[AnyAdvisory]:
-        """The newest revision of every open advisory: a restarted engine resumes with them."""
-        return self.latest("open").advisories
+    def open_after(self, seq: int, limit: int) -> list[StoredDocument]:
+        """Up to `limit` open advisories whose newest revisions have a number above `seq`, ascending."""
+        with self._file_and_pending() as (db, pending):
+            changed = newest_by_id(pending)
+            stored = (document for document in open_after(db, seq) if document.id not in changed)
+            unstored = (
+                StoredDocument(revision.seq, revision.id, revision.model_dump_json())
+                for revision in sorted(changed.values(), key=attrgetter("seq"))
+                if revision.seq > seq and revision.state is not AdvisoryState.CLEARED
+            )
+            return list(islice(chain(stored, unstored), limit))
 
-    def open_at(self, now_s: float) -> list[AnyAdvisory]:
-        """The advisories open at a time: the newest revision by then of each that changed in the hour before."""
+    def open_at(self, now_s: float, limit: int = MOST_PAST) -> list[AnyAdvisory]:
+        """The advisories open at a time, the newest `limit`: the newest revision by then of each that changed in the
+        hour before."""
         with self._file_and_pending(long=True) as (db, pending):
-            stored = open_at(db, now_s)
-        return open_at_time(stored, pending, now_s)
+            stored = open_at(db, now_s, limit)
+        return open_at_time(stored, pending, now_s)[-limit:]
 
     def pending_until(self, until_s: float) -> list[AnyAdvisory]:
         """The revisions that were decided by then and wait for the disk, ascending."""
@@ -238,16 +257,12 @@ class Store:
             pending = self._pending
         return [revision for revision in pending if revision.updated_at.timestamp() <= until_s]
 
-    def raised_between(self, since_s: float, until_s: float) -> list[AnyAdvisory]:
-        """The first revision of each advisory raised between two times."""
+    def raised_between(self, since_s: float, until_s: float) -> Counter[Location]:
+        """How many advisories were raised at each place between two times."""
         with self._file_and_pending(long=True) as (db, pending):
-            rows = db.execute(
-                "SELECT document FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ? "
-                "ORDER BY seq",
-                (since_s, until_s),
-            ).fetchall()
+            places = Counter(raised_between(db, since_s, until_s))
         unstored = (revision for revision in decided_between(pending, since_s, until_s) if revision.revision == 1)
-        return [*(advisory_of(document) for (document,) in rows), *unstored]
+        return places + Counter(revision.location for revision in unstored if revision.location)
 
     def get(self, advisory_id: str) -> list[AnyAdvisory]:
         """Every revision of one advisory, ascending; empty if there is no such advisory."""
@@ -281,15 +296,23 @@ class Store:
             burdens_s[vendor] = burdens_s.get(vendor, 0.0) + more_s
         return burdens_s
 
-    def encounters(self) -> dict[tuple[str, str], int]:
-        """The highest encounter number of each pair of robots. Pruning does not change it."""
+    def encounters_after(self, pair: Pair, limit: int) -> list[tuple[Pair, int]]:
+        """The highest encounter number of up to `limit` pairs of robots that follow `pair`, ascending by pair.
+
+        Pruning does not change it.
+        """
         with self._file_and_pending() as (db, pending):
-            rows = db.execute("SELECT robot_a, robot_b, ordinal FROM encounters").fetchall()
-        ordinals = {(a, b): int(ordinal) for a, b, ordinal in rows}
+            ordinals = dict(encounters_after(db, pair, limit))
+            is_last = len(ordinals) < limit
+        end = max(ordinals, default=pair)
         for revision in pending:
-            if isinstance(revision, ConflictAdvisory):
+            if (
+                isinstance(revision, ConflictAdvisory)
+                and pair < revision.robots
+                and (is_last or revision.robots <= end)
+            ):
                 ordinals[revision.robots] = max(revision.encounter, ordinals.get(revision.robots, 0))
-        return ordinals
+        return sorted(ordinals.items())
 
     def prune(self, before: datetime) -> int:
         """Remove cleared advisories last changed before `before`, with every revision; returns how many.
@@ -297,19 +320,12 @@ class Store:
         Removes `PRUNE_STEP` advisories in one transaction, so that no revision waits long to be stored.
         """
         pruned = 0
-        while removed := self._prune_step(before.timestamp()):
+        while True:
+            with self._connections.writing() as db:
+                removed = remove_oldest(db, before.timestamp(), PRUNE_STEP)
+            if not removed:
+                return pruned
             pruned += removed
-        return pruned
-
-    def _prune_step(self, before_s: float) -> int:
-        with self._connections.writing() as db:
-            old = db.execute(
-                "SELECT id FROM advisories WHERE open = 0 AND updated_s < ? LIMIT ?", (before_s, PRUNE_STEP)
-            ).fetchall()
-            db.executemany("DELETE FROM revisions WHERE id = ?", old)
-            db.executemany("DELETE FROM parties WHERE id = ?", old)
-            db.executemany("DELETE FROM advisories WHERE id = ?", old)
-        return len(old)
 
     @contextmanager
     def _file_and_pending(self, *, long: bool = False) -> Iterator[tuple[sqlite3.Connection, PendingWrites]]:

@@ -1,14 +1,16 @@
 """Reads and writes of the tables in the advisory database."""
 
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, closing
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from deconflict.advice.vendor_burden import yielded_s
-from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory, Location
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
+from ingest.batch import Pair
 
 
 class StoreError(Exception):
@@ -44,14 +46,55 @@ def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> 
     return advisory_of(row[0]) if row else None
 
 
-def open_at(db: sqlite3.Connection, now_s: float) -> list[AnyAdvisory]:
-    """The newest revision by then of each advisory that was open and had changed in the `LOOK_BACK_S` before."""
+def open_at(db: sqlite3.Connection, now_s: float, limit: int = -1) -> list[AnyAdvisory]:
+    """The newest revision by then of each advisory that was open and had changed in the `LOOK_BACK_S` before.
+
+    The newest `limit` of them, ascending; all if it is negative.
+    """
     rows = db.execute(
         "SELECT document FROM revisions WHERE json_extract(document, '$.state') <> ? AND seq IN "
-        "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq",
-        (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s),
-    ).fetchall()
-    return [advisory_of(document) for (document,) in rows]
+        "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq DESC LIMIT ?",
+        (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s, limit),
+    )
+    return [advisory_of(document) for (document,) in rows][::-1]
+
+
+class StoredDocument(NamedTuple):
+    """The newest revision of an advisory, as it is stored."""
+
+    seq: int
+    id: str
+    text: str
+
+
+def open_after(db: sqlite3.Connection, seq: int) -> Iterator[StoredDocument]:
+    """The open advisories whose newest revisions have a number above `seq`, ascending."""
+    rows = db.execute(
+        "SELECT a.seq, a.id, document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq "
+        "WHERE a.open = 1 AND a.seq > ? ORDER BY a.seq",
+        (seq,),
+    )
+    return (StoredDocument(*row) for row in rows)
+
+
+def encounters_after(db: sqlite3.Connection, pair: Pair, limit: int) -> list[tuple[Pair, int]]:
+    """The highest encounter number of up to `limit` pairs that follow `pair`."""
+    rows = db.execute(
+        "SELECT robot_a, robot_b, ordinal FROM encounters WHERE (robot_a, robot_b) > (?, ?) "
+        "ORDER BY robot_a, robot_b LIMIT ?",
+        (*pair, limit),
+    )
+    return [((a, b), int(ordinal)) for a, b, ordinal in rows]
+
+
+def raised_between(db: sqlite3.Connection, since_s: float, until_s: float) -> Iterator[Location]:
+    """Where each advisory was that was raised between two times, if that is known."""
+    rows = db.execute(
+        "SELECT document ->> '$.location.datum', document ->> '$.location.x', document ->> '$.location.y' "
+        "FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ?",
+        (since_s, until_s),
+    )
+    return (Location(datum=datum, x=x, y=y) for datum, x, y in rows if datum is not None)
 
 
 def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyAdvisory]:
@@ -143,6 +186,17 @@ def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
         ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
         (*advisory.robots, advisory.encounter),
     )
+
+
+def remove_oldest(db: sqlite3.Connection, before_s: float, limit: int) -> int:
+    """Remove up to `limit` cleared advisories last changed before a time, the oldest first; returns how many."""
+    old = db.execute(
+        "SELECT id FROM advisories WHERE open = 0 AND updated_s < ? ORDER BY updated_s LIMIT ?", (before_s, limit)
+    ).fetchall()
+    db.executemany("DELETE FROM revisions WHERE id = ?", old)
+    db.executemany("DELETE FROM parties WHERE id = ?", old)
+    db.executemany("DELETE FROM advisories WHERE id = ?", old)
+    return len(old)
 
 
 def position(db: sqlite3.Connection, outlet: str) -> int | None:

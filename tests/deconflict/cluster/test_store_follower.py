@@ -82,7 +82,7 @@ async def test_stored_numbers_of_a_single_machine_are_not_those_of_a_stream(tmp_
             assert await writer.write(HOME, cleared(number)) is None
         async with face(machines, data):
             aside = await set_aside(data)
-        assert [advisory.id for advisory in aside.open()] == ["advisory-2"]
+        assert [advisory.id for advisory in aside.latest("open").advisories] == ["advisory-2"]
         aside.close()
         await stored(machines, data, [cleared(number) for number in range(3, 8)])
 

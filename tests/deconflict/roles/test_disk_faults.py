@@ -22,11 +22,21 @@ from tests.deconflict.roles.made_service import CROSSING, Running, drive, runnin
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S
 
+
+def in_pages(page_after: Callable[[Any], list[Any]]) -> list[Any]:
+    """All entries, read in pages that follow the last entry of the page before."""
+    entries: list[Any] = []
+    while page := page_after(entries[-1] if entries else None):
+        entries += page
+    return entries
+
+
 SPAN = BoxSpan(START.timestamp(), START.timestamp() + 60, START.timestamp() + 60, START.timestamp() + 180)
 READS: dict[str, Callable[[Store], Any]] = {
     "latest": lambda store: store.latest("all"),
     "two of it": lambda store: store.latest("all", limit=2),
-    "open": Store.open,
+    "open": lambda store: store.latest("open").advisories,
+    "open in pages": lambda store: in_pages(lambda last: store.open_after(last.seq if last else 0, 2)),
     "cleared": lambda store: store.latest("cleared").advisories,
     "by robot": lambda store: store.latest("all", robot=ROBOTS[0]).advisories,
     "by vendor": lambda store: store.latest("all", vendor="Borealis").advisories,
@@ -38,7 +48,9 @@ READS: dict[str, Callable[[Store], Any]] = {
     "in a span": lambda store: published_in(store.path, store.pending_until(SPAN.until_s), SPAN),
     "raised": lambda store: store.raised_between(START.timestamp(), START.timestamp() + 130),
     "last": Store.last_seq,
-    "encounters": Store.encounters,
+    "encounters in pages": lambda store: in_pages(
+        lambda last: store.encounters_after(last[0] if last else ("", ""), 1)
+    ),
     "burdens": Store.burdens_s,
 }
 LIFE: list[AnyAdvisory] = [made(1), made(2), deadlock(*ROBOTS), made(1, 2), cleared(2), made(3, encounter=4)]
@@ -84,7 +96,7 @@ async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Pat
     assert publisher.failing
     assert measures.values["deconflict_store_unstored"] == {(): 2}
     await publisher.publish([made(2)])
-    assert [advisory.seq for advisory in store.open()] == [3, 2, 1]
+    assert [advisory.seq for advisory in store.latest("open").advisories] == [3, 2, 1]
     holding.execute("COMMIT")
     holding.close()
     async with asyncio.timeout(PATIENCE_S):

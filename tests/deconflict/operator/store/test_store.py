@@ -59,7 +59,10 @@ def test_a_revision_sent_again_keeps_its_number_and_its_first_content(store: Sto
 
 def test_latest_gives_the_newest_revision_of_each_and_open_means_not_cleared(store: Store) -> None:
     store.append([made(1), made(2), made(3), made(1, 2), cleared(2)])
-    assert [(advisory.id, advisory.revision) for advisory in store.open()] == [("advisory-1", 2), ("advisory-3", 1)]
+    assert [(advisory.id, advisory.revision) for advisory in store.latest("open").advisories] == [
+        ("advisory-1", 2),
+        ("advisory-3", 1),
+    ]
     assert [advisory.id for advisory in store.latest("cleared").advisories] == ["advisory-2"]
     listing = store.latest("all", limit=2)
     assert [advisory.id for advisory in listing.advisories] == ["advisory-2", "advisory-1"]
@@ -70,7 +73,7 @@ def test_latest_gives_the_newest_revision_of_each_and_open_means_not_cleared(sto
 def test_an_older_revision_that_comes_late_is_kept_but_not_the_latest(store: Store) -> None:
     store.append([made(1), cleared(1, 3)])
     store.append([made(1, 2)])
-    assert store.open() == []
+    assert store.latest("open").advisories == []
     assert [advisory.revision for advisory in store.get("advisory-1")] == [1, 2, 3]
 
 
@@ -120,7 +123,7 @@ def test_pruning_in_steps_removes_all_of_it(store: Store, monkeypatch: pytest.Mo
 def test_encounters_are_counted_by_pair_even_when_their_advisories_are_pruned(store: Store) -> None:
     store.append([made(1), cleared(1), made(2, encounter=2), cleared(2, encounter=2), made(3, robots=("a", "b"))])
     store.prune(START + timedelta(days=1))
-    assert store.encounters() == {ROBOTS: 2, ("a", "b"): 1}
+    assert dict(store.encounters_after(("", ""), 100)) == {ROBOTS: 2, ("a", "b"): 1}
 
 
 def test_a_failed_append_stores_none_of_its_revisions(store: Store) -> None:
@@ -132,7 +135,7 @@ def test_a_failed_append_stores_none_of_its_revisions(store: Store) -> None:
     raw.close()
     with pytest.raises(StoreError, match="refused"):
         store.append([made(1), made(2)])
-    assert (store.after(0), store.open(), store.last_seq()) == ([], [], 0)
+    assert (store.after(0), store.latest("open").advisories, store.last_seq()) == ([], [], 0)
     assert store.append([made(3)])[0].seq == 1
 
 
@@ -220,7 +223,7 @@ def test_a_deadlock_of_three_is_stored_and_found_by_each_of_its_robots(store: St
     for robot in stored.robots:
         assert store.latest(kind="deadlock", robot=robot).advisories == [stored]
     assert store.latest(kind="conflict").advisories == []
-    assert store.encounters() == {}
+    assert dict(store.encounters_after(("", ""), 100)) == {}
 
 
 def test_the_yielded_time_of_each_vendor_is_summed_once_and_kept(store: Store) -> None:
@@ -310,7 +313,10 @@ def test_an_acknowledgement_is_a_revision_of_its_own_and_stays_with_the_advisory
         for advisory in again.get("advisory-1")
     ]
     assert names == [(1, None), (3, "Kim"), (4, "Ada"), (5, "Ada")]
-    assert {advisory.id: advisory.seq for advisory in again.open()} == {"advisory-1": 5, "advisory-2": 2}
+    assert {advisory.id: advisory.seq for advisory in again.latest("open").advisories} == {
+        "advisory-1": 5,
+        "advisory-2": 2,
+    }
     assert [advisory.seq for advisory in again.append([made(1)])] == [1]
     again.close()
 
@@ -326,7 +332,7 @@ def test_open_and_raised_advisories_of_the_past_are_found(store: Store) -> None:
     at_s = (START + timedelta(minutes=1, seconds=1)).timestamp()
     assert [(advisory.id, advisory.revision) for advisory in store.open_at(at_s)] == [("advisory-1", 2)]
     assert [advisory.id for advisory in store.open_at(at_s + 90)] == ["advisory-2"]
-    assert [advisory.id for advisory in store.raised_between(at_s - 60, at_s + 90)] == ["advisory-1", "advisory-2"]
+    assert store.raised_between(at_s - 60, at_s + 90).total() == 2
 
 
 def test_a_file_of_the_second_format_keeps_its_numbers_and_never_gives_one_again(tmp_path: Path) -> None:
@@ -342,7 +348,7 @@ def test_a_file_of_the_second_format_keeps_its_numbers_and_never_gives_one_again
     old.commit()
     old.close()
     store = Store(tmp_path)
-    assert store.open() == [kept]
+    assert store.latest("open").advisories == [kept]
     assert store.open_at(kept.updated_at.timestamp() + 1) == [kept]
     assert [advisory.seq for advisory in store.append([made(3)])] == [10]
     store.close()
@@ -375,7 +381,7 @@ def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burd
     store = Store(tmp_path)
     assert store.latest(robot=ROBOTS[1]).advisories == [answered]
     assert store.get(kept.id) == [kept, answered]
-    assert store.encounters() == {ROBOTS: 5}
+    assert dict(store.encounters_after(("", ""), 100)) == {ROBOTS: 5}
     assert store.position("mqtt") == (7 if version > 3 else None)
     assert [(revision.seq, revision.acknowledgement) for revision in store.append([made(3), cleared(2)])] == [
         (9, None),

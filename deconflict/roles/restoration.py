@@ -1,0 +1,59 @@
+"""The stored state with which an engine resumes, in pages: however much is open, no call takes long."""
+
+import json
+from dataclasses import dataclass, field
+
+from deconflict.advisory import ADVISORY, AnyAdvisory
+from deconflict.operator.store.store import Store
+from deconflict.runtime.parcels import packed_parcel, unpacked_parcel
+from deconflict.runtime.rpc import Caller
+from deconflict.runtime.set_asides import SetAsides
+from ingest.batch import Pair
+
+MOST_ADVISORIES, MOST_ENCOUNTERS = 500, 5_000
+"""Of one page."""
+FIRST_PAIR = ("", "")
+
+
+@dataclass(frozen=True, slots=True)
+class StoredState:
+    """What an engine needs to resume, but for what was learned."""
+
+    burdens_s: dict[str, float]
+    open: list[AnyAdvisory] = field(default_factory=list)
+    """The newest revision of each open advisory."""
+    encounters: dict[Pair, int] = field(default_factory=dict)
+
+
+def page_of_open(store: Store, after: int) -> bytes:
+    """The open advisories whose newest revisions follow number `after`, as a parcel; its head is the last number."""
+    page = store.open_after(after, MOST_ADVISORIES)
+    return packed_parcel({"last": page[-1].seq if page else None}, (document.text.encode() for document in page))
+
+
+def page_of_encounters(store: Store, after: Pair) -> bytes:
+    """The numbers of encounters of the pairs that follow a pair."""
+    return json.dumps([[*pair, count] for pair, count in store.encounters_after(after, MOST_ENCOUNTERS)]).encode()
+
+
+def stored_state(operator: Caller, set_asides: SetAsides) -> StoredState:
+    """The state that the operator face has stored. Raises `LinkDownError`."""
+    state = StoredState(json.loads(operator.call("burdens")))
+    last: int | None = 0
+    found: dict[str, AnyAdvisory] = {}
+    while last is not None:
+        head, lines = unpacked_parcel(operator.call("restore", b"%d" % last))
+        last = head["last"]
+        for line in lines:
+            try:
+                advisory = ADVISORY.validate_json(line)
+            except ValueError as error:
+                set_asides.add("invalid", line[:200].decode(errors="replace"), error)
+            else:
+                found[advisory.id] = advisory
+    state.open.extend(found.values())
+    pair: Pair = FIRST_PAIR
+    while page := json.loads(operator.call("encounters", json.dumps(pair).encode())):
+        state.encounters.update({(a, b): count for a, b, count in page})
+        pair = page[-1][0], page[-1][1]
+    return state
