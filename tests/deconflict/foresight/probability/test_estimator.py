@@ -124,6 +124,6 @@ def test_of_a_robot_in_a_crowd_only_conflicts_that_the_sweep_finds_are_estimated
     assert alone.second(0).keys() == {("a", "b")}
     assert crowded.second(0) == {}
     crowded.foresight.receive(crowded.batch(1.0))
-    swept = SweptConflicts((("a", "b"),), np.array([-1]), np.zeros(1), np.array([NOW_S + 8]), np.array([NOW_S + 7.4]))
+    swept = SweptConflicts((("a", "b"),), np.zeros(1), np.array([NOW_S + 8]), np.array([NOW_S + 7.4]))
     (probability,) = crowded.foresight.estimate(NOW_S + 1, swept, 0.5).probability.tolist()
     assert 0.5 < probability < 0.9
