@@ -10,12 +10,13 @@ until the pair has drawn apart by the clearance and a margin: a pair that begins
 the envelopes are about to touch. An advisory whose conflict is not predicted any more, or has begun, is updated in its
 probability alone.
 
-These files decide, in this order:
+These files take part, in this order:
 
-1. `watched_pair_kernels`, through `watched_pairs`, finds for all pairs at once what may need a revision.
-2. This file turns each finding into a revision, or into none.
-3. `severity` says how severe a conflict is. `revision_rules` says whether a change is worth a revision.
-4. `conflict_wording` fills the fields and writes the text.
+1. `watched_pair_kernels`, through `watched_pairs`, decides for all pairs at once, with the limits of `revision_rules`
+   and the levels of `severity`.
+2. This file makes a revision of each decision. It decides only what depends on the scene: whether robots are there,
+   whether a pair has drawn apart, and whether it meets elsewhere than its advisory says.
+3. `conflict_wording` fills the fields and writes the text.
 """
 
 from collections import Counter
@@ -26,12 +27,12 @@ from operator import attrgetter
 
 from deconflict.advice.document_limits import limited_advice
 from deconflict.advisories import conflict_wording, revision_rules
-from deconflict.advisories.conflict_predictions import Prediction, Predictions
+from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.conflict_wording import MeetingPlace
 from deconflict.advisories.revision_budget import MOST_REVISIONS, Candidate, RevisionBudget
-from deconflict.advisories.severity import rises, severity_of
-from deconflict.advisories.watched_pair_kernels import CLEAR_STILL, MAY_CLEAR, RAISE, UPDATE_PROBABILITY
+from deconflict.advisories.severity import severity_of
+from deconflict.advisories.watched_pair_kernels import CLEAR_STILL, MAY_CLEAR, UPDATE_IF_MOVED, UPDATE_PROBABILITY
 from deconflict.advisories.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
@@ -186,8 +187,6 @@ class ConflictLifecycle:
     ) -> ConflictAdvisory | Candidate | None:
         """The revision that a prediction makes, or may make, by the code of the kernel."""
         watched, prediction, code = found
-        if code == RAISE:
-            return self._raise(watched, prediction, now_s, scene)
         if code == MAY_CLEAR:
             cleared = self._clear_if_apart(watched, now_s, scene)
             return cleared or self._update_probability(watched, prediction.probability, now_s)
@@ -196,38 +195,23 @@ class ConflictLifecycle:
         if code == CLEAR_STILL and watched.advisory:
             both_stand = all(map(scene.stands, watched.pair))
             return watched.advisory.cleared_revision(now_s, STAND if both_stand else GAVE_WAY)
-        return self._update(watched, prediction, now_s, scene)
-
-    def _raise(
-        self, watched: WatchedPair, prediction: Prediction, now_s: float, scene: ConflictScene
-    ) -> Candidate | None:
         if not all(map(scene.is_present, watched.pair)):
             return None
-        return Candidate(watched, prediction, severity_of(prediction, now_s, None, self.settings))
-
-    def _update(
-        self, watched: WatchedPair, prediction: Prediction, now_s: float, scene: ConflictScene
-    ) -> ConflictAdvisory | Candidate | None:
-        before = watched.advisory
-        if before is None:
-            return None
-        if before.time_to_conflict_s == 0 and prediction.contact_s <= now_s:
-            return self._update_probability(watched, prediction.probability, now_s)
-        severity = severity_of(prediction, now_s, before.severity, self.settings)
-        next_s = revision_rules.next_revision_s(before)
-        if now_s < next_s and not rises(severity, before.severity):
-            self.pairs.set_weighed(watched, revision_rules.weighed(prediction, now_s, self.settings, next_s))
-            return None
-        return Candidate(watched, prediction, severity) if all(map(scene.is_present, watched.pair)) else None
+        before = watched.advisory.severity if watched.advisory else None
+        severity = severity_of(prediction, now_s, before, self.settings)
+        return Candidate(watched, prediction, severity, is_news=code != UPDATE_IF_MOVED)
 
     def _update_probability(self, watched: WatchedPair, probability: float, now_s: float) -> ConflictAdvisory | None:
         """The revision that changes the probability alone; None if the change is too small or too soon."""
-        before, probability = watched.advisory, revision_rules.published_probability(probability, self.settings)
-        if before is None or now_s < revision_rules.next_revision_s(before):
+        before, probability = watched.advisory, self._published_probability(probability)
+        if before is None or now_s < before.updated_at.timestamp() + revision_rules.UPDATE_GAP_S:
             return None
-        if not revision_rules.is_likelier(before, probability):
+        if not revision_rules.is_likelier(probability, before.probability or 0.0):
             return None
         return conflict_wording.with_probability(before, probability, now_s)
+
+    def _published_probability(self, probability: float) -> float:
+        return revision_rules.published_probability(probability, revision_rules.held_probability(self.settings))
 
     def _revise_candidates(
         self, candidates: Sequence[Candidate], now_s: float, scene: ConflictScene
@@ -236,16 +220,13 @@ class ConflictLifecycle:
         news, budget = [], RevisionBudget(scene.vendor)
         is_bounded = len(candidates) > MOST_REVISIONS
         for candidate in sorted(candidates, key=attrgetter("urgency")) if is_bounded else candidates:
-            watched, prediction, severity = candidate
+            watched = candidate.watched
             if is_bounded and not budget.admits(watched.pair):
                 continue
-            met, before = scene.encounter(watched.pair, prediction.contact_s), watched.advisory
-            if before is None or revision_rules.is_news(before, prediction, severity, met, scene.datum(met)):
+            met, before = scene.encounter(watched.pair, candidate.prediction.contact_s), watched.advisory
+            if candidate.is_news or (before and revision_rules.is_elsewhere(before, met, scene.datum(met))):
                 news.append((candidate, met))
                 budget.spend(watched.pair)
-            else:
-                self.pairs.set_weighed(watched, revision_rules.weighed(prediction, now_s, self.settings, inf))
-                self.pairs.forget_if_idle(watched)
         self.deferred = budget.deferred
         places = scene.place_names([met for _, met in news])
         return [
@@ -257,10 +238,10 @@ class ConflictLifecycle:
         self, candidate: Candidate, met: Encounter, place: str, now_s: float, scene: ConflictScene
     ) -> ConflictAdvisory:
         """The revision of a pair that meets like `met`, at the place of that name."""
-        watched, prediction, severity = candidate
+        watched, prediction, severity, _ = candidate
         pair = watched.pair
         parties = scene.party(pair[0], now_s), scene.party(pair[1], now_s)
-        probability = revision_rules.published_probability(prediction.probability, self.settings)
+        probability = self._published_probability(prediction.probability)
         fields = conflict_wording.revision_fields(
             prediction._replace(probability=probability),
             now_s,
@@ -282,7 +263,7 @@ class ConflictLifecycle:
         self, examination: Examination, updated: set[str], now_s: float, scene: ConflictScene, until_s: float
     ) -> Iterator[ConflictAdvisory | None]:
         """The revisions of pairs without a prediction: they clear, or fall to a low probability."""
-        for watched, nothing_to_clear in zip(examination.unpredicted, examination.nothing_to_clear, strict=True):
+        for watched, code in examination.unpredicted:
             a, b = watched.pair
             is_look = a in updated or b in updated
             is_absent = watched.advisory and not (scene.is_present(a) and scene.is_present(b))
@@ -290,17 +271,12 @@ class ConflictLifecycle:
                 continue
             if is_look:
                 self.pairs.record_quiet_look(watched)
-            if is_absent or not nothing_to_clear or (is_look and watched.advisory is None):
-                yield self._settled(watched, self._clear_if_apart(watched, now_s, scene))
-            if not is_absent and self._may_fade(watched, now_s):
-                yield self._settled(watched, self._update_probability(watched, 0.0, now_s))
-
-    def _may_fade(self, watched: WatchedPair, now_s: float) -> bool:
-        """Whether an advisory may have to be updated because its conflict was not predicted for a while."""
-        advisory = watched.advisory
-        if advisory is None or (advisory.probability or 0.0) <= revision_rules.LIKELIER:
-            return False
-        return now_s - self.pairs.predicted_s(watched) >= revision_rules.FADES_S
+            revision = None
+            if is_absent or code == MAY_CLEAR or (is_look and watched.advisory is None):
+                revision = self._clear_if_apart(watched, now_s, scene)
+            if revision is None and not is_absent and code in (MAY_CLEAR, UPDATE_PROBABILITY):
+                revision = self._update_probability(watched, 0.0, now_s)
+            yield self._settled(watched, revision)
 
     def _clear_if_apart(self, watched: WatchedPair, now_s: float, scene: ConflictScene) -> ConflictAdvisory | None:
         """The revision that clears an advisory, if the two have drawn apart or a robot is not there."""

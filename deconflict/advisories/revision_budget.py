@@ -24,6 +24,8 @@ class Candidate(NamedTuple):
     watched: WatchedPair
     prediction: Prediction
     severity: Severity
+    is_news: bool
+    """It is news wherever the two meet."""
 
     @property
     def urgency(self) -> tuple[int, float, Pair]:

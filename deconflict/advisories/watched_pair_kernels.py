@@ -1,16 +1,15 @@
-"""Looks at all predictions of a pass at once, and finds the few pairs whose advisory may need a revision.
+"""The decisions on conflict advisories: what the predictions of a pass change, for all watched pairs at once.
 
-This is the first step in the life of a conflict advisory. `examine_pairs` updates the row of each watched pair and
-decides which of the codes below holds for each prediction:
+`examine_pairs` updates the row of each watched pair and decides which of the codes below holds:
 
 1. A pair is watched from its first fresh prediction that is likely or begins within the clearance.
 2. Without an open advisory: `RAISE` once enough looks were alerting, `FORGET` if nothing is left to remember.
 3. With an open advisory, the first that holds: `CLEAR_STILL` if both have been still for a while; `MAY_CLEAR` or
-   `UPDATE_PROBABILITY` if the conflict is too unlikely; `UPDATE`, `UPDATE_IF_MOVED` or `UPDATE_PROBABILITY` if the
-   prediction differs from the advisory.
+   `UPDATE_PROBABILITY` if the conflict is too unlikely, or not predicted; `UPDATE`, `UPDATE_IF_MOVED` or
+   `UPDATE_PROBABILITY` if the prediction differs from the advisory.
 
-`conflict_lifecycle` then makes the revisions, by the rules of `revision_rules`. A prediction that differs from its
-advisory by less than `revision_rules.is_news` asks for is left alone here, so that Python sees few pairs.
+`conflict_lifecycle` carries the codes out. It adds what only the scene knows: where and how the two meet, whether they
+are there, and whether they have drawn apart.
 
 The fields of a row stand in `watched_pair_rows`. `examine_pairs` is long because it is one loop over many columns.
 """
@@ -22,8 +21,16 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.advisories.severity import next_severity_change_s, severity_level
+from deconflict.advisories.revision_rules import (
+    DEEPER_M,
+    FADES_S,
+    MOVED_S,
+    UPDATE_GAP_S,
+    is_likelier,
+)
+from deconflict.advisories.severity import SLACK_S, SURE, next_severity_change_s, severity_level
 from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
+from deconflict.foresight.presence.lasting_silences import PROBABLY_LEFT
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
@@ -68,11 +75,14 @@ MAY_CLEAR = 3
 CLEAR_STILL = 4
 """Both have stood, or one has given way, for long enough: the advisory clears."""
 UPDATE = 5
-"""The prediction differs from the advisory, or may."""
+"""The prediction differs from the advisory."""
 UPDATE_IF_MOVED = 6
 """The prediction is the same as the advisory, unless the two meet at another place or in another way."""
 UPDATE_PROBABILITY = 7
 """Nothing but the probability has changed."""
+
+TOUCHING_M = 0.1
+"""A pair that begins nearer than this touches already, as far as forecasts can say."""
 
 _ADVISORY, _PAIR, _THRESHOLDS = (numba.from_dtype(dtype) for dtype in (OPEN_ADVISORY, WATCHED_PAIR, THRESHOLDS))
 _INTS, _FLOATS, _BOOLS, _REAL = numba.int64[::1], numba.float64[::1], numba.boolean[::1], numba.float64
@@ -81,6 +91,7 @@ _PREDICTIONS = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
 )
 
 
+_is_likelier = inner(is_likelier)
 _severity_level = inner(severity_level)
 _next_severity_change_s = inner(next_severity_change_s)
 
@@ -110,7 +121,7 @@ def _is_likely(predicted: Any, now_s: float, thresholds: Any) -> bool:
     """Whether a conflict that is worth an advisory is still to come."""
     needed = thresholds.raise_probability
     if predicted.separation_m > thresholds.clearance_m:
-        needed = max(needed, thresholds.sure)
+        needed = max(needed, SURE)
     return predicted.deciding >= needed and predicted.contact_s > now_s
 
 
@@ -128,7 +139,7 @@ def _record_look(pair: Any, predicted: Any, is_likely: bool, thresholds: Any) ->
         pair.inside = False
     about_to_touch = (
         predicted.separation_m == 0
-        and predicted.start_separation_m > thresholds.touching_m
+        and predicted.start_separation_m > TOUCHING_M
         and predicted.deciding >= thresholds.raise_probability
     )
     is_alerting = predicted.fresh and not predicted.still and (about_to_touch if pair.inside else is_likely)
@@ -156,10 +167,10 @@ def _decide_without_advisory(
 
 
 @inner
-def _decide_probability(advisory: Any, probability: float, now_s: float, thresholds: Any) -> int:
+def _decide_probability(advisory: Any, probability: float, now_s: float) -> int:
     """The code if nothing but the probability can change."""
-    has_changed = abs(probability - advisory.probability) > thresholds.likelier
-    return UPDATE_PROBABILITY if has_changed and now_s >= advisory.updated_s + thresholds.gap_s else NO_CHANGE
+    has_changed = _is_likelier(probability, advisory.probability)
+    return UPDATE_PROBABILITY if has_changed and now_s >= advisory.updated_s + UPDATE_GAP_S else NO_CHANGE
 
 
 @inner
@@ -168,8 +179,8 @@ def _decide_unlikely(pair: Any, advisory: Any, probability: float, now_s: float,
     unlikely_s = now_s - pair.predicted_s
     if unlikely_s >= thresholds.clear_after_s:
         return MAY_CLEAR
-    if unlikely_s >= thresholds.fades_s:
-        return _decide_probability(advisory, probability, now_s, thresholds)
+    if unlikely_s >= FADES_S:
+        return _decide_probability(advisory, probability, now_s)
     return NO_CHANGE
 
 
@@ -178,26 +189,26 @@ def _decide_update(pair: Any, advisory: Any, predicted: Any, now_s: float, thres
     """The code for a pair with an open advisory whose conflict is likely enough for it to stand."""
     pair.predicted_s = now_s
     contact_s, separation_m = predicted.contact_s, predicted.separation_m
-    is_sure = predicted.probability >= thresholds.sure
-    is_as_likely = abs(predicted.probability - advisory.probability) <= thresholds.likelier
+    is_sure = predicted.probability >= SURE
+    is_as_likely = not _is_likelier(predicted.probability, advisory.probability)
     is_weighed = contact_s == pair.weighed_contact_s and separation_m == pair.weighed_separation_m
     is_weighed = is_weighed and is_sure == pair.weighed_sure
     if not predicted.fresh and is_weighed and is_as_likely and now_s < pair.weighed_until_s:
         return NO_CHANGE
     if advisory.has_begun and contact_s <= now_s:
-        return _decide_probability(advisory, predicted.probability, now_s, thresholds)
-    time_s, next_revision_s = contact_s - now_s, advisory.updated_s + thresholds.gap_s
+        return _decide_probability(advisory, predicted.probability, now_s)
+    time_s, next_revision_s = contact_s - now_s, advisory.updated_s + UPDATE_GAP_S
     is_shallow = separation_m > thresholds.clearance_m / 2 or not is_sure
-    warning_s, critical_s, slack_s = thresholds.warning_s, thresholds.critical_s, thresholds.slack_s
+    warning_s, critical_s = thresholds.warning_s, thresholds.critical_s
     least = _severity_level(time_s, is_shallow, warning_s, critical_s)
-    most = _severity_level(time_s, is_shallow, warning_s + slack_s, critical_s + slack_s)
+    most = _severity_level(time_s, is_shallow, warning_s + SLACK_S, critical_s + SLACK_S)
     is_too_soon = now_s < next_revision_s and least <= advisory.severity
     is_same = least <= advisory.severity <= most and is_as_likely
-    is_same = is_same and abs(contact_s - advisory.contact_s) <= thresholds.moved_s
-    is_same = is_same and abs(separation_m - advisory.separation_m) <= thresholds.deeper_m
+    is_same = is_same and abs(round(contact_s - advisory.contact_s, 6)) <= MOVED_S
+    is_same = is_same and abs(round(separation_m, 3) - advisory.separation_m) <= DEEPER_M
     if is_too_soon or is_same:
         pair.weighed_contact_s, pair.weighed_separation_m, pair.weighed_sure = contact_s, separation_m, is_sure
-        until_s = _next_severity_change_s(contact_s, now_s, warning_s, critical_s, slack_s)
+        until_s = _next_severity_change_s(contact_s, now_s, warning_s, critical_s, SLACK_S)
         pair.weighed_until_s = min(until_s, next_revision_s) if is_too_soon else until_s
     if is_too_soon:
         return NO_CHANGE
@@ -219,30 +230,29 @@ def _decide_with_advisory(pair: Any, advisory: Any, predicted: Any, now_s: float
     """The code for a pair that has an open advisory."""
     if _has_been_still(pair, predicted.still, now_s, thresholds.clear_after_s):
         return CLEAR_STILL
-    are_close = pair.inside and predicted.both_present >= thresholds.left_probability
+    are_close = pair.inside and predicted.both_present >= PROBABLY_LEFT
     if predicted.deciding < thresholds.held_probability and not are_close:
         return _decide_unlikely(pair, advisory, predicted.probability, now_s, thresholds)
     return _decide_update(pair, advisory, predicted, now_s, thresholds)
 
 
 @inner
-def _unpredicted(
-    pairs: NDArray[Any], advisories: NDArray[Any], now_s: float, clear_after_s: float
-) -> tuple[Ints, Bools]:
-    """The rows of watched pairs without a prediction, and whether each has nothing to clear."""
-    rows, nothing_to_clear, n = np.empty(len(pairs), np.int64), np.empty(len(pairs), np.bool_), 0
+def _unpredicted(pairs: NDArray[Any], advisories: NDArray[Any], now_s: float, thresholds: Any) -> tuple[Ints, Ints]:
+    """The rows of watched pairs without a prediction, and the code of each."""
+    rows, codes, n = np.empty(len(pairs), np.int64), np.full(len(pairs), NO_CHANGE), 0
     for row in range(len(pairs)):
         pair = pairs[row]
         if pair.in_use and not pair.predicted:
             rows[n] = row
-            nothing_to_clear[n] = not advisories[row].is_open or now_s - pair.predicted_s < clear_after_s
+            if advisories[row].is_open:
+                codes[n] = _decide_unlikely(pair, advisories[row], 0.0, now_s, thresholds)
             n += 1
         pair.predicted = False
-    return rows[:n].copy(), nothing_to_clear[:n].copy()
+    return rows[:n].copy(), codes[:n].copy()
 
 
 @kernel(
-    numba.types.Tuple((*[_INTS] * 3, _BOOLS))(  # type: ignore[no-untyped-call]
+    numba.types.Tuple([_INTS] * 4)(  # type: ignore[no-untyped-call]
         _PAIR[::1], _ADVISORY[::1], _INTS, _PREDICTIONS, _REAL, _THRESHOLDS[::1]
     )
 )
@@ -253,9 +263,9 @@ def examine_pairs(
     predictions: PredictionColumns,
     now_s: float,
     thresholds: NDArray[Any],
-) -> tuple[Ints, Ints, Ints, Bools]:
-    """Which predictions to look at, and the code of each; the rows of watched pairs without a prediction, and whether
-    each has nothing to clear.
+) -> tuple[Ints, Ints, Ints, Ints]:
+    """Which predictions change something, and the code of each; the rows of watched pairs without a prediction, and the
+    code of each.
 
     `pairs` and `advisories` (n,) are of `WATCHED_PAIR` and `OPEN_ADVISORY`, `thresholds` (1,) of `THRESHOLDS`. `rows`
     (p,) are the rows of the predicted pairs, -1 if not watched; new pairs are given free rows, of which there must be
@@ -287,8 +297,7 @@ def examine_pairs(
             code = _decide_without_advisory(pair, predicted, is_new, is_alerting, now_s, limits)
         if code != NO_CHANGE:
             chosen[n], codes[n], n = i, code, n + 1
-    unpredicted, nothing_to_clear = _unpredicted(pairs, advisories, now_s, limits.clear_after_s)
-    return chosen[:n].copy(), codes[:n].copy(), unpredicted, nothing_to_clear
+    return chosen[:n].copy(), codes[:n].copy(), *_unpredicted(pairs, advisories, now_s, limits)
 
 
 @kernel(_BOOLS(_ADVISORY[::1], _INTS, numba.from_dtype(ENCOUNTER)[::1], _REAL))

@@ -1,4 +1,4 @@
-"""The records of watched pairs that kernels read, and the thresholds of their decisions."""
+"""The records of watched pairs that kernels read, and the settings that decide."""
 
 import numpy as np
 
@@ -42,25 +42,16 @@ THRESHOLDS = np.dtype(
     [
         ("clearance_m", np.float64),  # a conflict is a separation of no more than this
         ("apart_m", np.float64),  # a pair that begins farther apart than this has drawn apart
-        ("touching_m", np.float64),  # a pair that begins nearer than this touches already
         ("raise_probability", np.float64),  # a less likely conflict raises no advisory
         ("held_probability", np.float64),  # a less likely conflict lets no advisory stand
-        ("sure", np.float64),  # a less likely one is less severe, and raises only if forecasts meet as they stand
         ("evident", np.float64),  # a more likely one raises an advisory at its first look
-        ("left_probability", np.float64),  # robots less likely than this to be present have probably left
         ("urgent_s", np.float64),  # a conflict nearer than this raises an advisory at its first look
         ("clear_after_s", np.float64),  # an advisory clears after its conflict was unlikely, or still, for so long
-        ("fades_s", np.float64),  # after this long an advisory is updated to the low probability
         ("warning_s", np.float64),  # a conflict nearer than this is a warning
         ("critical_s", np.float64),  # a conflict nearer than this is critical
-        ("slack_s", np.float64),  # severity falls only once the time has grown this far beyond its bound
-        ("gap_s", np.float64),  # shortest time between two revisions, unless severity rises
-        ("likelier", np.float64),  # a smaller change of probability is surely worth no revision
-        ("moved_s", np.float64),  # a smaller change of the predicted time is surely worth none
-        ("deeper_m", np.float64),  # a smaller change of the separation is surely worth none
         ("looks_mask", np.int64),  # one bit for each look that is remembered
         ("looks_needed", np.int64),  # this many alerting looks raise an advisory
     ],
     align=True,
 )
-"""What decides, from the site's settings and from `revision_rules`."""
+"""What decides, from the site's settings."""

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from deconflict.advisories import revision_rules
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
-from deconflict.advisories.revision_rules import Weighed
-from deconflict.advisories.severity import SEVERITIES, SLACK_S, SURE
+from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.watched_pair_kernels import (
     FORGET,
     UPDATE_IF_MOVED,
@@ -27,15 +26,12 @@ from deconflict.advisories.watched_pair_kernels import (
 )
 from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.advisory import ConflictAdvisory
-from deconflict.foresight.presence.lasting_silences import PROBABLY_LEFT
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
 from ingest.batch import Floats, Ints, Pair
 
-TOUCHING_M = 0.1
-"""A pair that begins nearer than this touches already, as far as forecasts can say."""
 ROUNDED = 1e-3
-"""Advisories give probabilities, distances and places rounded to this."""
+"""Advisories give places rounded to this, so a move is surely too small only so far below its bound."""
 
 _NEW_ROW = np.zeros((), WATCHED_PAIR)
 _NEW_ROW["in_use"], _NEW_ROW["still_since_s"] = True, inf
@@ -57,7 +53,7 @@ _NO_PAIR = WatchedPair(("", ""), -1)
 
 
 class FoundPrediction(NamedTuple):
-    """A prediction that may need a revision."""
+    """A prediction that changes something, or may."""
 
     watched: WatchedPair
     prediction: Prediction
@@ -69,10 +65,8 @@ class Examination(NamedTuple):
     """What one pass has to look at."""
 
     found: list[FoundPrediction]
-    unpredicted: list[WatchedPair]
-    """The watched pairs without a prediction."""
-    nothing_to_clear: list[bool]
-    """For each of them, whether it has no advisory, or one that was predicted lately."""
+    unpredicted: list[tuple[WatchedPair, int]]
+    """The watched pairs without a prediction, and the code of each."""
 
 
 class WatchedPairs:
@@ -147,12 +141,6 @@ class WatchedPairs:
         """Whether the two came within the clearance while the advisory was open."""
         return bool(self._pairs["met"][watched.row])
 
-    def set_weighed(self, watched: WatchedPair, weighed: Weighed) -> None:
-        """Remember the prediction that was weighed last."""
-        row = self._pairs[watched.row]
-        row["weighed_contact_s"], row["weighed_separation_m"] = weighed.contact_s, weighed.separation_m
-        row["weighed_sure"], row["weighed_until_s"] = weighed.sure, weighed.until_s
-
     def predicted_s(self, watched: WatchedPair) -> float:
         """When a pair with an advisory was last predicted as likely enough."""
         return float(self._pairs["predicted_s"][watched.row])
@@ -163,7 +151,7 @@ class WatchedPairs:
     def examine(
         self, predictions: Predictions, now_s: float, encounters: Callable[[Sequence[Pair], Floats], Encounters]
     ) -> Examination:
-        """Record the predictions of a pass; return those that may need a revision, and the pairs without a prediction.
+        """Record the predictions of a pass; return those that change something, and the pairs without a prediction.
 
         Which predictions these are stands in `watched_pair_kernels`. `encounters` says how pairs meet, as
         `ConflictScene.encounters` does.
@@ -171,7 +159,7 @@ class WatchedPairs:
         pairs = predictions.pairs
         self._make_room(len(pairs))
         rows = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
-        chosen, codes, unpredicted, nothing_to_clear = examine_pairs(
+        chosen, codes, unpredicted, quiet_codes = examine_pairs(
             self._pairs, self._advisories, rows, _columns(predictions), now_s, self._thresholds
         )
         coded = list(zip(chosen.tolist(), codes.tolist(), strict=True))
@@ -187,7 +175,8 @@ class WatchedPairs:
             FoundPrediction(self._by_row[rows[i]], prediction, code)
             for (i, code), prediction in zip(due, predictions.at([i for i, _ in due]), strict=True)
         ]
-        return Examination(found, [self._by_row[row] for row in unpredicted.tolist()], nothing_to_clear.tolist())
+        quiet = [self._by_row[row] for row in unpredicted.tolist()]
+        return Examination(found, list(zip(quiet, quiet_codes.tolist(), strict=True)))
 
     def _moved(
         self,
@@ -235,27 +224,18 @@ def _columns(predictions: Predictions) -> PredictionColumns:
 
 
 def _thresholds(settings: Conflict) -> NDArray[Any]:
-    """(1,) of `THRESHOLDS`. As advisories are rounded, a change is surely too small only `ROUNDED` below its bound."""
+    """(1,) of `THRESHOLDS`."""
     thresholds = np.zeros(1, THRESHOLDS)
     for name, value in {
         "clearance_m": settings.clearance_m,
         "apart_m": settings.apart_m,
-        "touching_m": TOUCHING_M,
         "raise_probability": settings.raise_probability,
         "held_probability": revision_rules.held_probability(settings),
-        "sure": SURE,
         "evident": settings.evident_probability,
-        "left_probability": PROBABLY_LEFT,
         "urgent_s": settings.urgent_s,
         "clear_after_s": settings.clear_after_s,
-        "fades_s": revision_rules.FADES_S,
         "warning_s": settings.warning_s,
         "critical_s": settings.critical_s,
-        "slack_s": SLACK_S,
-        "gap_s": revision_rules.UPDATE_GAP_S,
-        "likelier": revision_rules.LIKELIER - ROUNDED,
-        "moved_s": revision_rules.MOVED_S - ROUNDED,
-        "deeper_m": revision_rules.DEEPER_M - ROUNDED,
         "looks_mask": (1 << settings.confirm[1]) - 1,
         "looks_needed": settings.confirm[0],
     }.items():

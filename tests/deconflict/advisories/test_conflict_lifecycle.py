@@ -231,6 +231,16 @@ def test_severity_rises_as_the_conflict_nears_and_is_updated_at_once() -> None:
     assert [advisory.revision for advisory in advisories] == [2, 3]
 
 
+def test_updates_keep_a_gap_unless_severity_rises() -> None:
+    story = Story()
+    story.raised()
+    story.now_s -= 0.5
+    assert story.predicted(5.5, separation_m=0.2) == []
+    story.now_s -= 0.75
+    (update,) = story.predicted(1.5)
+    assert update.severity is Severity.CRITICAL
+
+
 def test_a_shallow_conflict_is_one_level_less_severe() -> None:
     story = Story()
     story.predicted(8, separation_m=0.25)

@@ -25,11 +25,7 @@ NOWHERE = np.array((np.nan, np.nan, -1, -1), ENCOUNTER)
 
 
 class EveryPair(WatchedPairs):
-    """Leaves no open advisory alone: whatever was weighed before, however new it is, and however the two meet."""
-
-    def __init__(self, settings: Conflict) -> None:
-        super().__init__(settings)
-        self._thresholds["gap_s"] = -np.inf
+    """Leaves no open advisory alone: whatever was weighed before, and however the two meet."""
 
     def examine(self, predictions: Predictions, now_s: float, _: object) -> Examination:
         self._pairs["weighed_until_s"] = -np.inf
