@@ -1,11 +1,7 @@
-"""Groups of future conflicts that share robots, kept from pass to pass.
+"""Groups of future conflicts that share robots."""
 
-A pass builds anew only the groups of which a conflict changed or began.
-"""
-
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from datetime import datetime
-from heapq import heappop, heappush
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -31,44 +27,17 @@ class ConflictGroups:
     def __init__(self) -> None:
         self.all: dict[Pairs, ConflictGroup] = {}
         self._of_robot: dict[str, ConflictGroup] = {}
-        self._begins: list[tuple[datetime, Pair]] = []
-        """A heap of predicted times; those of older revisions stay in it."""
 
     def group_of(self, pair: Pair) -> ConflictGroup | None:
         """The group of a conflict; None if the conflict is not in the future."""
         return self._of_robot.get(pair[0])
 
-    def update(self, from_s: float, conflicts: Mapping[Pair, ConflictAdvisory], changed: Iterable[Pair]) -> None:
-        """Group those of the open `conflicts` that are predicted for later than `from_s`.
-
-        Conflicts that are not in `changed` are as they were in the last update, which was no later.
-        """
-        from_then, changed = moment(from_s), set(changed)
-        stale = changed.copy()
-        while self._begins and self._begins[0][0] <= from_then:
-            stale.add(heappop(self._begins)[1])
-        future = []
-        for pair in stale | self._dissolve(stale):
-            advisory = conflicts.get(pair)
-            if advisory and advisory.predicted_at > from_then:
-                future.append(advisory)
-                if pair in changed:
-                    heappush(self._begins, (advisory.predicted_at, pair))
-        for group in _connected(future):
-            self.all[group.pairs] = group
-            self._of_robot.update((robot, group) for pair in group.pairs for robot in pair)
-
-    def _dissolve(self, stale: Iterable[Pair]) -> set[Pair]:
-        """Remove the groups that have robots of `stale` conflicts; return all conflicts of these groups."""
-        pairs = set[Pair]()
-        for robot in {robot for pair in stale for robot in pair}:
-            if group := self._of_robot.get(robot):
-                del self.all[group.pairs]
-                for pair in group.pairs:
-                    self._of_robot.pop(pair[0], None)
-                    self._of_robot.pop(pair[1], None)
-                pairs.update(group.pairs)
-        return pairs
+    def update(self, from_s: float, conflicts: Iterable[ConflictAdvisory]) -> None:
+        """Group those of the open `conflicts` that are predicted for later than `from_s`."""
+        from_then = moment(from_s)
+        groups = _connected(advisory for advisory in conflicts if advisory.predicted_at > from_then)
+        self.all = {group.pairs: group for group in groups}
+        self._of_robot = {robot: group for group in groups for pair in group.pairs for robot in pair}
 
 
 def _connected(conflicts: Iterable[ConflictAdvisory]) -> list[ConflictGroup]:

@@ -6,7 +6,7 @@ Questions are bounded so that answers are ready in time. Holds begin when the an
 to follow their forecasts.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop
@@ -65,16 +65,12 @@ class HoldRequests:
     def step(
         self,
         now_s: float,
-        conflicts: Mapping[Pair, ConflictAdvisory],
-        changed: Iterable[Pair],
+        conflicts: Iterable[ConflictAdvisory],
         find_nearby: FindNearby,
     ) -> list[tuple[Pair, Recommendation]]:
-        """The advice that is due, by pair; then ask about the open `conflicts`.
-
-        `changed` are the pairs whose conflicts changed since the last step.
-        """
+        """The advice that is due, by pair; then ask about the open `conflicts`."""
         due = self._due_answers(now_s)
-        self._groups.update(now_s + ANSWER_AFTER_S, conflicts, changed)
+        self._groups.update(now_s + ANSWER_AFTER_S, conflicts)
         self._questions = {
             pairs: question
             for pairs, question in self._questions.items()

@@ -58,7 +58,6 @@ class ConflictLifecycle:
     pairs: WatchedPairs = field(init=False)
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
-    _changed: set[Pair] = field(default_factory=set)
     deferred: Counter[str] = field(default_factory=Counter)
     """By vendor, the conflicts that the last pass left for a later one, see `revision_budget`."""
     started_s: float | None = None
@@ -86,11 +85,6 @@ class ConflictLifecycle:
         predicted_s = max(self.pairs.predicted_s(watched), revision.updated_at.timestamp())
         self.pairs.set_predicted_s(watched, predicted_s)
         self._set_newest(watched, revision, floor=-1)
-
-    def pop_changed(self) -> set[Pair]:
-        """The pairs with a new revision since the last call."""
-        changed, self._changed = self._changed, set()
-        return changed
 
     def revise(
         self,
@@ -140,7 +134,6 @@ class ConflictLifecycle:
         crowd or left one."""
         robots = set(changed)
         concerned = [(pair, advisory) for pair, advisory in self.advisories.items() if not robots.isdisjoint(pair)]
-        self._changed.update(pair for pair, _ in concerned)
         revisions = []
         for pair, advisory in sorted(concerned):
             watched = self.pairs.get(pair)
@@ -179,7 +172,6 @@ class ConflictLifecycle:
         self.pairs.set_advisory(watched, advisory, floor)
         if advisory:
             self.advisories[watched.pair] = advisory
-        self._changed.add(watched.pair)
         self.pairs.forget_if_idle(watched)
 
     def _revise_predicted(

@@ -14,7 +14,7 @@ from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
-from ingest.batch import Basis, Batch, Pair
+from ingest.batch import Basis, Batch
 from ingest.measures.measures import Measures
 
 
@@ -60,11 +60,9 @@ class EngineAdvice:
     def add_holds(self, now_s: float, conflicts: ConflictLifecycle) -> list[ConflictAdvisory]:
         """The revisions that give conflicts the holds that are due; none of robots in a crowd, whose places are
         doubted."""
-        open_conflicts: Mapping[Pair, ConflictAdvisory] = conflicts.advisories
-        if self._crowds:
-            placed = self._crowds.keys().isdisjoint
-            open_conflicts = {pair: advisory for pair, advisory in open_conflicts.items() if placed(pair)}
-        due = self._holds.step(now_s, open_conflicts, conflicts.pop_changed(), self._nearby)
+        placed = self._crowds.keys().isdisjoint
+        open_conflicts = [advisory for pair, advisory in conflicts.advisories.items() if placed(pair)]
+        due = self._holds.step(now_s, open_conflicts, self._nearby)
         revisions = (conflicts.add_advice(pair, advice, now_s) for pair, advice in due)
         return [revision for revision in revisions if revision]
 

@@ -1,5 +1,6 @@
-"""ConflictGroups that are kept from step to step are those that would be found anew."""
+"""Groups of conflicts that share robots."""
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups
 from deconflict.advisory import ConflictAdvisory, Hold, Recommendation, moment
+from ingest.batch import Pair
 from tests.deconflict.engine.made_engine import NOW_S
 from tests.helpers.made_advisories import made
 
@@ -19,32 +21,32 @@ def conflict(rng: np.random.Generator, pair: tuple[str, str], now_s: float) -> C
     return made(1, robots=pair, predicted_at=moment(now_s + rng.uniform(-0.5, 5.0)), recommendation=advice)
 
 
-def as_sets(groups: ConflictGroups) -> set[tuple[ConflictGroup, frozenset[str]]]:
-    """Each group, and the robots that lead to it."""
-    return {
-        (group, frozenset(robot for pair in group.pairs for robot in pair if groups.group_of((robot, "")) is group))
-        for group in groups.all.values()
-    }
+def is_connected(pairs: Sequence[Pair]) -> bool:
+    """Whether one reaches each robot of the pairs from the first one, over shared robots."""
+    reached = set(pairs[0])
+    for _ in pairs:
+        for pair in pairs:
+            if not reached.isdisjoint(pair):
+                reached.update(pair)
+    return reached.issuperset(robot for pair in pairs for robot in pair)
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_updated_groups_are_the_same_as_groups_built_anew(seed: int) -> None:
-    rng, kept, sizes = np.random.default_rng(seed), ConflictGroups(), set[int]()
-    conflicts: dict[tuple[str, str], ConflictAdvisory] = {}
-    for step in range(200):
+def test_groups_hold_all_conflicts_ahead_and_share_no_robot(seed: int) -> None:
+    rng, groups, sizes = np.random.default_rng(seed), ConflictGroups(), set[int]()
+    for step in range(50):
         now_s = NOW_S + step / 10
-        changed = {PAIRS[row] for row in rng.integers(len(PAIRS), size=rng.integers(3))}
-        for pair in changed:
-            conflicts.pop(pair, None)
-            if rng.random() < 0.7:
-                conflicts[pair] = conflict(rng, pair, now_s)
-        kept.update(now_s, conflicts, changed)
-        anew = ConflictGroups()
-        anew.update(now_s, conflicts, conflicts)
-        assert as_sets(kept) == as_sets(anew)
-        sizes |= {len(group.pairs) for group in anew.all.values()}
-        ahead = {pair for pair, advisory in conflicts.items() if advisory.predicted_at > moment(now_s)}
-        assert {pair for pairs in kept.all for pair in pairs} == ahead
+        conflicts = [
+            conflict(rng, PAIRS[row], now_s) for row in rng.choice(len(PAIRS), rng.integers(12), replace=False)
+        ]
+        groups.update(now_s, conflicts)
+        ahead = sorted(advisory.robots for advisory in conflicts if advisory.predicted_at > moment(now_s))
+        assert sorted(pair for pairs in groups.all for pair in pairs) == ahead
+        robots = [{robot for pair in pairs for robot in pair} for pairs in groups.all]
+        assert sum(map(len, robots)) == len(set[str]().union(*robots))
+        assert all(groups.group_of(pair) is group for group in groups.all.values() for pair in group.pairs)
+        assert all(is_connected(pairs) for pairs in groups.all)
+        sizes |= {len(pairs) for pairs in groups.all}
     assert len(sizes) > 3
 
 
@@ -54,7 +56,7 @@ def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first
         pair: made(1, robots=pair, predicted_at=moment(NOW_S + in_s))
         for pair, in_s in {("b", "c"): 4.0, ("a", "b"): 3.0, ("x", "y"): 2.0}.items()
     }
-    groups.update(NOW_S, conflicts, conflicts)
+    groups.update(NOW_S, conflicts.values())
     assert set(groups.all.values()) == {
         ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), None),
         ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), None),

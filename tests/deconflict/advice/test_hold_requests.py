@@ -100,18 +100,13 @@ class Asking:
     def __init__(self) -> None:
         self.desk = HoldRequests(SITE, Burden(), Measures())
         self.now_s = NOW_S
-        self.open: dict[Pair, ConflictAdvisory] = {}
 
     def steps(self, count: int, *pairs: str) -> list[tuple[float, str]]:
         """The pairs that are answered while these are open, and when."""
         answers = []
         for _ in range(count):
-            wanted: dict[Pair, ConflictAdvisory] = {
-                (pair[0], pair[1]): made(1, robots=(pair[0], pair[1]), predicted_at=moment(NOW_S + 30))
-                for pair in pairs
-            }
-            changed, self.open = wanted.keys() ^ self.open.keys(), wanted
-            due = self.desk.step(self.now_s, self.open, changed, lambda _: near([]))
+            conflicts = [made(1, robots=(pair[0], pair[1]), predicted_at=moment(NOW_S + 30)) for pair in pairs]
+            due = self.desk.step(self.now_s, conflicts, lambda _: near([]))
             answers += [(self.now_s - NOW_S, "".join(pair)) for pair, _ in due]
             self.now_s += 0.25
         return answers
@@ -195,12 +190,12 @@ def test_a_crowded_floor_is_advised_in_parts_the_soonest_conflicts_first() -> No
 
     measures = Measures()
     desk = HoldRequests(SITE, Burden(), measures)
-    desk.step(NOW_S, conflicts, conflicts, nobody)
+    desk.step(NOW_S, conflicts.values(), nobody)
     assert asked == [{f"a{n}", f"b{n}"} for n in reversed(range(40, pairs))]
     assert measures.values["deconflict_advice_waiting"] == {(): 40}
-    desk.step(NOW_S + 1, conflicts, [], nobody)
+    desk.step(NOW_S + 1, conflicts.values(), nobody)
     assert len(asked) == MOST_PAIRS + PAIRS_PER_S
-    desk.step(NOW_S + 2, conflicts, [], nobody)
+    desk.step(NOW_S + 2, conflicts.values(), nobody)
     assert sorted(map(sorted, asked)) == sorted(map(sorted, conflicts))
 
 
