@@ -1,1 +1,1 @@
-"""What the service measures of itself and how well it foresaw: metrics for Prometheus, and scores."""
+"""Metrics of the running service for Prometheus, and scores of its predictions over recorded logs."""

@@ -7,7 +7,7 @@ from pydantic import BaseModel, Field
 
 
 class ForecastError(BaseModel):
-    """Forecast errors at one horizon: 50, 80 and 90 % of the errors are at most so large. Old errors count less."""
+    """Forecast errors at one horizon that 50, 80 and 90 % of cases do not exceed. Old cases count less."""
 
     horizon_s: int
     p50_m: float
@@ -23,7 +23,7 @@ class Coverage(BaseModel):
 
 
 class ArrivalError(BaseModel):
-    """Errors of arrival times that were announced at most so long ahead, and the share of late arrivals."""
+    """Errors of arrival times that were announced at most `ahead_up_to_s` ahead, and the share of late arrivals."""
 
     ahead_up_to_s: float
     p50_s: float
@@ -32,7 +32,7 @@ class ArrivalError(BaseModel):
 
 
 class Flag(BaseModel):
-    """Something about a vendor that is not as usual."""
+    """A property of a vendor that has changed from its usual value."""
 
     what: Literal["forecast", "datum", "clock"]
     since: datetime

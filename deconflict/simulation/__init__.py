@@ -1,1 +1,1 @@
-"""Simulated vendors on the demo's site: a moving world, how each vendor speaks of it, and real sockets."""
+"""Simulated vendors on the demo's site: the world, the messages of each vendor, and real sockets."""

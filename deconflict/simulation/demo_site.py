@@ -1,4 +1,4 @@
-"""What the demo shows: its bundled site file, and how many robots."""
+"""The demo's site file and number of robots."""
 
 from pathlib import Path
 

@@ -1,1 +1,1 @@
-"""A recorded log through the live engine, and its scores."""
+"""Runs a recorded log through the live engine, and scores the output."""

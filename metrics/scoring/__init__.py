@@ -1,1 +1,1 @@
-"""Advisories, probabilities and forecasts held against the truth."""
+"""Scores of advisories, probabilities and forecasts: each is compared with what happened."""

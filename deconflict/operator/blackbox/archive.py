@@ -76,7 +76,7 @@ class Archive:
         return gone
 
     def _linked(self, files: set[str]) -> list[Box]:
-        """The register's lines of these files, and those that the chain needs: the one before each, and the newest."""
+        """The register's lines to keep: those of these files and, for the chain, the one before each and the newest."""
         registered = self._registered()
         next_files = [*(box["file"] for box in registered[1:]), None]
         return [

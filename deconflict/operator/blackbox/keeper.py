@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 SHARED_FILE_S = 60.0
 """Near misses within this time of the first share its file."""
 MOST_PAIRS = 50
-"""Most near misses of one file. Beyond, the newest of the pair of vendors with the most is left out of the head."""
+"""Most near misses of one file. If there are more, the newest of the pair of vendors with the most is left out."""
 SETTLE_S = 2.0
 """After this time the log and the store have everything that happened before."""
 LATEST_S = 600.0
@@ -48,7 +48,7 @@ class Keeper:
         self.archive = Archive(data / FOLDER)
         self._snapshots: deque[LearnedSnapshot] = deque(maxlen=SNAPSHOTS)
         self._pending: list[tuple[float, NearPair]] = []
-        """Each with when it was noted, monotonic time."""
+        """Each with the time at which it was noted, monotonic."""
         self._logged_behind = False
         """Whether the log says that the recording is behind."""
         for outcome in ("kept", "unfounded", "failed", "beyond"):

@@ -60,4 +60,4 @@ class Sources(FloorSource, Protocol):
         """The path of a black box; None if there is no such box."""
 
     async def reload(self) -> Document:
-        """Have the site file read again. The result is a `Reloaded`, JSON-ready."""
+        """Make the supervisor read the site file again. The result is a `Reloaded`, JSON-ready."""

@@ -63,7 +63,7 @@ class PageRoutes:
         raise HTTPException(404, f"there is no image of the floor {datum!r}")
 
     def recorded(self) -> Response:
-        """The time for which `/past` has answers."""
+        """The time span for which `/past` has answers."""
         from_s, to_s = self._source.recorded() or (None, None)
         return _json(Recorded(from_s=from_s, to_s=to_s))
 

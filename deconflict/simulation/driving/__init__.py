@@ -1,1 +1,1 @@
-"""How the robots of the halls drive: their ways, their order, their protective stops."""
+"""How the robots of the halls drive: paths, right of way, protective stops."""

@@ -1,4 +1,4 @@
-"""The bays where robots stop and where they go. One robot at a time has a bay, from when it sets out for it."""
+"""The bays where robots stop and where they go. A bay belongs to one robot at a time, from when it sets out for it."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,1 +1,1 @@
-"""How simulated vendors speak and send."""
+"""How simulated vendors encode and send messages."""

@@ -1,1 +1,1 @@
-"""How true and how complete warnings are."""
+"""Precision, recall and calibration of warnings."""
