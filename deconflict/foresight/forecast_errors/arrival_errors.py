@@ -29,8 +29,6 @@ class ArrivalErrors:
         self._counts: dict[str, Floats] = {}
         """(2, len(AHEAD_S), BINS) early and late arrivals of each vendor, faded."""
         self._as_of_s: dict[str, float] = {}
-        self._levels: dict[str, tuple[dict[Labels, float], dict[Labels, float]]] = {}
-        """Quantiles and shares of late arrivals of each vendor without an arrival since they were computed."""
 
     def record(self, vendor: str, ahead_s: Floats, late_s: Floats, now_s: float) -> None:
         """Count n arrivals: how long ahead each was announced, and how late the robot was (negative if early); (n,)
@@ -38,7 +36,6 @@ class ArrivalErrors:
         counts = self._counts.setdefault(vendor, np.zeros((2, len(AHEAD_S), BINS)))
         counts *= 0.5 ** (max(now_s - self._as_of_s.get(vendor, now_s), 0.0) / HALF_LIFE_S)
         self._as_of_s[vendor] = now_s
-        self._levels.pop(vendor, None)
         column = np.searchsorted(AHEAD_S, ahead_s)
         is_counted = column < len(AHEAD_S)
         at = ((late_s > 0).astype(np.int64), column, bins(np.abs(late_s) / UNIT_S))
@@ -58,25 +55,19 @@ class ArrivalErrors:
         if as_of_s:
             counts = numbers(part, "counts", (len(as_of_s), 2, len(AHEAD_S), BINS))
             self._counts, self._as_of_s = dict(zip(as_of_s, counts, strict=True)), as_of_s
-            self._levels.clear()
 
     def measure(self, measures: Measures) -> None:
         """Update the metrics of every vendor's arrivals."""
         errors: dict[Labels, float] = {}
         late: dict[Labels, float] = {}
         for vendor, counts in self._counts.items():
-            if vendor not in self._levels:
-                self._levels[vendor] = _levels(vendor, counts)
-            errors |= self._levels[vendor][0]
-            late |= self._levels[vendor][1]
+            _add_levels(vendor, counts, errors, late)
         measures.level("deconflict_arrival_error_seconds", errors)
         measures.level("deconflict_arrivals_late_ratio", late)
 
 
-def _levels(vendor: str, counts: Floats) -> tuple[dict[Labels, float], dict[Labels, float]]:
-    """Quantiles of the errors, and the shares of late arrivals, of `counts` (2, len(AHEAD_S), BINS)."""
-    errors: dict[Labels, float] = {}
-    late: dict[Labels, float] = {}
+def _add_levels(vendor: str, counts: Floats, errors: dict[Labels, float], late: dict[Labels, float]) -> None:
+    """Add the quantiles of the errors, and the shares of late arrivals, of `counts` (2, len(AHEAD_S), BINS)."""
     both = counts.sum(axis=0)
     for column, (ahead_s, cases) in enumerate(zip(AHEAD_S, both.sum(axis=1), strict=True)):
         if cases >= FEWEST_CASES:
@@ -84,4 +75,3 @@ def _levels(vendor: str, counts: Floats) -> tuple[dict[Labels, float], dict[Labe
             sizes_s = upper_quantiles(both[column], SHARES) * UNIT_S
             errors |= {(*key, str(share)): s for share, s in zip(SHARES.tolist(), sizes_s.tolist(), strict=True)}
             late[key] = float(counts[LATE, column].sum() / cases)
-    return errors, late
