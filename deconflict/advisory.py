@@ -126,6 +126,10 @@ class Advisory(Published):
     )
     safety_rated: Literal[False] = False
 
+    def time_left_s(self, now_s: float) -> float:
+        """Until the predicted event begins; 0 if it has begun."""
+        return max(self.predicted_at.timestamp() - now_s, 0.0)
+
     def next_revision(self, **fields: Any) -> Self:
         """The next revision, with these fields changed."""
         return self._next(AdvisoryState.UPDATED, fields)

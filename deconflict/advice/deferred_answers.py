@@ -3,9 +3,11 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
 from deconflict.advisory import Recommendation
+from ingest.measures.measures import Measures
 
 ANSWER_AFTER_S = 0.5
 """An answer is given in the first pass this long after its question, even if it was computed sooner."""
@@ -21,6 +23,31 @@ class PendingAnswer(Protocol):
 
 Submit = Callable[[Callable[[], Recommendation]], PendingAnswer]
 """Starts the computation of an answer, as `concurrent.futures.Executor.submit` does."""
+
+
+@dataclass(slots=True)
+class AdviceQuestion:
+    """A question, until its answer is given."""
+
+    asked_s: float = -inf
+    answer: PendingAnswer | None = None
+    """None once it was given, or dropped."""
+    late: bool = False
+    """Whether the answer was not ready when it was due."""
+
+    def is_due(self, now_s: float) -> bool:
+        return self.answer is not None and now_s - self.asked_s >= ANSWER_AFTER_S
+
+    def take_answer(self, measures: Measures) -> Recommendation | None:
+        """The answer, which is given only once. None if it is not ready, which is counted once."""
+        answer = self.answer
+        if answer and answer.done():
+            self.answer = None
+            return answer.result()
+        if not self.late:
+            self.late = True
+            measures.count("deconflict_advice_late_total")
+        return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,15 +3,15 @@
 from collections.abc import Mapping, Sequence
 
 from deconflict.advice.document_limits import MOST_NAMED, listed
-from deconflict.advice.hold_problem import WEIGHT, HoldProblem, Plan, PlannedRobots
+from deconflict.advice.hold_problem import HoldProblem, Plan, PlannedRobots
 from deconflict.advice.hold_search import FoundPlan, HoldSearch, hold_model
 from deconflict.advice.hold_windows import STEP_S, DelayWindows, HoldWindow, NearbyRobots
+from deconflict.advice.priorities import WEIGHT
 from deconflict.advice.solver import solve
 from deconflict.advisory import Hold, Recommendation
+from deconflict.settings.site import USUAL_ADVICE, Advice
 from ingest.batch import Pair
 
-EFFORT = 0.1
-SWITCH_S = 2.0
 ROUNDS = 8
 """After so many plans that bring other robots together, no hold is advised."""
 
@@ -23,27 +23,26 @@ def advise_holds(
     *,
     burdens_s: Mapping[str, float] | None = None,
     standing: Recommendation | None = None,
-    effort: float = EFFORT,
-    switch_s: float = SWITCH_S,
+    settings: Advice = USUAL_ADVICE,
 ) -> Recommendation:
     """The holds that resolve `conflicts` with the least waiting, weighted by priority.
 
     `near` are the robots of the conflicts and all robots near them: no hold may bring robots together that keep apart
     without it. Of plans that cost the same, the one that holds fewest robots, then the one that holds the vendors that
-    are least burdened by `burdens_s`. A robot that `standing` does not hold is held only if that saves `switch_s`. If
-    no hold works, `note` says who needs another route.
+    are least burdened by `burdens_s`. A robot that `standing` does not hold is held only if that saves
+    `settings.switch_s`. If no hold works, `note` says who needs another route.
     """
     problem = HoldProblem(PlannedRobots(near), window, DelayWindows(near, window))
     pairs = sorted({(min(pair), max(pair)) for pair in conflicts})
     problem.constrain(pairs)
-    ranks, switch = _ranks(burdens_s or {}, near.vendors), round(switch_s / STEP_S * WEIGHT)
-    search = HoldSearch(problem, ranks, _held_robots(standing), effort, switch)
+    ranks, switch = _ranks(burdens_s or {}, near.vendors), round(settings.switch_s / STEP_S * WEIGHT)
+    search = HoldSearch(problem, ranks, _held_robots(standing), settings.effort, switch)
     for _ in range(ROUNDS):
         if not problem.allowed:
             return _recommendation(problem, FoundPlan({}, 0, proven=True), {})
         best = search.best()
         if best is None:
-            return _no_recommendation(problem)
+            return _no_recommendation(problem, settings.effort)
         found, first_come = best
         missed = _missed_pairs(problem, found.plan)
         if not missed:
@@ -52,7 +51,7 @@ def advise_holds(
         for a, b in known:
             problem.forbid((a, b), found.plan.get(a, 0) - found.plan.get(b, 0))
         problem.constrain([pair for pair in missed if pair not in known])
-    return _no_recommendation(problem)
+    return _no_recommendation(problem, settings.effort)
 
 
 def _missed_pairs(problem: HoldProblem, plan: Plan) -> list[Pair]:
@@ -79,29 +78,29 @@ def _recommendation(problem: HoldProblem, found: FoundPlan, first_come: Plan | N
     )
 
 
-def _no_recommendation(problem: HoldProblem) -> Recommendation:
+def _no_recommendation(problem: HoldProblem, effort: float) -> Recommendation:
     """No holds, and a note that says who blocks whom."""
     if problem.allowed and not problem.hopeless:
-        names = [problem.planned[robot].name for robot in _blocking_robots(problem)]
+        names = [problem.planned[robot].name for robot in _blocking_robots(problem, effort)]
         note = f"no hold works for {listed(names)}: one of them needs another route"
     else:
         note = _needs_another_route(problem)
     return Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note=note)
 
 
-def _blocking_robots(problem: HoldProblem) -> list[str]:
+def _blocking_robots(problem: HoldProblem, effort: float) -> list[str]:
     """A smallest set of robots that has no plan: without any one of them there is a plan."""
     blocking = problem.robots()
     for robot in list(blocking):
         rest = [other for other in blocking if other != robot]
-        if not _may_have_plan(problem, rest):
+        if not _may_have_plan(problem, rest, effort):
             blocking = rest
     return blocking
 
 
-def _may_have_plan(problem: HoldProblem, robots: Sequence[str]) -> bool:
+def _may_have_plan(problem: HoldProblem, robots: Sequence[str], effort: float) -> bool:
     """Whether there is a plan for some robots alone, or it is not known."""
-    solved = solve(hold_model(problem, robots)[0], EFFORT, presolve=False)
+    solved = solve(hold_model(problem, robots)[0], effort, presolve=False)
     return solved.found or not solved.proven
 
 

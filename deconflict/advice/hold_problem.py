@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from deconflict.advice.hold_windows import DelayWindows, HoldWindow, NearbyRobots, PlannedRobot
+from deconflict.advice.priorities import WEIGHT
 from ingest.batch import Bools, Pair
-
-WEIGHT = 100
-"""Priorities count in hundredths."""
 
 Plan = dict[str, int]
 """By robot, its hold in units of `STEP_S`."""

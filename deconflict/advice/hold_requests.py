@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop
+from math import inf
 from operator import itemgetter
 
 from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups, Pairs
-from deconflict.advice.deferred_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
+from deconflict.advice.deferred_answers import ANSWER_AFTER_S, AdviceQuestion, Submit, answer_at_once
 from deconflict.advice.hold_planner import advise_holds
 from deconflict.advice.hold_windows import HoldWindow, NearbyRobots
 from deconflict.advice.vendor_burden import Burden
@@ -37,16 +38,11 @@ FindNearby = Callable[[set[str]], NearbyRobots]
 
 
 @dataclass(slots=True)
-class HoldQuestion:
+class HoldQuestion(AdviceQuestion):
     """The question for one group."""
 
-    asked_s: float
-    answer: PendingAnswer | None
-    """None once it was given, or dropped."""
-    since_s: float
+    since_s: float = inf
     """When the first of the questions was asked that this one continues."""
-    late: bool = False
-    """Whether the answer was not ready when it was due."""
 
 
 class HoldRequests:
@@ -98,7 +94,7 @@ class HoldRequests:
             if question.answer and not robots.isdisjoint(_robots(pairs))
         ]
         answer = self._submit(self._question(group, now_s, find_nearby))
-        self._questions[group.pairs] = HoldQuestion(now_s, answer, min([now_s, *continued]))
+        self._questions[group.pairs] = HoldQuestion(now_s, answer, since_s=min([now_s, *continued]))
         self._asked_s |= dict.fromkeys(group.pairs, now_s)
 
     def _due_answers(self, now_s: float) -> list[tuple[Pair, Recommendation]]:
@@ -108,20 +104,12 @@ class HoldRequests:
         late, and nobody waits for it.
         """
         advice: list[tuple[Pair, Recommendation]] = []
-        due = [
-            (pairs, question)
-            for pairs, question in self._questions.items()
-            if question.answer and now_s >= question.asked_s + ANSWER_AFTER_S
-        ]
+        due = [(pairs, question) for pairs, question in self._questions.items() if question.is_due(now_s)]
         for pairs, question in sorted(due, key=itemgetter(0)):
             if now_s - question.since_s < GROWS_S and self._has_grown(pairs, question):
                 question.answer = None
-            elif question.answer and question.answer.done():
-                advice += [(pair, question.answer.result()) for pair in pairs]
-                question.answer = None
-            elif not question.late:
-                question.late = True
-                self._measures.count("deconflict_advice_late_total")
+            elif answer := question.take_answer(self._measures):
+                advice += [(pair, answer) for pair in pairs]
         return advice
 
     def _has_grown(self, pairs: Pairs, question: HoldQuestion) -> bool:
@@ -157,8 +145,7 @@ class HoldRequests:
             window,
             burdens_s=dict(self._burden.burdens_s),
             standing=group.standing,
-            effort=self._settings.effort,
-            switch_s=self._settings.switch_s,
+            settings=self._settings,
         )
 
 

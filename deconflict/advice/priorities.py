@@ -6,6 +6,8 @@ from ingest.settings import Vendor
 
 USUAL, OF_PEOPLE = 1.0, 10.0
 """Priority of robots, and of people, if the site does not set it."""
+WEIGHT = 100
+"""Solvers count priorities in hundredths."""
 
 
 class Priorities:

@@ -98,7 +98,7 @@ def raised(
     """The first revision of an advisory on the encounter of a pair with this ordinal."""
     a, b = parties
     return ConflictAdvisory(
-        id=_id_of(f"{pair[0]} {pair[1]} {round(now_s * 1e6)}"),
+        id=new_id(f"{pair[0]} {pair[1]}", now_s),
         revision=1,
         state=AdvisoryState.RAISED,
         encounter=ordinal,
@@ -110,10 +110,10 @@ def raised(
     )
 
 
-def _id_of(name: str) -> str:
-    """The version 5 UUID of a name in the namespace `ADVISORIES`. Unlike `uuid5` it hashes the namespace only once."""
+def new_id(about: str, now_s: float) -> str:
+    """The id of an advisory that is raised now: a version 5 UUID. Unlike `uuid5` it hashes the namespace only once."""
     hashed = _NAMESPACE.copy()
-    hashed.update(name.encode())
+    hashed.update(f"{about} {round(now_s * 1e6)}".encode())
     digits = hashed.hexdigest()
     variant = "89ab"[int(digits[16], 16) % 4]
     return f"{digits[:8]}-{digits[8:12]}-5{digits[13:16]}-{variant}{digits[17:20]}-{digits[20:32]}"
@@ -129,7 +129,7 @@ def with_probability(before: ConflictAdvisory, probability: float, now_s: float)
     """The next revision if only the probability has changed."""
     return before.next_revision(
         updated_at=moment(now_s),
-        time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
+        time_to_conflict_s=round(before.time_left_s(now_s), 3),
         probability=round(probability, 3),
         probability_interval=None,
         contact_probability=None,
@@ -140,7 +140,7 @@ def with_silence(
     before: ConflictAdvisory, parties: tuple[Party, Party], met: Encounter, place_name: str, now_s: float
 ) -> ConflictAdvisory:
     """The next revision if only a robot has fallen silent."""
-    time_s = max(before.predicted_at.timestamp() - now_s, 0.0)
+    time_s = before.time_left_s(now_s)
     summary = _summary(parties, met, time_s, place_name)
     return before.next_revision(
         updated_at=moment(now_s),
@@ -154,7 +154,7 @@ def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) 
     """The next revision if only the advice has changed."""
     return before.next_revision(
         updated_at=moment(now_s),
-        time_to_conflict_s=round(max(before.predicted_at.timestamp() - now_s, 0.0), 3),
+        time_to_conflict_s=round(before.time_left_s(now_s), 3),
         recommendation=advice,
         summary=with_holds(before.summary.split(";")[0], advice, before.robots, before.names),
     )

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import hypot
 from typing import Any, NamedTuple
-from uuid import uuid5
 
 from deconflict.advice.document_limits import (
     MOST_NAME_BYTES,
@@ -25,7 +24,7 @@ from deconflict.advice.document_limits import (
     limited_advice,
     short_text,
 )
-from deconflict.advisories.conflict_wording import ADVISORIES
+from deconflict.advisories.conflict_wording import new_id
 from deconflict.advisories.severity import rises
 from deconflict.advisory import (
     AdvisoryState,
@@ -210,7 +209,7 @@ def _limited(finding: Finding) -> Finding:
 
 def _raised(finding: Finding, now_s: float, name_vendor: NameVendor) -> FindingAdvisory:
     return MODELS[finding.kind](
-        id=str(uuid5(ADVISORIES, f"{finding.key} {round(now_s * 1e6)}")),
+        id=new_id(finding.key, now_s),
         kind=finding.kind,
         revision=1,
         state=AdvisoryState.RAISED,
@@ -254,7 +253,7 @@ def _fields(finding: Finding, now_s: float, name_vendor: NameVendor) -> dict[str
 
 def _is_news(before: FindingAdvisory, finding: Finding, now_s: float) -> bool:
     """Whether a person or a site service would act otherwise on the finding than on the advisory."""
-    left_s = max(before.predicted_at.timestamp() - now_s, 0.0)
+    left_s = before.time_left_s(now_s)
     moved_s = abs((moment(finding.predicted_s) - before.predicted_at).total_seconds())
     has_begun = before.time_to_conflict_s == 0 and _time_left_s(finding, now_s) == 0
     if not has_begun and moved_s > max(MOVED_S, MOVED_SHARE * left_s):

@@ -6,7 +6,6 @@ have changed with them: queues of places that a robot wants, and standing robots
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
-from types import MappingProxyType
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle
 from deconflict.contention import findings
@@ -17,7 +16,7 @@ from deconflict.contention.queues.charger_forecast import (
     charging_needs,
 )
 from deconflict.contention.queues.dwell_times import DwellTimes
-from deconflict.contention.queues.queue_advice import QueueAdvice, queue_advice_alone
+from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.contention.queues.queue_entries import LOOK_S, QueueEntries
 from deconflict.contention.queues.queue_forecast import QueueForecast, forecast_queues
 from deconflict.contention.queues.zone_flow import ZoneFlows
@@ -38,7 +37,7 @@ from deconflict.contention.waiting.wait_graph import (
     way_wants,
 )
 from deconflict.runtime.learned_state import Part, numbers
-from deconflict.settings.shared_places import ContentionSettings, Resource, Zone
+from deconflict.settings.site import Site
 from deconflict.sweep.geometry.heights import largest_group_at_one_height
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
@@ -53,20 +52,19 @@ class Contention:
 
     def __init__(
         self,
-        resources: Iterable[Resource],
-        zones: Iterable[Zone],
-        settings: ContentionSettings,
+        site: Site,
         measures: Measures,
-        restored: Iterable[FindingAdvisory] = (),
-        make_advice: Callable[[PlaceGeometry], QueueAdvice] = queue_advice_alone,
-        crowds: Mapping[str, int] = MappingProxyType({}),
+        restored: Iterable[FindingAdvisory],
+        make_advice: Callable[[PlaceGeometry], QueueAdvice],
+        crowds: Mapping[str, int],
     ) -> None:
         """`restored` are the advisories that were open before a restart. `crowds` has the robots that are in a crowd,
         and may change."""
-        self.geometry = PlaceGeometry(resources, zones)
+        self.geometry = PlaceGeometry(site.resources, site.zones)
         self.robots = RobotTable(self.geometry)
-        self._settings, self._measures, self._crowds = settings, measures, crowds
-        self._lifecycle = FindingLifecycle(settings.clear_after_s, restored)
+        self._settings, self._reading = site.contention, site.reading
+        self._measures, self._crowds = measures, crowds
+        self._lifecycle = FindingLifecycle(site.contention.clear_after_s, restored)
         self._advice = make_advice(self.geometry)
         self._dwells = {resource.id: DwellTimes(resource) for resource in self.geometry.resources.values()}
         self._flows = ZoneFlows({zone.id: zone.capacity for zone in self.geometry.zones.values()})
@@ -158,7 +156,9 @@ class Contention:
         """Forecast every few seconds who will need a charger, and which chargers will then be full."""
         if self.geometry.chargers and now_s - self._needs_s >= NEEDS_S:
             self._needs_s = now_s
-            self._needs = charging_needs(self.robots, self.robots.batteries, self.geometry, now_s)
+            self._needs = charging_needs(
+                self.robots, self.robots.batteries, self.geometry, self._reading.silent_after_s, now_s
+            )
             usual_s = {charger: self._dwells[charger].service_s for charger in self.geometry.chargers}
             standing = [shortage.chargers[0] for shortage in self._shortages]
             self._shortages = charger_shortages(self._needs, self._queues, self.geometry, now_s, usual_s, standing)
@@ -197,7 +197,7 @@ class Contention:
             advice = self._advice.way_out(ring, self.robots, refuges, now_s)
             yield findings.deadlock(self.geometry, ring, advice, self.robots, now_s)
         for blockage in blockages(in_way, self.robots, now_s, self._settings.stand_s):
-            yield findings.blockage(blockage, self.robots, now_s)
+            yield findings.blockage(blockage, self.robots, self._reading.quiet_after_s, now_s)
 
     def _refuges(self) -> list[Refuge]:
         """Resources with room left, where a robot is in nobody's way."""

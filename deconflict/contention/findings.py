@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from deconflict.advice.document_limits import MOST_NAMED
+from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.finding_lifecycle import Finding
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
@@ -12,8 +12,6 @@ from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.deadlocks import RingLink
 
-QUIET_S = 30.0
-"""The text says of a robot that it is silent if it is for this long (standard 5.4)."""
 STATE_PHRASES = {
     "waitingHumanEvent": "waits for a person",
     "waitingExternalEvent": "waits for something around it",
@@ -44,7 +42,7 @@ def contention(
     return Finding(
         kind="contention",
         about=place,
-        severity=Severity.WARNING if first_s - now_s <= SOON_S else Severity.CAUTION,
+        severity=_severity(first_s - now_s),
         robots=tuple(sorted({*present, *(entry.robot for entry in waiting)})),
         predicted_s=first_s,
         location=geometry.location(place),
@@ -56,6 +54,10 @@ def contention(
         evidence=_queue_evidence(geometry, place, queue, len(present)),
         recommendation=advice,
     )
+
+
+def _severity(left_s: float) -> Severity:
+    return Severity.WARNING if left_s <= SOON_S else Severity.CAUTION
 
 
 def _spread(first: QueueEntry) -> str:
@@ -157,7 +159,7 @@ def deadlock(
     return Finding(
         kind="deadlock",
         about=" ".join(sorted({link.waiter for link in ring})),
-        severity=Severity.CRITICAL if left_s <= 0 else Severity.WARNING if left_s <= SOON_S else Severity.CAUTION,
+        severity=Severity.CRITICAL if left_s <= 0 else _severity(left_s),
         robots=tuple(sorted({link.waiter for link in ring})),
         predicted_s=begins_s,
         location=geometry.location(zone) if zone else Location(datum=waiter.datum, x=waiter.x_m, y=waiter.y_m),
@@ -190,26 +192,27 @@ def _way_out(
     return f"; {robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"
 
 
-def _state_phrase(robot: RobotView, now_s: float) -> str:
+def _state_phrase(robot: RobotView, quiet_after_s: float, now_s: float) -> str:
     """The state of a standing robot, in words."""
-    quiet_s = now_s - robot.event_s
-    if quiet_s >= QUIET_S:
-        return f"last heard {quiet_s:.0f} s ago"
+    age_s = now_s - robot.event_s
+    if age_s >= quiet_after_s:
+        return f"last heard {age_s:.0f} s ago"
     return STATE_PHRASES.get(robot.state, robot.state) or "no state"
 
 
-def blockage(blocked: Blockage, robots: Mapping[str, RobotView], now_s: float) -> Finding:
+def blockage(blocked: Blockage, robots: Mapping[str, RobotView], quiet_after_s: float, now_s: float) -> Finding:
     """A robot that stands where others will pass."""
     robot = robots[blocked.blocker]
+    state = _state_phrase(robot, quiet_after_s, now_s)
     return Finding(
         kind="blockage",
         about=blocked.blocker,
-        severity=Severity.WARNING if blocked.from_s - now_s <= SOON_S else Severity.CAUTION,
+        severity=_severity(blocked.from_s - now_s),
         robots=tuple(sorted((blocked.blocker, *blocked.holds_up))),
         predicted_s=max(blocked.from_s, now_s),
         location=Location(datum=robot.datum, x=round(robot.x_m, 3), y=round(robot.y_m, 3)),
         summary=lambda: (
-            f"{robot.name} has stood for {now_s - blocked.since_s:.0f} s ({_state_phrase(robot, now_s)}) in the way of "
+            f"{robot.name} has stood for {now_s - blocked.since_s:.0f} s ({state}) in the way of "
             f"{_names(robots, blocked.holds_up)}"
         ),
         evidence={"blocker": blocked.blocker, "since_at": moment(blocked.since_s), "holds_up": blocked.holds_up},
@@ -221,7 +224,7 @@ def _names(robots: Mapping[str, RobotView], uuids: Sequence[str]) -> str:
     shown = [robots[uuid].name for uuid in uuids[:4]]
     if len(uuids) > 4:
         shown = [*shown[:3], f"{len(uuids) - 3} others"]
-    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+    return listed(shown)
 
 
 def _joined(labels: Sequence[str]) -> str:

@@ -1,7 +1,6 @@
 """All advice of one engine: holds for conflicts, slots for queues, and what both have in common."""
 
 from collections.abc import Iterable, Mapping
-from functools import partial
 
 from deconflict.advice.deferred_answers import AsyncAnswers, Submit
 from deconflict.advice.hold_requests import MOST_NEAR, NEAR_M, HoldRequests
@@ -10,7 +9,7 @@ from deconflict.advice.priorities import Priorities
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
-from deconflict.contention.queues.queue_advice import QueueAdvice
+from deconflict.contention.queues.queue_advice import queue_advice
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
@@ -39,14 +38,7 @@ class EngineAdvice:
         self._answers = AsyncAnswers(submit)
         self.burden = Burden(burdens_s)
         self._holds = HoldRequests(site, self.burden, measures, self._answers.submit)
-        self.queue_advice = partial(
-            QueueAdvice,
-            burden=self.burden,
-            effort=site.advice.effort,
-            submit=self._answers.submit,
-            priority=self._priority,
-            measures=measures,
-        )
+        self.queue_advice = queue_advice(site, live, self.burden, self._answers.submit, measures)
         """Makes the advice on queues; `Contention` calls it with its geometry."""
 
     def pending(self) -> int:
@@ -80,7 +72,3 @@ class EngineAdvice:
     def _planned(self, batch: Batch, row: int) -> PlannedRobot:
         vendor, holdable = batch.vendors[row], int(batch.basis[row]) != Basis.STATIONARY
         return PlannedRobot(batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]))
-
-    def _priority(self, uuid: str) -> float:
-        robot = self._live.robots[uuid]
-        return self._priorities.of(robot.vendor, robot.model)

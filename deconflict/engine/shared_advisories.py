@@ -41,8 +41,7 @@ class SharedAdvisories:
         findings = [advisory for advisory in restored if not isinstance(advisory, ConflictAdvisory)]
         queues = [advisory for advisory in findings if not isinstance(advisory, JudgedAdvisory)]
         claims = [advisory for advisory in findings if isinstance(advisory, JudgedAdvisory)]
-        places = site.resources, site.zones, site.contention
-        self.contention = Contention(*places, measures, queues, queue_advice, crowds.numbers)
+        self.contention = Contention(site, measures, queues, queue_advice, crowds.numbers)
         self._claims = ClaimLifecycle(live, crowds, claims)
         self._looked_s = float("-inf")
 

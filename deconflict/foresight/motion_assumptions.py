@@ -8,3 +8,5 @@ BRAKES_MPS2 = 1.0
 """Deceleration and acceleration of every robot."""
 LOST_S, MOVES_MPS = 1.0, 0.3
 """A robot gives way if it drove at least this fast, and loses this much time."""
+RESTING_STATES = frozenset(("charging", "disabled", "offline"))
+"""Operational states of robots that stay where they are."""

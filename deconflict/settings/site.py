@@ -68,6 +68,9 @@ class Advice(Section):
     """Advice changes to another robot only if it saves so much. With 0, advice flickers."""
 
 
+USUAL_ADVICE = Advice()
+
+
 class EngineSettings(Section):
     """The pace of the engine."""
 

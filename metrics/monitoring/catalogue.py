@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from deconflict.foresight.forecast_errors.forecast_grades import GRADED_S, GRADES
 from ingest.measures.measures import Labels
 
 Kind = Literal["counter", "gauge", "histogram"]
+_GRADES = ", ".join(f"{name} up to {most_m:g} m" for name, most_m in GRADES[:-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +138,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Share of forecast errors within the band that should contain the given share.", "vendor", "share"
     ),
     "deconflict_forecast_grade": gauge(
-        "1 for the vendor's grade. The grade depends on the 80 % error of forecasts 3 s ahead: A up to 0.1 m, B up to "
-        "0.25 m, C up to 0.5 m, D up to 1 m, E above.",
+        f"1 for the vendor's grade. The grade depends on the 80 % error of forecasts {GRADED_S} s ahead: {_GRADES}, "
+        f"{GRADES[-1][0]} above.",
         "vendor",
         "grade",
     ),

@@ -3,13 +3,11 @@ and crowds."""
 
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from deconflict.advice.deferred_answers import AsyncAnswers, Submit, answer_at_once
-from deconflict.advice.priorities import Priorities
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.advisory_counts import count_by_severity, count_revisions, set_open_count
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
@@ -17,7 +15,7 @@ from deconflict.cluster.judging.cross_ingest_claims import CrossIngestClaims
 from deconflict.cluster.tiles.tile_channels import outdated
 from deconflict.contention.contention import Contention
 from deconflict.contention.crowds.crowds import Crowds
-from deconflict.contention.queues.queue_advice import QueueAdvice
+from deconflict.contention.queues.queue_advice import queue_advice
 from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
@@ -48,25 +46,12 @@ class GlobalJudge:
         self._presence = Presence(self._live, self.measures)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
-        self._burden, self._answers, priorities = Burden(), AsyncAnswers(submit), Priorities(site.vendors)
-
-        def priority(uuid: str) -> float:
-            robot = self._live.robots[uuid]
-            return priorities.of(robot.vendor, robot.model)
-
-        restored = tuple(restored)
-        advising = partial(
-            QueueAdvice,
-            burden=self._burden,
-            effort=site.advice.effort,
-            submit=self._answers.submit,
-            priority=priority,
-            measures=self.measures,
-        )
+        self._burden, self._answers, restored = Burden(), AsyncAnswers(submit), tuple(restored)
+        advising = queue_advice(site, self._live, self._burden, self._answers.submit, self.measures)
         findings = [advisory for advisory in restored if not isinstance(advisory, JudgedAdvisory)]
         claims = [advisory for advisory in restored if isinstance(advisory, JudgedAdvisory)]
-        self._crowds, places = Crowds(self._live), (site.resources, site.zones, site.contention)
-        self._contention = Contention(*places, self.measures, findings, advising, self._crowds.numbers)
+        self._crowds = Crowds(self._live)
+        self._contention = Contention(site, self.measures, findings, advising, self._crowds.numbers)
         self._claims = ClaimLifecycle(self._live, self._crowds, claims)
         self._cross_ingest_claims = CrossIngestClaims()
         self._revisions = OrderedDict((advisory.id, advisory.revision) for advisory in restored)

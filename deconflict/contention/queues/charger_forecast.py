@@ -15,6 +15,7 @@ from deconflict.contention.robots.battery_use import LEVELS_PCT, BatteryUse
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
+from deconflict.foresight.motion_assumptions import RESTING_STATES
 from ingest.batch import Floats, Ints
 
 AHEAD_S: Floats = np.arange(60.0, 901.0, 60.0)
@@ -26,10 +27,6 @@ LEAST_LIKELY = 0.05
 FEWEST_BELOW = 0.05
 """At least this share of a vendor's robots is taken to come at lower levels still. A robot that is below nearly all
 others follows rules of its own, and is not expected at any moment."""
-SILENT_S = 60.0
-"""The battery of a robot that has been silent for longer is not known."""
-AT_REST = frozenset(("charging", "disabled", "offline"))
-"""States of robots that do not drive to a charger."""
 
 
 class ChargingNeed(NamedTuple):
@@ -62,10 +59,10 @@ class ChargerShortage(NamedTuple):
 
 
 def charging_needs(
-    robots: RobotTable, batteries: BatteryUse, geometry: PlaceGeometry, now_s: float
+    robots: RobotTable, batteries: BatteryUse, geometry: PlaceGeometry, silent_after_s: float, now_s: float
 ) -> list[ChargingNeed]:
     """The robots that may need a charger by `AHEAD_S` and have not announced that they come, by UUID."""
-    slots, drains, vendors = _candidates(robots, batteries, now_s)
+    slots, drains, vendors = _candidates(robots, batteries, silent_after_s, now_s)
     level_pct = batteries.records["level_pct"][slots]
     found = []
     for vendor in sorted(set(vendors)):
@@ -79,9 +76,11 @@ def charging_needs(
     return sorted(found, key=lambda need: need.robot)
 
 
-def _candidates(robots: RobotTable, batteries: BatteryUse, now_s: float) -> tuple[Ints, Floats, list[str]]:
+def _candidates(
+    robots: RobotTable, batteries: BatteryUse, silent_after_s: float, now_s: float
+) -> tuple[Ints, Floats, list[str]]:
     """Slots of robots that may fall to a level at which their vendor's robots charge; their drains; their vendors."""
-    heard = robots.records["known"] & (now_s - robots.records["event_s"] <= SILENT_S)
+    heard = robots.records["known"] & (now_s - robots.records["event_s"] <= silent_after_s)
     slots = np.flatnonzero(heard & ~np.isnan(batteries.records["level_pct"][: len(heard)]))
     vendors = robots.vendors(slots)
     drains = batteries.drains(slots, vendors)
@@ -109,7 +108,7 @@ def _chargers(robot: RobotView, batteries: BatteryUse, geometry: PlaceGeometry) 
 def _is_settled(robot: RobotView, geometry: PlaceGeometry) -> bool:
     """Whether a robot has a charger, goes to one, or goes nowhere."""
     goals = {robot.here, *(stop.resource for stop in robot.stops)}
-    return robot.state in AT_REST or not goals.isdisjoint(geometry.chargers)
+    return robot.state in RESTING_STATES or not goals.isdisjoint(geometry.chargers)
 
 
 def charger_shortages(

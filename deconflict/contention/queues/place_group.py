@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from operator import attrgetter
 
+from deconflict.advice.priorities import WEIGHT
 from deconflict.advisory import Recommendation
 from deconflict.contention.queues.queue_forecast import ServiceRequest
 from deconflict.contention.queues.schedule_bounds import Task, least_weighted_ends
-
-WEIGHT = 100
-"""Priorities count in hundredths."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 
-from deconflict.advice.deferred_answers import ANSWER_AFTER_S, PendingAnswer, Submit, answer_at_once
-from deconflict.advice.priorities import USUAL
+from deconflict.advice.deferred_answers import AdviceQuestion, Submit
+from deconflict.advice.priorities import Priorities
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisory import Recommendation
 from deconflict.contention.queues.place_group import PlaceQueue
@@ -16,14 +16,14 @@ from deconflict.contention.robots.place_geometry import CHANGEOVER_S, PlaceGeome
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import RingLink
 from deconflict.contention.waiting.detours import Refuge, back_out, detour
+from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict.settings.site import Advice, Site
 from ingest.measures.measures import Measures
 
 AGAIN_S = 10.0
 """Advice is worked out again if other robots wait, or after this time."""
 MOST_SOLVED = 2
 """Groups of places in one look; the others keep their advice, or wait for the next look."""
-EFFORT = 0.1
-"""Of the solver's deterministic time for one group, by default."""
 
 NO_ORDER = Recommendation(
     cost_s=0.0,
@@ -37,26 +37,28 @@ Signature = tuple[tuple[str, frozenset[str], frozenset[str]], ...]
 
 
 @dataclass(slots=True)
-class _QueueQuestion:
+class _QueueQuestion(AdviceQuestion):
     """The question about one group of places, or about one ring in a lane."""
 
     advice: Recommendation | None = None
     """The newest answer that was given."""
     signature: Signature = ()
     """What the newest question was about. Another signature needs another answer."""
-    asked_s: float = -inf
-    """When the newest question was asked."""
-    answer: PendingAnswer | None = None
-    """The answer that is yet to be given."""
-    late: bool = False
-    """Whether it was not ready when it was due."""
     wanted_s: float = -inf
     """When a look last wanted the advice."""
 
 
-def queue_advice_alone(geometry: PlaceGeometry) -> "QueueAdvice":
-    """Advice without burdens and priorities, at the default effort."""
-    return QueueAdvice(geometry, Burden(), EFFORT, answer_at_once, lambda _: USUAL, Measures())
+def queue_advice(
+    site: Site, live: LiveRobots, burden: Burden, submit: Submit, measures: Measures
+) -> Callable[[PlaceGeometry], "QueueAdvice"]:
+    """Makes the advice of an engine for the places of its site. `live` may change."""
+    priorities = Priorities(site.vendors)
+
+    def priority(uuid: str) -> float:
+        robot = live.robots[uuid]
+        return priorities.of(robot.vendor, robot.model)
+
+    return lambda geometry: QueueAdvice(geometry, burden, site.advice, submit, priority, measures)
 
 
 class QueueAdvice:
@@ -69,13 +71,13 @@ class QueueAdvice:
         self,
         geometry: PlaceGeometry,
         burden: Burden,
-        effort: float,
+        settings: Advice,
         submit: Submit,
         priority: Callable[[str], float],
         measures: Measures,
     ) -> None:
         """`priority` gives the weight of a second of a robot's waiting, by UUID."""
-        self._geometry, self._burden, self._effort = geometry, burden, effort
+        self._geometry, self._burden, self._settings = geometry, burden, settings
         self._submit, self._measures = submit, measures
         self.priority = priority
         self._questions: dict[tuple[str, ...], _QueueQuestion] = {}
@@ -142,7 +144,8 @@ class QueueAdvice:
         self, ring: Sequence[RingLink], robots: Mapping[str, RobotView], refuges: Sequence[Refuge], now_s: float
     ) -> Recommendation:
         key = tuple(replace(link, from_s=0.0) for link in ring)
-        advice = detour(ring, robots, refuges, now_s, self.priority, self._detours_before.get(key))
+        standing, switch_s = self._detours_before.get(key), self._settings.switch_s
+        advice = detour(ring, robots, refuges, now_s, self.priority, standing, switch_s)
         if advice is None:
             return NO_ORDER
         self._detours[key] = advice
@@ -162,8 +165,8 @@ class QueueAdvice:
         """The newest answer to a question; ask it again if other robots wait, or after a while."""
         question = self._questions.setdefault(key, _QueueQuestion())
         question.wanted_s = now_s
-        if question.answer and now_s - question.asked_s >= ANSWER_AFTER_S:
-            self._give(question, question.answer)
+        if question.is_due(now_s):
+            question.advice = question.take_answer(self._measures) or question.advice
         if question.answer is None and self._solved < MOST_SOLVED:
             self._ask(question, queues(), now_s)
         return question.advice
@@ -174,17 +177,9 @@ class QueueAdvice:
             return
         self._solved += 1
         burdens_s, standing = dict(self._burden.burdens_s), question.advice
-        work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, effort=self._effort)
-        question.answer, question.asked_s = self._submit(work), now_s
-        question.signature, question.late = signature, False
-
-    def _give(self, question: _QueueQuestion, answer: PendingAnswer) -> None:
-        """Make an answer the advice; one that is not ready when it is due is counted, and given later."""
-        if answer.done():
-            question.advice, question.answer = answer.result(), None
-        elif not question.late:
-            question.late = True
-            self._measures.count("deconflict_advice_late_total")
+        work = partial(advise_slots, queues, now_s, burdens_s=burdens_s, standing=standing, settings=self._settings)
+        question.answer, question.asked_s, question.late = self._submit(work), now_s, False
+        question.signature = signature
 
     def _time_left_s(self, passage: ZonePassage, lane: str, length_m: float, now_s: float) -> float:
         """How long until the whole robot is out of the lane."""

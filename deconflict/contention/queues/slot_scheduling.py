@@ -3,13 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 
+from deconflict.advice.priorities import WEIGHT
 from deconflict.advice.solver import solve
 from deconflict.advisory import Recommendation, Slot
-from deconflict.contention.queues.place_group import WEIGHT, Job, PlaceGroup, PlaceQueue, ScheduledJob, total_cost
+from deconflict.contention.queues.place_group import Job, PlaceGroup, PlaceQueue, ScheduledJob, total_cost
 from deconflict.contention.queues.slot_model import SlotModel
+from deconflict.settings.site import USUAL_ADVICE, Advice
 
-EFFORT = 0.1
-SWITCH_S = 2.0
 TIE_S = 0.1
 """Costs that differ by less are equal: no arrival is known better."""
 PASSES, FARTHEST_MOVE = 3, 6
@@ -25,25 +25,24 @@ def advise_slots(
     *,
     burdens_s: Mapping[str, float] | None = None,
     standing: Recommendation | None = None,
-    effort: float = EFFORT,
-    switch_s: float = SWITCH_S,
+    settings: Advice = USUAL_ADVICE,
 ) -> Recommendation:
     """The order and the slots that cost least in total at interchangeable places (often just one).
 
     The cost of an advice is the seconds of waiting from each arrival on, weighted by priority. It never costs more than
     first come, first served. `burdens_s` says how long each vendor's robots waited by advice before: of orders that
     cost the same, the least burdened vendor waits. `standing` is the advice from before: it is kept, at the times of
-    now, while no other saves more than `switch_s`. Robots inside are fixed and have no slot.
+    now, while no other saves more than `settings.switch_s`. Robots inside are fixed and have no slot.
     """
     group = PlaceGroup(places, now_s)
     first = group.first_come()
     best = min((first, group.dispatched()), key=total_cost)
-    best, bound, proven = _improve(group, best, effort, _burden_rank(burdens_s or {}, group))
+    best, bound, proven = _improve(group, best, settings.effort, _burden_rank(burdens_s or {}, group))
     if total_cost(best) > total_cost(first):
         best = first
     if standing is not None:
         kept = group.standing(standing)
-        if total_cost(kept) <= min(total_cost(best) + _units(switch_s), total_cost(first)):
+        if total_cost(kept) <= min(total_cost(best) + _units(settings.switch_s), total_cost(first)):
             best, proven = kept, proven and total_cost(kept) <= total_cost(best) + _units(TIE_S)
     return _recommendation(group, best, total_cost(first), min(bound, total_cost(best)), proven)
 

@@ -56,8 +56,8 @@ def detour(
     refuges: Sequence[Refuge],
     now_s: float,
     priority: Callable[[str], float],
-    standing: Recommendation | None = None,
-    switch_s: float = 2.0,
+    standing: Recommendation | None,
+    switch_s: float,
 ) -> Recommendation | None:
     """The cheapest plan in which one robot goes to a refuge, the others move on one after another, and then itself.
 

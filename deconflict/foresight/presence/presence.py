@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from deconflict.foresight.motion_assumptions import RESTING_STATES
 from deconflict.foresight.presence.believed_places import BelievedPlaces, place_of
 from deconflict.foresight.presence.lasting_silences import LastingSilence, LastingSilences, PresenceChanges
 from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
@@ -36,8 +37,6 @@ from deconflict.sweep.geometry.pose import pose_at
 from ingest.batch import Basis, Batch, Floats, FloorPoint
 from ingest.measures.measures import Measures
 
-STAYS = frozenset(("charging", "disabled", "offline"))
-"""Operational states of robots that do not leave."""
 SILENCES, PROBABLY_LEFT_ROBOTS = "deconflict_silences_total", "deconflict_robots_probably_left"
 """Names of metrics."""
 LOOK_SHARE = 0.2
@@ -261,7 +260,7 @@ class Presence:
         is_blocked = is_standing and state in ("navigating", "manualOverride")
         datum = datum_of(self._live.floors, int(forecast.floor[0]))
         case = None
-        if not is_blocked and state not in STAYS and datum:
+        if not is_blocked and state not in RESTING_STATES and datum:
             point = FloorPoint(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
             case = self._outcomes.case(robot.vendor, point, last_seen)
         counts = now_s - heard_s < KNOWN_AFTER_S

@@ -16,6 +16,7 @@ from deconflict.advice.exhaustive_search import UNKNOWN
 from deconflict.advice.hold_planner import advise_holds
 from deconflict.advice.hold_windows import STEP_S, DelayWindows, HoldWindow
 from deconflict.advisory import Hold, Recommendation
+from deconflict.settings.site import Advice
 from ingest.batch import Pair
 from tests.deconflict.advice.made_near import SeenRobot, near
 from tests.helpers.made_encounters import NOW_S, robot
@@ -217,7 +218,7 @@ def test_another_robot_is_held_only_if_that_saves_enough() -> None:
     assert fresh.holds == (Hold(robot="a", hold_s=2.0),)
     before = fresh.model_copy(update={"holds": (B_WAITS,)})
     assert question(standing=before).holds == (Hold(robot="b", hold_s=2.5),)
-    assert question(standing=before, switch_s=0.25).holds == fresh.holds
+    assert question(standing=before, settings=Advice(switch_s=0.25)).holds == fresh.holds
 
 
 def test_a_ring_without_a_plan_is_named_although_each_of_its_pairs_has_one() -> None:

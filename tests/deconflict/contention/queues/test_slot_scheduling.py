@@ -10,6 +10,7 @@ from deconflict.advisory import Recommendation
 from deconflict.contention.queues.place_group import PlaceGroup, PlaceQueue
 from deconflict.contention.queues.queue_forecast import ServiceRequest
 from deconflict.contention.queues.slot_scheduling import TIE_S, advise_slots
+from deconflict.settings.site import Advice
 
 NOW_S = 1_790_000_000.0
 
@@ -68,10 +69,10 @@ def test_small_cases_cost_no_more_than_any_order(places: list[PlaceQueue]) -> No
 def test_advice_never_costs_more_than_first_come_and_is_deterministic(
     places: list[PlaceQueue], effort: float, burdens_s: dict[str, float]
 ) -> None:
-    advice = advise_slots(places, NOW_S, effort=effort, burdens_s=burdens_s)
+    advice = advise_slots(places, NOW_S, settings=Advice(effort=effort), burdens_s=burdens_s)
     assert advice.first_come_cost_s is not None
     assert advice.bound_s <= advice.cost_s <= advice.first_come_cost_s
-    assert advice == advise_slots(places, NOW_S, effort=effort, burdens_s=burdens_s)
+    assert advice == advise_slots(places, NOW_S, settings=Advice(effort=effort), burdens_s=burdens_s)
     held = [request.robot for place in places for request in place.requests if not request.inside]
     assert sorted(slot.robot for slot in advice.slots) == sorted(held)
 
@@ -79,7 +80,7 @@ def test_advice_never_costs_more_than_first_come_and_is_deterministic(
 def test_the_bound_of_a_long_queue_is_near_its_cost() -> None:
     """Thirty robots in a quarter of an hour: too many to try every order, and more than one place can serve."""
     queue = tuple(request(f"r{row}", 37 * row % 900, 30 + 53 * row % 90) for row in range(30))
-    advice = advise_slots([PlaceQueue("dock", 1, queue, 4.0)], NOW_S, effort=1e-4)
+    advice = advise_slots([PlaceQueue("dock", 1, queue, 4.0)], NOW_S, settings=Advice(effort=1e-4))
     assert advice.first_come_cost_s is not None
     assert advice.cost_s < 0.9 * advice.first_come_cost_s
     assert 0.95 * advice.cost_s < advice.bound_s <= advice.cost_s
@@ -88,7 +89,9 @@ def test_the_bound_of_a_long_queue_is_near_its_cost() -> None:
 def test_an_order_within_the_tie_of_its_bound_is_not_searched() -> None:
     """The bound is a millionth short, so that it is one whatever is rounded; to prove the rest took longest of all."""
     queue = [request(f"r{row}", 20.0 * row, 40.0) for row in range(8)]
-    advice = advise_slots([PlaceQueue("dock", 1, (request("in", -5.0, 30.0, inside=True), *queue))], NOW_S, effort=0.0)
+    advice = advise_slots(
+        [PlaceQueue("dock", 1, (request("in", -5.0, 30.0, inside=True), *queue))], NOW_S, settings=Advice(effort=1e-9)
+    )
     assert advice.cost_s == advice.first_come_cost_s == sum(30.0 + 20.0 * row for row in range(8))
     assert advice.proven_optimal
 
