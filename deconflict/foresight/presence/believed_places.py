@@ -21,8 +21,6 @@ MOVED_M = 0.1
 """A robot that has moved less has driven through nothing."""
 STEP_M = 0.2
 """Distance between two samples of a leg."""
-CELL_M = 3.0
-"""Side of a grid cell. Most legs reach no further from their middle, so that a look at the grid excludes most legs."""
 NONE: Ints = np.empty(0, np.int64)
 MOST_STEPS = 64
 """Most samples of a leg."""
@@ -77,8 +75,6 @@ class BelievedPlaces:
         self._names: list[str] = []
         self._columns: Floats = np.empty((9, 0))
         """(9, n) fields of the places, in the order of `_names`."""
-        self._cells: Ints = np.empty(0, np.int64)
-        """Grid cells with a place in them or in a neighbour cell, ascending."""
         self._tree: cKDTree | None = None
 
     def __len__(self) -> int:
@@ -129,9 +125,7 @@ class BelievedPlaces:
         own_m = np.hypot(batch.forecasts.length_m[legs.rows], batch.forecasts.width_m[legs.rows]) / 2
         reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + radius_m + beyond_m
         columns = [np.where(is_joined, at[:, 0] + at[:, 1], 2 * at[:, 1]) / 2 for at in (legs.x_m, legs.y_m)]
-        cells = _cells(legs.floor[:, 1], *(np.floor(column / CELL_M) for column in columns))
-        is_near_cell = (reach_m > CELL_M) | np.isin(cells, self._cells)
-        some = np.flatnonzero(is_near_cell & (long_m > MOVED_M) & np.isfinite(legs.took_s))
+        some = np.flatnonzero((long_m > MOVED_M) & np.isfinite(legs.took_s))
         if not len(some):
             return NONE, NONE
         near = tree.query_ball_point(np.stack(columns, axis=1)[some], reach_m[some])
@@ -177,15 +171,7 @@ class BelievedPlaces:
             self._names = list(self._places)
             self._columns = np.array(list(self._places.values()), np.float64).T
             self._tree = cKDTree(self._columns[:2].T)
-            x, y = np.floor(self._columns[:2] / CELL_M)
-            around = ((x + right, y + up) for right in (-1, 0, 1) for up in (-1, 0, 1))
-            self._cells = np.unique([_cells(self._columns[3], *at) for at in around])
         return self._tree
-
-
-def _cells(floor: Floats | Ints, x: Floats, y: Floats) -> Ints:
-    """(n,) the number of each cell of the grid."""
-    return (np.asarray(floor, np.int64) << 48) + (x.astype(np.int64) << 24) + y.astype(np.int64)
 
 
 def _is_joined(legs: Legs) -> Bools:
