@@ -1,6 +1,6 @@
 """How much a prediction must differ from a conflict advisory to be worth a revision.
 
-The kernels of `watched_pair_kernels` compile `is_likelier`.
+The kernels of `watched_pair_kernels` compile `is_likelier` and `published_probability`.
 """
 
 from math import hypot

@@ -27,6 +27,7 @@ from deconflict.advisories.revision_rules import (
     MOVED_S,
     UPDATE_GAP_S,
     is_likelier,
+    published_probability,
 )
 from deconflict.advisories.severity import SLACK_S, SURE, next_severity_change_s, severity_level
 from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
@@ -91,7 +92,7 @@ _PREDICTIONS = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
 )
 
 
-_is_likelier = inner(is_likelier)
+_is_likelier, _published_probability = inner(is_likelier), inner(published_probability)
 _severity_level = inner(severity_level)
 _next_severity_change_s = inner(next_severity_change_s)
 
@@ -167,9 +168,9 @@ def _decide_without_advisory(
 
 
 @inner
-def _decide_probability(advisory: Any, probability: float, now_s: float) -> int:
+def _decide_probability(advisory: Any, probability: float, now_s: float, thresholds: Any) -> int:
     """The code if nothing but the probability can change."""
-    has_changed = _is_likelier(probability, advisory.probability)
+    has_changed = _is_likelier(_published_probability(probability, thresholds.held_probability), advisory.probability)
     return UPDATE_PROBABILITY if has_changed and now_s >= advisory.updated_s + UPDATE_GAP_S else NO_CHANGE
 
 
@@ -180,7 +181,7 @@ def _decide_unlikely(pair: Any, advisory: Any, probability: float, now_s: float,
     if unlikely_s >= thresholds.clear_after_s:
         return MAY_CLEAR
     if unlikely_s >= FADES_S:
-        return _decide_probability(advisory, probability, now_s)
+        return _decide_probability(advisory, probability, now_s, thresholds)
     return NO_CHANGE
 
 
@@ -196,7 +197,7 @@ def _decide_update(pair: Any, advisory: Any, predicted: Any, now_s: float, thres
     if not predicted.fresh and is_weighed and is_as_likely and now_s < pair.weighed_until_s:
         return NO_CHANGE
     if advisory.has_begun and contact_s <= now_s:
-        return _decide_probability(advisory, predicted.probability, now_s)
+        return _decide_probability(advisory, predicted.probability, now_s, thresholds)
     time_s, next_revision_s = contact_s - now_s, advisory.updated_s + UPDATE_GAP_S
     is_shallow = separation_m > thresholds.clearance_m / 2 or not is_sure
     warning_s, critical_s = thresholds.warning_s, thresholds.critical_s

@@ -119,6 +119,14 @@ def test_a_conflict_that_has_begun_is_updated_in_its_probability() -> None:
     ]
 
 
+def test_a_probability_that_falls_is_compared_as_it_would_be_published() -> None:
+    story = Story()
+    story.raised()
+    story.predicted(6, probability=UNLIKELY + 0.155)
+    (update,) = story.predicted(5, probability=SETTINGS.raise_probability * HELD_SHARE - 0.001)
+    assert update.probability == UNLIKELY
+
+
 def test_two_that_draw_apart_without_new_forecasts_may_raise_a_new_advisory() -> None:
     story = Story()
     assert story.predicted(0, separation_m=0.2, start_m=0.2) == []
