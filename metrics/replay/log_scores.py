@@ -28,7 +28,7 @@ class LogScores:
     do not depend on the clearance."""
 
     def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
-        self.truth, self.interactions = EncounterFinder(clearances_m), Interactions()
+        self.truth, self.interactions = EncounterFinder(clearances_m, site.conflict.clear_margin_m), Interactions()
         self.absences = Absences(clearances_m)
         self.by_clearance = [
             ClearanceScores(clearance_m, self.truth, self.interactions, self.absences) for clearance_m in clearances_m

@@ -2,9 +2,10 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import cos, hypot, sin, sqrt
+from math import hypot, sqrt
 from typing import Any
 
+from ingest.frames.corners import corners_of
 from metrics.report.svg import Chart, Point, fitted
 
 Part = Mapping[str, Any]
@@ -91,9 +92,9 @@ def scene(document: Part) -> str:
     for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
         chart.line([(x, y) for x, y, _ in track], f"line c{number}")
         for pose in track[document["nearest"] % 5 :: 5]:
-            chart.polygon(_corners(pose, size), f"outline c{number}")
+            chart.polygon(corners_of(*pose, *size), f"outline c{number}")
     for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
-        chart.polygon(_corners(track[document["nearest"]], size), f"envelope c{number}", document["robots"][number])
+        chart.polygon(corners_of(*track[document["nearest"]], *size), f"envelope c{number}", document["robots"][number])
     _scale(chart)
     return chart.drawn("Two envelopes where they were nearest")
 
@@ -114,10 +115,3 @@ def _track(text: str) -> list[tuple[float, float, float]]:
         x, y, yaw = map(float, pose.split())
         poses.append((x, y, yaw))
     return poses
-
-
-def _corners(pose: tuple[float, float, float], size: tuple[float, float]) -> list[Point]:
-    x, y, yaw = pose
-    c, s, length, width = cos(yaw), sin(yaw), size[0] / 2, size[1] / 2
-    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    return [(x + c * i * length - s * j * width, y + s * i * length + c * j * width) for i, j in signs]

@@ -3,8 +3,8 @@
 The motion of a robot is its reported positions on its floor. If two reports are at most 2.1 s apart, positions between
 them are interpolated linearly at 10 Hz. The separation of two robots is that of their oriented envelopes. An encounter
 is a maximal run of samples of a pair below a threshold. Two runs are one encounter if the gap is at most 1 s, or if the
-separation in the gap stays within 0.1 m above the threshold. An encounter is foreseeable if both robots were present
-for at least 2 s before its start.
+separation in the gap stays within `conflict.clear_margin_m` above the threshold. An encounter is foreseeable if both
+robots were present for at least 2 s before its start.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,6 @@ STEP_S = 0.1
 BRIDGED = 11
 """Two runs are one encounter if the first sample of the second is at most this many steps after the last of the
 first."""
-DRAWN_APART_M = 0.1
 FORESEEABLE_S = 2.0
 LAG_S = 3.0
 """All reports about a moment have arrived this long after it."""
@@ -47,11 +46,12 @@ class RecordedEncounter:
 class EncounterFinder:
     """Finds the encounters below each of several thresholds while reports arrive."""
 
-    def __init__(self, thresholds_m: Sequence[float]) -> None:
+    def __init__(self, thresholds_m: Sequence[float], drawn_apart_m: float) -> None:
+        """A pair has drawn apart `drawn_apart_m` above a threshold: `conflict.clear_margin_m`."""
         self.motion = RecordedMotion()
         self.scenes = NearestScenes(STEP_S)
         self.silences = Silences()
-        self._below = {threshold_m: ThresholdEncounters(threshold_m) for threshold_m in thresholds_m}
+        self._below = {threshold_m: ThresholdEncounters(threshold_m, drawn_apart_m) for threshold_m in thresholds_m}
         self._next: int | None = None
         """The next sample to process, in steps since the epoch."""
         self._finished = False
@@ -99,7 +99,7 @@ class EncounterFinder:
             return
         first, self._next = self._next, self._next + samples
         sampled = self.motion.sampled(first, samples, STEP_S)
-        near = separations(sampled, max(self._below) + DRAWN_APART_M)
+        near = separations(sampled, max(below.apart_m for below in self._below.values()))
         for below in self._below.values():
             below.advance(near, first, self._next - 1, self.motion)
         self.scenes.add(sampled, near, self.motion)
@@ -109,18 +109,17 @@ class EncounterFinder:
 class ThresholdEncounters:
     """The encounters below one threshold."""
 
-    def __init__(self, threshold_m: float) -> None:
-        self.threshold_m = threshold_m
+    def __init__(self, threshold_m: float, drawn_apart_m: float) -> None:
+        self.threshold_m, self.apart_m = threshold_m, threshold_m + drawn_apart_m
         self.closed: list[RecordedEncounter] = []
         self.of_pair: dict[Pair, list[RecordedEncounter]] = {}
         self._open: dict[Pair, RecordedEncounter] = {}
         self._together: dict[Pair, int] = {}
-        """Pairs within `DRAWN_APART_M` above the threshold at the last sample, and the sample since which they have
-        been."""
+        """Pairs within `apart_m` at the last sample, and the sample since which they have been."""
 
     def advance(self, near: Separations, first: int, last: int, motion: RecordedMotion) -> None:
         """Process the samples from `first` to `last`."""
-        near = near.take(np.flatnonzero(near.separation_m <= self.threshold_m + DRAWN_APART_M))
+        near = near.take(np.flatnonzero(near.separation_m <= self.apart_m))
         spans, span_of = _runs(near)
         before, self._together = self._together, {}
         since = near.sample[spans[:, 0]]

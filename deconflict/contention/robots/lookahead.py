@@ -1,6 +1,6 @@
 """Where robots will be in the next ten seconds, at even steps, for many forecasts at once."""
 
-from math import cos, hypot, sin
+from math import hypot
 from typing import NamedTuple, Self
 
 import numba
@@ -8,7 +8,8 @@ import numpy as np
 
 from deconflict.sweep.geometry.pose import poses_at
 from ingest.batch import Floats, Forecasts, Ints
-from ingest.kernels import kernel
+from ingest.frames.corners import corners_of
+from ingest.kernels import inner, kernel
 
 STEP_S = 0.5
 STEPS = 20
@@ -47,24 +48,17 @@ class PathsAhead(NamedTuple):
         return type(self)(self.lines_m[rows], self.boxes_m[rows], self.way_m[rows])
 
 
+_corners_of = inner(corners_of)
+
+
 @kernel(numba.float64[:, :, ::1](*[numba.types.Array(numba.float64, 1, "A", readonly=True)] * 5))
 def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Floats:
     """(n, 4, 2) the corners of envelopes at poses; all arguments are (n,)."""
     found = np.empty((len(x_m), 4, 2))
     for row in range(len(x_m)):
-        c, s, end = cos(yaw_rad[row]), sin(yaw_rad[row]), found[row]
-        along_x, along_y = c * length_m[row] / 2, s * length_m[row] / 2
-        across_x, across_y = -s * width_m[row] / 2, c * width_m[row] / 2
-        front_x, front_y, back_x, back_y = (
-            x_m[row] + along_x,
-            y_m[row] + along_y,
-            x_m[row] - along_x,
-            y_m[row] - along_y,
-        )
-        end[0, 0], end[0, 1] = front_x + across_x, front_y + across_y
-        end[1, 0], end[1, 1] = back_x + across_x, back_y + across_y
-        end[2, 0], end[2, 1] = back_x - across_x, back_y - across_y
-        end[3, 0], end[3, 1] = front_x - across_x, front_y - across_y
+        ends = _corners_of(x_m[row], y_m[row], yaw_rad[row], length_m[row], width_m[row])
+        for corner in range(4):
+            found[row, corner, 0], found[row, corner, 1] = ends[corner]
     return found
 
 

@@ -8,13 +8,14 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import cos, dist, sin
+from math import dist
 from uuid import UUID, uuid5
 
 import shapely
 
 from deconflict.settings.importers.plan import ImportedPlan, Level, Lift, Node, Spot
 from deconflict.settings.shared_places import Landing, Point, Polygon, Resource, Zone
+from ingest.frames.corners import corners_of
 from ingest.settings import Datum
 
 IMPORTED = UUID("7f1f6a54-3f0e-5d0c-9d55-0c6c0a3c9a10")
@@ -119,9 +120,8 @@ def _square(at: Spot, side_m: float) -> Polygon:
 
 def _turned(at: Spot, yaw_rad: float, size_m: tuple[float, float]) -> Polygon:
     """A rectangle around a point, with its first side along the yaw."""
-    ahead, aside = (cos(yaw_rad), sin(yaw_rad)), (-sin(yaw_rad), cos(yaw_rad))
-    half = [(size_m[0] / 2 * along, size_m[1] / 2 * across) for along, across in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    return tuple(_rounded((at[0] + a * ahead[0] + b * aside[0], at[1] + a * ahead[1] + b * aside[1])) for a, b in half)
+    left_front, left_back, right_back, right_front = map(_rounded, corners_of(*at, yaw_rad, *size_m))
+    return right_back, right_front, left_front, left_back
 
 
 def _along(ends: tuple[Spot, Spot], width_m: float) -> Polygon:

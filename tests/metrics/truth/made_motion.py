@@ -34,13 +34,17 @@ def reported(
 
 
 def driven(
-    *pieces: tuple[float, float, float], until_s: float, finished: bool = True, above_m: Callable[[float], float] = zero
+    *pieces: tuple[float, float, float],
+    until_s: float,
+    finished: bool = True,
+    above_m: Callable[[float], float] = zero,
+    drawn_apart_m: float = 0.1,
 ) -> EncounterFinder:
     """A 1 x 1 x 1 m robot at the origin, another at x, moving from (from_s, x) at a speed, piece after piece.
 
     `above_m` says by time how high the foot of the second is.
     """
-    truth = EncounterFinder([0.3])
+    truth = EncounterFinder([0.3], drawn_apart_m)
     for second in range(int(until_s) + 1):
         t_s = float(second)
         from_s, x_m, speed_mps = max((piece for piece in pieces if piece[0] <= t_s), key=lambda piece: piece[0])

@@ -18,7 +18,7 @@ PAIR = ("other", "silent")
 def floor(passes_m: float) -> EncounterFinder:
     """One stands at the origin and is silent from 10 s on; another one drives by at 1 m/s and ends `passes_m` short of
     where it stood, or beyond."""
-    truth = EncounterFinder([0.3])
+    truth = EncounterFinder([0.3], 0.1)
     for second in range(60):
         t_s = float(second)
         robots = [("other", 0, min(t_s - PASSES_AT_S, -passes_m)), ("far", 0, 50.0)]

@@ -131,7 +131,7 @@ def test_a_small_separation_continues_an_encounter_and_a_large_one_ends_it() -> 
 
 
 def test_a_gap_in_the_reports_is_not_joined() -> None:
-    truth = EncounterFinder([0.3])
+    truth = EncounterFinder([0.3], 0.1)
     for t_s in (0.0, 1.0, 4.0, 5.0):
         reported(truth, t_s, ("a", 0, 0.0), ("b", 0, 1.1))
     truth.finish()
@@ -142,7 +142,7 @@ def test_a_gap_in_the_reports_is_not_joined() -> None:
 
 
 def test_robots_on_different_floors_do_not_meet() -> None:
-    truth = EncounterFinder([0.3])
+    truth = EncounterFinder([0.3], 0.1)
     for t_s in map(float, range(6)):
         reported(truth, t_s, ("a", 0, 0.0), ("b", 1, 0.0))
     truth.finish()
