@@ -3,7 +3,11 @@
 import asyncio
 import logging
 import socket
+import time
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from functools import partial
+from math import inf
 from pathlib import Path
 
 from deconflict.operator.blackbox.keeper import Keeper
@@ -12,7 +16,7 @@ from deconflict.operator.http.api_sources import Exposition
 from deconflict.operator.http.uvicorn_server import create_server
 from deconflict.operator.outlets.outlets import Outlets
 from deconflict.operator.store.learned_file import LearnedFile
-from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.publisher import PRUNED, Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.operator_calls import OperatorCalls
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
@@ -26,6 +30,7 @@ from ingest.security.tokens import SecretError
 log = logging.getLogger(__name__)
 
 PRUNE_EVERY_S = 3600.0
+MEASURE_SIZE_EVERY_S = 5.0
 REFRESH_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.2
 
@@ -92,17 +97,30 @@ class OperatorRole:
             raise PortTakenError("operator", host, port) from error
 
     async def _prune(self) -> None:
-        """Remove advisories that were cleared long ago, now and every hour."""
+        """Remove advisories that were cleared long ago, now and every hour, and the oldest if they are too many."""
+        pruned_s = -inf
         while True:
-            before = datetime.now(UTC) - timedelta(days=self._site.store.keep_days)
-            try:
-                removed = await asyncio.to_thread(self._store.prune, before)
-            except StoreError as error:
-                log.warning("old advisories can't be removed: %s", error)
-            else:
-                if removed:
-                    log.info("%s advisories cleared before %s are removed", removed, before)
-            await asyncio.sleep(PRUNE_EVERY_S)
+            if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
+                pruned_s = time.monotonic()
+                before = datetime.now(UTC) - timedelta(days=self._site.store.keep_days)
+                await self._remove("age", f"cleared before {before}", partial(self._store.prune, before))
+            most_bytes = self._site.store.advisories_bytes
+            text = f"that changed longest ago, to keep within store.advisories_bytes = {most_bytes},"
+            await self._remove("size", text, partial(self._store.prune_to, most_bytes))
+            await asyncio.sleep(MEASURE_SIZE_EVERY_S)
+
+    async def _remove(self, reason: str, text: str, prune: Callable[[], int]) -> None:
+        """Remove cleared advisories. `text` says which."""
+        try:
+            removed = await asyncio.to_thread(prune)
+            used_bytes = await asyncio.to_thread(self._store.used_bytes)
+        except StoreError as error:
+            log.warning("old advisories can't be removed: %s", error)
+            return
+        self._publisher.measures.count(PRUNED, reason, by=removed)
+        self._publisher.measures.level("deconflict_store_bytes", {(): used_bytes})
+        if removed:
+            log.info("%s advisories %s are removed", removed, text)
 
     async def _refresh(self) -> None:
         """Read changed tokens and certificates, and retry a disk that failed."""

@@ -113,6 +113,8 @@ class StoreSettings(Section):
     """Data directory, relative to the working directory. Two services must not share one."""
     keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
     """How long a cleared advisory is kept; open ones stay."""
+    advisories_bytes: Annotated[int, Field(gt=0)] = 4 << 30
+    """Above this size of the database the cleared advisories that changed longest ago are removed; open ones stay."""
 
 
 class BlackBox(Section):

@@ -203,6 +203,13 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "(cannot be written though others can). The log names each.",
         "reason",
     ),
+    "deconflict_advisories_pruned_total": CatalogueEntry(
+        "counter",
+        ("reason",),
+        "Cleared advisories removed from the database, by reason: age (store.keep_days) or size "
+        "(store.advisories_bytes).",
+    ),
+    "deconflict_store_bytes": CatalogueEntry("gauge", (), "Size of the advisory database without its free pages."),
     "deconflict_store_failures_total": counter("Attempts to store advisories that failed."),
     "deconflict_learning_failures_total": counter(
         "Failed attempts to read or write what was learned about vendors. Learning continues without it.", "what"

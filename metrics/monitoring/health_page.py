@@ -85,6 +85,8 @@ ENGINE = Dashboard(
                 "s",
                 measured("deconflict_delivery_delay_seconds", legend="delay", over="max"),
             ),
+            panel("Advisory database", "bytes", measured("deconflict_store_bytes", legend="size", over="max")),
+            panel("Advisories removed", "ops", rated("deconflict_advisories_pruned_total", ["reason"])),
             panel(
                 "Revisions set aside, which nobody receives",
                 "ops",

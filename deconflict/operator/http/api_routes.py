@@ -11,7 +11,7 @@ from deconflict.advisory import Acknowledgement, Kind
 from deconflict.operator.http.api_models import AdvisoryList, Answer, Problem, Reloaded, RevisionList
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.json_schemas import SCHEMAS
-from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.publisher import PRUNED, Publisher
 from deconflict.operator.store.store import StateFilter, Store, StoreError
 from deconflict.operator.vendor_health import vendor_health
 from deconflict.operator.vendor_models import VendorList
@@ -96,7 +96,9 @@ class ApiRoutes:
         except SourceUnavailableError as error:
             health = {"status": "degraded", "roles": {error.role: "down"}}
         try:
-            stored = {"status": "ok", "seq": self._store.last_seq()}
+            stored = {"status": "ok", "seq": self._store.last_seq(), "bytes": self._store.used_bytes()}
+            if pruned := self._publisher.measures.values[PRUNED].get(("size",)):
+                stored["pruned_for_size"] = int(pruned)
             if self._publisher.failing:
                 unstored = {"reason": self._publisher.failing, "unstored": self._store.unstored}
                 stored |= {"status": "failing", **unstored}

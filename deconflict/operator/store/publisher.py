@@ -19,6 +19,7 @@ from ingest.measures.measures import Measures
 log = logging.getLogger(__name__)
 
 DISK_TIMEOUT_S = 0.5
+PRUNED = "deconflict_advisories_pruned_total"
 TAIL_LENGTH = 1024
 MOST_LINES = 100
 

@@ -11,10 +11,11 @@ commits, but not the file.
 
 import sqlite3
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from itertools import chain, islice
+from math import inf
 from operator import attrgetter
 from pathlib import Path
 from threading import RLock
@@ -41,6 +42,7 @@ from deconflict.operator.store.tables import (
     encounters_after,
     insert,
     last_seq,
+    latest,
     numbered,
     open_after,
     open_at,
@@ -49,6 +51,7 @@ from deconflict.operator.store.tables import (
     raised_between,
     remove_oldest,
     stored_revision,
+    used_bytes,
     write_one,
 )
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
@@ -216,16 +219,8 @@ class Store:
             seq, changed = _last(db, pending), newest_by_id(pending)
             if limit is not None:
                 query["limit"] = limit + 1 + len(changed)
-            rows = db.execute(
-                """SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq
-                WHERE a.open IN (:low, :high)
-                AND (:kind IS NULL OR a.kind = :kind)
-                AND (:vendor IS NULL OR :vendor IN (SELECT vendor FROM parties AS p WHERE p.id = a.id))
-                AND (:robot IS NULL OR :robot IN (SELECT robot FROM parties AS p WHERE p.id = a.id))
-                ORDER BY a.seq DESC LIMIT :limit""",
-                query,
-            ).fetchall()
-        stored = [advisory for (document,) in rows if (advisory := advisory_of(document)).id not in changed]
+            found = latest(db, query)
+        stored = [advisory for advisory in found if advisory.id not in changed]
         unstored = [
             revision for revision in changed.values() if matches(revision, _OPEN_VALUES[state], kind, vendor, robot)
         ]
@@ -315,14 +310,24 @@ class Store:
         return sorted(ordinals.items())
 
     def prune(self, before: datetime) -> int:
-        """Remove cleared advisories last changed before `before`, with every revision; returns how many.
+        """Remove cleared advisories last changed before `before`, with every revision; returns how many."""
+        return self._prune(lambda _: True, before.timestamp())
 
-        Removes `PRUNE_STEP` advisories in one transaction, so that no revision waits long to be stored.
-        """
+    def prune_to(self, most_bytes: int) -> int:
+        """Remove the cleared advisories last changed longest ago, until the file uses no more; returns how many."""
+        return self._prune(lambda db: used_bytes(db) > most_bytes, inf)
+
+    def used_bytes(self) -> int:
+        """Size of the file without its free pages."""
+        with self._connections.reading() as db:
+            return used_bytes(db)
+
+    def _prune(self, is_due: Callable[[sqlite3.Connection], bool], before_s: float) -> int:
+        """Remove `PRUNE_STEP` advisories in one transaction, so that no revision waits long to be stored."""
         pruned = 0
         while True:
             with self._connections.writing() as db:
-                removed = remove_oldest(db, before.timestamp(), PRUNE_STEP)
+                removed = remove_oldest(db, before_s, PRUNE_STEP) if is_due(db) else 0
             if not removed:
                 return pruned
             pruned += removed

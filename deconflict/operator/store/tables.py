@@ -59,6 +59,20 @@ def open_at(db: sqlite3.Connection, now_s: float, limit: int = -1) -> list[AnyAd
     return [advisory_of(document) for (document,) in rows][::-1]
 
 
+def latest(db: sqlite3.Connection, query: Mapping[str, object]) -> list[AnyAdvisory]:
+    """The newest revisions of the advisories that match, newest first: `Store.latest` says how."""
+    rows = db.execute(
+        """SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq
+        WHERE a.open IN (:low, :high)
+        AND (:kind IS NULL OR a.kind = :kind)
+        AND (:vendor IS NULL OR :vendor IN (SELECT vendor FROM parties AS p WHERE p.id = a.id))
+        AND (:robot IS NULL OR :robot IN (SELECT robot FROM parties AS p WHERE p.id = a.id))
+        ORDER BY a.seq DESC LIMIT :limit""",
+        query,
+    ).fetchall()
+    return [advisory_of(document) for (document,) in rows]
+
+
 class StoredDocument(NamedTuple):
     """The newest revision of an advisory, as it is stored."""
 
@@ -197,6 +211,14 @@ def remove_oldest(db: sqlite3.Connection, before_s: float, limit: int) -> int:
     db.executemany("DELETE FROM parties WHERE id = ?", old)
     db.executemany("DELETE FROM advisories WHERE id = ?", old)
     return len(old)
+
+
+def used_bytes(db: sqlite3.Connection) -> int:
+    """Size of the database without its free pages."""
+    pages, free, page_bytes = (
+        int(db.execute(f"PRAGMA {name}").fetchone()[0]) for name in ("page_count", "freelist_count", "page_size")
+    )
+    return (pages - free) * page_bytes
 
 
 def position(db: sqlite3.Connection, outlet: str) -> int | None:

@@ -5,20 +5,24 @@ import gc
 import tracemalloc
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 
+import httpx
 import pytest
 from pydantic_core import to_json
 
 from deconflict.operator.blackbox.keeper import SNAPSHOTS
-from deconflict.operator.store.publisher import TAIL_LENGTH
+from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
+from deconflict.operator.store.store import Store
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.learned_state import packed
 from deconflict.runtime.parcels import STORED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller
-from deconflict.settings.site import Operator, Site
+from deconflict.settings.site import Operator, Site, StoreSettings
 from metrics.monitoring.exposition import render
+from tests.deconflict.operator.http.served_face import until
 from tests.helpers.made_advisories import cleared, made
 
 EACH = 25
@@ -40,16 +44,19 @@ def kept_bytes() -> int:
 
 
 @asynccontextmanager
-async def serving(data: Path) -> AsyncIterator[tuple[OperatorRole, AsyncCaller]]:
+async def serving(data: Path, advisories_bytes: int = 1 << 30) -> AsyncIterator[tuple[OperatorRole, AsyncCaller]]:
     """A role that runs, and the engine's end of its link."""
     with runtime_directory() as runtime:
         stop = asyncio.Event()
-        role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), data, render)
+        site = Site(operator=Operator(port=0), store=StoreSettings(advisories_bytes=advisories_bytes))
+        role = OperatorRole(site, Path(runtime), data, render)
         running = asyncio.create_task(role.run(stop))
         await role.ready.wait()
-        yield role, AsyncCaller(Path(runtime), "operator")
-        stop.set()
-        await running
+        try:
+            yield role, AsyncCaller(Path(runtime), "operator")
+        finally:
+            stop.set()
+            await running
 
 
 async def test_the_memory_of_the_operator_face_stops_growing(tmp_path: Path, traced: None) -> None:
@@ -59,6 +66,18 @@ async def test_the_memory_of_the_operator_face_stops_growing(tmp_path: Path, tra
         await tell(engine, range(TAIL_LENGTH, 2 * TAIL_LENGTH))
         grown = kept_bytes() - before
     assert grown < LEFT_BYTES * TAIL_LENGTH
+
+
+async def test_what_was_removed_to_bound_the_database_is_counted_and_shown(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.append([cleared(number, 1, updated_at=datetime.now(UTC)) for number in range(5)])
+    store.close()
+    async with serving(tmp_path, advisories_bytes=1) as (role, _), httpx.AsyncClient() as client:
+        pruned = role._publisher.measures.values[PRUNED]
+        await until(lambda: pruned.get(("size",)) == 5)
+        health = (await client.get(f"http://127.0.0.1:{role.port}/healthz")).json()
+        assert health["store"]["pruned_for_size"] == 5
+        assert health["store"]["bytes"] == role._publisher.measures.values["deconflict_store_bytes"][()]
 
 
 async def test_an_invalid_revision_is_set_aside_and_the_others_of_its_parcel_are_stored(tmp_path: Path) -> None:

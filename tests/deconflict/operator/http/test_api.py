@@ -117,7 +117,7 @@ async def test_health_is_200_only_while_every_role_and_the_store_answer(
     assert answer.json() == {
         "status": "ok",
         "roles": {"receiver": "up", "engine": "up"},
-        "store": {"status": "ok", "seq": 1},
+        "store": {"status": "ok", "seq": 1, "bytes": face.store.used_bytes()},
     }
     for role in ("engine", "supervisor"):
         face.sources.down = {role}

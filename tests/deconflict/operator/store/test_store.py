@@ -120,6 +120,28 @@ def test_pruning_in_steps_removes_all_of_it(store: Store, monkeypatch: pytest.Mo
     assert store.latest("all").advisories == []
 
 
+def test_a_database_that_is_too_large_loses_its_oldest_cleared_advisories(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.store.PRUNE_STEP", 10)
+    store.append([made(0), *(cleared(number, 1, summary="x" * 4_000) for number in range(1, 101))])
+    whole_bytes = store.used_bytes()
+    removed = store.prune_to(whole_bytes // 2)
+    assert 40 <= removed <= 70
+    assert store.used_bytes() <= whole_bytes // 2 < store.used_bytes() + 10 * 4_096 * 2
+    newest_first = [advisory.id for advisory in store.latest("all").advisories]
+    assert newest_first == [*(f"advisory-{number}" for number in range(100, removed, -1)), "advisory-0"]
+    assert store.prune_to(whole_bytes // 2) == 0
+    store.append([cleared(number, 1, summary="x" * 4_000) for number in range(101, 101 + removed // 2)])
+    assert store.path.stat().st_size <= whole_bytes + 16 * 4_096, "free pages are used again"
+
+
+def test_open_advisories_are_kept_however_large_the_database_is(store: Store) -> None:
+    store.append([made(1), made(2), cleared(2)])
+    assert store.prune_to(1) == 1
+    assert [advisory.id for advisory in store.latest("all").advisories] == ["advisory-1"]
+
+
 def test_encounters_are_counted_by_pair_even_when_their_advisories_are_pruned(store: Store) -> None:
     store.append([made(1), cleared(1), made(2, encounter=2), cleared(2, encounter=2), made(3, robots=("a", "b"))])
     store.prune(START + timedelta(days=1))
