@@ -15,12 +15,15 @@ START_S = 0.8
 
 @dataclass(frozen=True, slots=True)
 class CrossingArrival:
-    """One robot at one crossing, in seconds from now."""
+    """One robot at one crossing, as its fleet plans it."""
 
     robot: int
+    """Row of the robot."""
     passage: CrossingPassage
     enter_s: float
+    """When it enters, seconds from now."""
     leave_s: float
+    """When it has left, seconds from now."""
 
 
 class CrossingSchedule:

@@ -40,11 +40,15 @@ class ScriptStep:
     """One step of a script: the robot moves straight to `to` until `until_s`."""
 
     until_s: float
+    """Time since the start of the script."""
     to: Place
+    """x and y in the frame of the ground hall."""
     state: str = "navigating"
+    """The operational state that it reports."""
     means: Place | None = None
     """The destination that it announces, if it is not `to`."""
     backs: bool = False
+    """Whether it drives backwards."""
 
 
 _WEST, _EAST = (WEST_M, LANE_Y_M), (EAST_M, LANE_Y_M)

@@ -30,8 +30,11 @@ class Job:
     asked: int
     """Index of the queue of the place that it is on its way to."""
     arrival: int
+    """When the robot comes."""
     service: int
+    """How long it keeps the place."""
     weight: int
+    """Cost of each millisecond of its waiting."""
     keeps: int
     """Service and changeover: until the next turn can begin."""
 
@@ -44,6 +47,7 @@ class ScheduledJob:
     place: int
     """Index of the place's queue."""
     start: int
+    """When the turn begins, milliseconds from now."""
 
     @property
     def cost(self) -> int:

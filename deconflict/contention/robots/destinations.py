@@ -36,7 +36,9 @@ class PlannedStop(NamedTuple):
     spread_s: float
     """Half the width of the interval that holds its arrival with 80 %."""
     datum: str
+    """Datum of its floor."""
     x_m: float
+    """Where it is, in the floor's frame."""
     y_m: float
     resource: str | None
     """The resource that it is in; None if it is in none."""

@@ -20,15 +20,19 @@ ROUNDING_M = 1e-6
 
 
 class ReportedTracks(NamedTuple):
-    """n robots of a batch, each of them once. Arrays are (n,) if not said otherwise."""
+    """n robots of a batch, each of them once. Arrays are (n,) unless stated otherwise."""
 
     slot: Ints
     kind: Ints
     """Row of the ledger."""
     event_s: Floats
+    """Time of the newest pose."""
     doubt_m: Floats
+    """Uncertainty of the reported position."""
     length_m: Floats
+    """Of the envelope, along the heading."""
     width_m: Floats
+    """Of the envelope, across the heading."""
     track: Floats
     """(n, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor: as reported, and as forecast for each second after that; nan if
     unknown."""

@@ -88,14 +88,16 @@ class ReportHistory(NamedTuple):
 
 
 class RelativePoses(NamedTuple):
-    """n pairs of robots, at k moments of the past and m moments ahead. Arrays are (n, k + m) if not said otherwise."""
+    """n pairs of robots, at k moments of the past and m moments ahead. Arrays are (n, k + m) unless
+    stated otherwise."""
 
     past_s: Floats
     """(n, k) the moments of the past; nan if the two have no time in common."""
     dx_m: Floats
-    """From the first robot of the pair to the second."""
+    """From the centre of the first robot of the pair to that of the second, along x and along y of their floor."""
     dy_m: Floats
     yaw_a_rad: Floats
+    """Heading of the first robot, anticlockwise from x, and of the second."""
     yaw_b_rad: Floats
     is_same_floor: Bools
     """Whether both are known to be on one floor."""

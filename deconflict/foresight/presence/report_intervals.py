@@ -62,10 +62,13 @@ class Legs(NamedTuple):
     took_s: Floats
     """Time between their event times; inf if there was none before."""
     x_m: Floats
+    """(n, 2) centre of the envelope in the floor's frame."""
     y_m: Floats
-    yaw_rad: Floats
-    floor: Ints
     """(n, 2)"""
+    yaw_rad: Floats
+    """(n, 2) heading."""
+    floor: Ints
+    """(n, 2) index of the floor."""
 
 
 @kernel(

@@ -97,10 +97,13 @@ class Posterior:
 
     prior: Prior
     weights: Floats = field(init=False)
+    """(features,)"""
     information: Floats = field(init=False)
     """(features, features) inverse of the covariance of the weights."""
     as_of_s: float | None = None
+    """When the information was last faded; None before the first time."""
     _covariance: Floats | None = None
+    """Computed when it is needed; None after each change of the information."""
 
     def __post_init__(self) -> None:
         self.weights, self.information = self.prior.mean.copy(), self._prior_information()

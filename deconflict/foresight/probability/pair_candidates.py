@@ -21,8 +21,11 @@ class SweptConflicts(NamedTuple):
 
     pairs: Sequence[Pair]
     separation_m: Floats
+    """Smallest separation of the envelopes over the horizon."""
     separation_at_s: Floats
+    """When it is reached."""
     contact_s: Floats
+    """First time within the clearance."""
 
 
 class PairCandidates:

@@ -39,6 +39,7 @@ class StartTimes:
     """(kinds, 2, bins, 2) starts, and seconds in which a robot could have started, faded. The second axis is whether
     the robot was blocked."""
     as_of_s: float | None = None
+    """When the counts were last faded; None before the first time."""
 
     def record(
         self, kind: Ints, blocked: Bools, stood_s: Floats, lasted_s: Floats, started: Floats, now_s: float

@@ -17,8 +17,10 @@ class NearPair(NamedTuple):
     """Two robots that the engine saw within the clearance."""
 
     a: str
+    """UUIDs of the two."""
     b: str
     at_s: float
+    """When the engine saw it, seconds since the epoch."""
     vendors: tuple[str, ...] = ()
     """Sorted. Empty if an older release noted the pair."""
 

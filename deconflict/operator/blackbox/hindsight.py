@@ -33,9 +33,12 @@ class ReportedPose(NamedTuple):
     """The pose in one report of a robot."""
 
     t_s: float
+    """Time of the pose, seconds since the epoch."""
     x_m: float
+    """Centre of the envelope in the floor's frame."""
     y_m: float
     yaw_rad: float
+    """Heading, anticlockwise from x."""
     floor: int
     """-1 if the robot is on no floor."""
     bottom_m: float
@@ -52,7 +55,9 @@ class RecordedTrack:
     vendor: str = ""
     reports: list[ReportedPose] = field(default_factory=list)
     length_m: float = 0.0
+    """Of the newest envelope, along the heading."""
     width_m: float = 0.0
+    """Of the newest envelope, across the heading."""
 
     def add_pose(self, robot: Robot) -> None:
         """Add the robot's present pose, if it is newer than the last."""

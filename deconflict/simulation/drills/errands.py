@@ -30,10 +30,12 @@ class Visit:
     """A position that a robot drives to, and how long it stays there. With no stay it drives through."""
 
     x_m: float
+    """In the floor's frame."""
     y_m: float
     place: str = ""
     """Id of a resource."""
     stay_s: float = 0.0
+    """How long it stays."""
     state: str = "waitingExternalEvent"
     """The state that it reports while it is there."""
 
@@ -43,6 +45,7 @@ class Knot:
     """The planned pose of a robot after a time. `visit` is set if it has just arrived there."""
 
     after_s: float
+    """Seconds from now."""
     x_m: float
     y_m: float
     yaw_rad: float

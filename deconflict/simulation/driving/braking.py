@@ -36,6 +36,7 @@ class Course:
     """The next motion of n robots."""
 
     wanted_mps: Floats
+    """(n,) speed that it is to reach."""
     kept: Bools
     """(n,) whether it must not move."""
     by: Ints
