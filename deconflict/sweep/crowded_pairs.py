@@ -3,10 +3,13 @@
 The first few are kept, so that a robot is warned of a crowd ahead and not of each robot in it.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ingest.batch import Floats, Ints
 
+NO_CROWDS: Mapping[str, int] = {}
 MOST = 3
 """Pairs of one robot with those of one crowd."""
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, repeat
 from math import ceil, floor, inf
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from deconflict.sweep.contact_intervals import (
     still_valid,
     with_contacts,
 )
-from deconflict.sweep.crowded_pairs import CrowdedPairs
+from deconflict.sweep.crowded_pairs import NO_CROWDS, CrowdedPairs
 from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.encounter import Encounters, encounters
 from deconflict.sweep.geometry.knots import Knots, Robots, faults
@@ -82,9 +81,7 @@ class Sweeper:
     robot in a crowd, see `CrowdedPairs`.
     """
 
-    def __init__(
-        self, *, clearance_m: float, horizon_s: float = 10.0, crowds: Mapping[str, int] = MappingProxyType({})
-    ) -> None:
+    def __init__(self, *, clearance_m: float, horizon_s: float = 10.0, crowds: Mapping[str, int] = NO_CROWDS) -> None:
         """`crowds` is a number for each robot that is in a crowd, and may change. `touch` the robots that it changes
         for."""
         if not clearance_m >= 0 or not 0 < horizon_s < float("inf"):

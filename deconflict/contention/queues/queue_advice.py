@@ -51,14 +51,16 @@ class _QueueQuestion(AdviceQuestion):
 def queue_advice(
     site: Site, live: LiveRobots, burden: Burden, submit: Submit, measures: Measures
 ) -> Callable[[PlaceGeometry], "QueueAdvice"]:
-    """Makes the advice of an engine for the places of its site. `live` may change."""
-    priorities = Priorities(site.vendors)
+    """Makes the advice of an engine for the places of its site. `live` may change. Can be pickled."""
+    priority = partial(_priority, Priorities(site.vendors), live)
+    return partial(
+        QueueAdvice, burden=burden, settings=site.advice, submit=submit, priority=priority, measures=measures
+    )
 
-    def priority(uuid: str) -> float:
-        robot = live.robots[uuid]
-        return priorities.of(robot.vendor, robot.model)
 
-    return lambda geometry: QueueAdvice(geometry, burden, site.advice, submit, priority, measures)
+def _priority(priorities: Priorities, live: LiveRobots, uuid: str) -> float:
+    robot = live.robots[uuid]
+    return priorities.of(robot.vendor, robot.model)
 
 
 class QueueAdvice:

@@ -8,7 +8,6 @@ Outcomes are read from the robots' own reports, as in offline scoring.
 """
 
 from collections.abc import Collection, Mapping
-from types import MappingProxyType
 
 import numpy as np
 
@@ -47,6 +46,7 @@ from deconflict.foresight.probability.waiting_robots import record_starts
 from deconflict.foresight.rollout.rollout import NOBODY
 from deconflict.foresight.rollout.start_times import StartTimes
 from deconflict.runtime.learned_state import Part
+from deconflict.sweep.crowded_pairs import NO_CROWDS
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 from ingest.kernels import ready
@@ -73,7 +73,7 @@ class ProbabilityEstimator:
         apart_m: float,
         horizon_s: float,
         measures: Measures,
-        crowds: Mapping[str, int] = MappingProxyType({}),
+        crowds: Mapping[str, int] = NO_CROWDS,
     ) -> None:
         """`crowds` has the robots that are in a crowd, and may change."""
         self.measures = measures

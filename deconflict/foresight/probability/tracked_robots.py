@@ -1,13 +1,13 @@
 """The robots that the estimator knows: a slot for each, and what is known of it, in columns."""
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 
 import numpy as np
 
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
+from deconflict.sweep.crowded_pairs import NO_CROWDS
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 
@@ -18,7 +18,7 @@ COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "vendo
 class TrackedRobots:
     """Columns by slot, with spare slots. A robot keeps its slot until it is removed; another robot may then get it."""
 
-    def __init__(self, crowds: Mapping[str, int] = MappingProxyType({})) -> None:
+    def __init__(self, crowds: Mapping[str, int] = NO_CROWDS) -> None:
         """`crowds` has the robots that are in a crowd, and may change."""
         self._slots, self._crowds = RobotSlots(), crowds
         self.vendor_numbers: dict[str, int] = {}
