@@ -15,6 +15,8 @@ LIKELIER = 0.15
 """A larger change of the probability is worth a revision."""
 HOLD_CHANGED_S = 1.0
 """A hold that differs by no more is the same advice."""
+ROUNDED = 1e-3
+"""Advisories give probabilities rounded to this."""
 UPDATE_GAP_S = 1.0
 """Shortest time between two revisions, unless severity rises."""
 FADES_S = 1.0

@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 from deconflict.advisories.revision_rules import (
     DEEPER_M,
     FADES_S,
+    LIKELIER,
     MOVED_S,
+    ROUNDED,
     UPDATE_GAP_S,
     is_likelier,
     published_probability,
@@ -169,8 +171,13 @@ def _decide_without_advisory(
 
 @inner
 def _decide_probability(advisory: Any, probability: float, now_s: float, thresholds: Any) -> int:
-    """The code if nothing but the probability can change."""
-    has_changed = _is_likelier(_published_probability(probability, thresholds.held_probability), advisory.probability)
+    """The code if nothing but the probability can change.
+
+    The probability itself must have changed, too: that low ones are published as one value is no news.
+    """
+    has_changed = abs(probability - advisory.probability) > LIKELIER - ROUNDED
+    published = _published_probability(probability, thresholds.held_probability)
+    has_changed = has_changed and _is_likelier(published, advisory.probability)
     return UPDATE_PROBABILITY if has_changed and now_s >= advisory.updated_s + UPDATE_GAP_S else NO_CHANGE
 
 

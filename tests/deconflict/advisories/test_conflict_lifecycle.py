@@ -119,12 +119,11 @@ def test_a_conflict_that_has_begun_is_updated_in_its_probability() -> None:
     ]
 
 
-def test_a_probability_that_falls_is_compared_as_it_would_be_published() -> None:
-    story = Story()
+def test_a_probability_that_is_published_as_a_lower_one_is_no_news_by_itself() -> None:
+    story, held = Story(), SETTINGS.raise_probability * HELD_SHARE
     story.raised()
     story.predicted(6, probability=UNLIKELY + 0.155)
-    (update,) = story.predicted(5, probability=SETTINGS.raise_probability * HELD_SHARE - 0.001)
-    assert update.probability == UNLIKELY
+    assert story.predicted(5, probability=held - 0.001) == []
 
 
 def test_two_that_draw_apart_without_new_forecasts_may_raise_a_new_advisory() -> None:
