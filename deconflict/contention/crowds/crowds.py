@@ -16,6 +16,8 @@ from ingest.batch import Ints
 
 FEWEST = 9
 """Fewer overlapping robots in one heap are no crowd."""
+HEARD_S = 10.0
+"""A robot that was not heard for longer is in no crowd: silent robots are believed to stand where others may be."""
 HELD_S = 5.0
 """A robot is in a crowd until it has not overlapped with it for this long."""
 
@@ -50,7 +52,7 @@ class Crowds:
 
     def step(self, now_s: float) -> dict[str, bool]:
         """The robots that have come to a crowd (True) or left one since the last step."""
-        live, slots = self._live, self._overlapping()
+        live, slots = self._live, self._overlapping(now_s)
         for heap in _heaps(live, slots) if len(slots) >= FEWEST else ():
             if len(heap) >= FEWEST:
                 self._found_s |= dict.fromkeys((live.uuids[slot] for slot in heap.tolist()), now_s)
@@ -64,12 +66,13 @@ class Crowds:
         self._numbers.update((uuid, 1 + int(live.vendor[live.robots[uuid].slot])) for uuid in self._found_s)
         return changed
 
-    def _overlapping(self) -> Ints:
-        """The slots of overlapping robots. Those that reported are looked at; all are if some overlap."""
+    def _overlapping(self, now_s: float) -> Ints:
+        """The slots of overlapping robots. Those that reported are looked at; if some overlap, all that were heard."""
         live, robots = self._live, self._live.take_changed()
         found = robots[overlapping(robots, live.at, live.sizes_m, live.vendor)]
         if len(found) or self._some_overlap:
-            found = np.flatnonzero(overlapping(np.arange(len(live.at)), live.at, live.sizes_m, live.vendor))
+            heard = np.where((now_s - live.event_s <= HEARD_S)[:, None], live.at, np.nan)
+            found = np.flatnonzero(overlapping(np.arange(len(heard)), heard, live.sizes_m, live.vendor))
         self._some_overlap = len(found) > 0
         return found
 

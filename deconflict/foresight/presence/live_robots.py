@@ -102,6 +102,8 @@ class LiveRobots:
     floors: tuple[str, ...] = ()
     at: Floats = field(default_factory=lambda: np.empty((0, 5)))
     """(slots, 5) x_m, y_m and floor of the first knot, bottom_m and top_m; nan for a free slot."""
+    event_s: Floats = field(default_factory=lambda: np.empty(0))
+    """(slots,) when each robot was where it reported to be."""
     sizes_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
     """(slots, 2) length and width as reported."""
     vendor: Ints = field(default_factory=lambda: np.empty(0, np.int64))
@@ -131,7 +133,7 @@ class LiveRobots:
         places = [column[first] for column in (forecasts.x_m, forecasts.y_m, forecasts.floor)]
         self.at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
         self.sizes_m[slots, 0], self.sizes_m[slots, 1] = forecasts.length_m, forecasts.width_m
-        self._is_changed[slots] = True
+        self.event_s[slots], self._is_changed[slots] = batch.event_s, True
         numbers = self._vendor_numbers
         self.vendor[slots] = [numbers.setdefault(vendor, len(numbers)) for vendor in batch.vendors]
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))
@@ -141,6 +143,7 @@ class LiveRobots:
         if missing > 0:
             more = max(len(self._slots), 64)
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
+            self.event_s = np.concatenate([self.event_s, np.zeros(more)])
             self.sizes_m = np.concatenate([self.sizes_m, np.zeros((more, 2))])
             self.vendor = np.concatenate([self.vendor, np.zeros(more, np.int64)])
             self._is_changed = np.concatenate([self._is_changed, np.zeros(more, np.bool_)])

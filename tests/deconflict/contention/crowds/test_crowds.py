@@ -1,6 +1,6 @@
 """From overlapping robots to crowds: how many, for how long, and where."""
 
-from deconflict.contention.crowds.crowds import FEWEST, HELD_S, Crowds
+from deconflict.contention.crowds.crowds import FEWEST, HEARD_S, HELD_S, Crowds
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.fleet_factory import fleet_of
 from ingest.measures.measures import Measures
@@ -45,6 +45,14 @@ def test_fewer_than_nine_robots_are_no_crowd() -> None:
     assert stage.says(heap(FEWEST)) == dict.fromkeys(uuids(heap(FEWEST)), True)
     assert stage.crowds.numbers.keys() == uuids(heap(FEWEST))
     assert stage.says({}) == {}
+
+
+def test_silent_robots_are_in_no_crowd() -> None:
+    stage, robots = Stage(), heap(FEWEST)
+    for name, place in robots.items():
+        assert stage.says({name: place}) == {}
+        stage.now_s += HEARD_S
+    assert stage.says(robots).keys() == uuids(robots)
 
 
 def test_the_first_robots_of_a_crowd_are_found_with_the_others() -> None:
