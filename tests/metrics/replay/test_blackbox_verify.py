@@ -62,7 +62,7 @@ def test_the_commands_verify_list_and_replay(floor: Floor, file: Path, tmp_path:
     assert (proved.returncode, "the replay gives the same" in proved.stdout) == (0, True), proved.stderr
     listed = deconflict("blackbox", "list", "--data", str(floor.data)).stdout
     assert str(file) in listed
-    assert "no conflict had Alder B-1 come" in listed
+    assert "for Alder B-1 would have avoided it" in listed
     advisories = tmp_path / "advisories.jsonl"
     replayed = deconflict("replay", str(file), "--advisories", str(advisories), "--json", str(tmp_path / "out.json"))
     assert replayed.returncode == 0, replayed.stderr
