@@ -1,4 +1,5 @@
-"""How severe a conflict is: by the time that is left, how close the two come, and how likely it is.
+"""How severe an advisory is. A conflict: by the time that is left, how close the two come, and how likely it is.
+Queues, deadlocks and blockages: by the time that is left.
 
 The kernels of `watched_pair_kernels` compile `severity_level` and `next_severity_change_s`.
 """
@@ -11,14 +12,12 @@ from deconflict.settings.site import Conflict
 
 SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
 """In ascending order."""
-
-
 SURE = 0.8
 """A less likely conflict is one level less severe, and raises an advisory only if the forecasts meet as they stand."""
-
-
 SLACK_S = 1.0
 """A severity falls only once the time to the conflict is this much longer than its bound."""
+SOON_S = 30.0
+"""A queue, deadlock or blockage that begins within this time is a warning."""
 
 
 def severity_level(time_s: float, is_shallow: bool, warning_s: float, critical_s: float) -> int:
@@ -54,6 +53,11 @@ def severity_of(prediction: Prediction, now_s: float, before: Severity | None, s
 
     least = level(0.0)
     return SEVERITIES[least if before is None else max(least, min(SEVERITIES.index(before), level(SLACK_S)))]
+
+
+def severity_of_finding(left_s: float) -> Severity:
+    """The severity of a queue, deadlock or blockage that begins in `left_s`."""
+    return Severity.WARNING if left_s <= SOON_S else Severity.CAUTION
 
 
 def rises(severity: Severity, before: Severity) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.finding_lifecycle import Finding
+from deconflict.advisories.severity import severity_of_finding
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast
@@ -22,8 +23,6 @@ STATE_PHRASES = {
 """Phrases for states of the standard (5.2); other states are words already."""
 WIDE_SPREAD_S = 3.0
 """The text gives the spread of an arrival if it is at least so wide."""
-SOON_S = 30.0
-"""A finding that begins within this time is a warning."""
 
 
 def contention(
@@ -42,7 +41,7 @@ def contention(
     return Finding(
         kind="contention",
         about=place,
-        severity=_severity(first_s - now_s),
+        severity=severity_of_finding(first_s - now_s),
         robots=tuple(sorted({*present, *(entry.robot for entry in waiting)})),
         predicted_s=first_s,
         location=geometry.location(place),
@@ -54,10 +53,6 @@ def contention(
         evidence=_queue_evidence(geometry, place, queue, len(present)),
         recommendation=advice,
     )
-
-
-def _severity(left_s: float) -> Severity:
-    return Severity.WARNING if left_s <= SOON_S else Severity.CAUTION
 
 
 def _spread(first: QueueEntry) -> str:
@@ -159,7 +154,7 @@ def deadlock(
     return Finding(
         kind="deadlock",
         about=" ".join(sorted({link.waiter for link in ring})),
-        severity=Severity.CRITICAL if left_s <= 0 else _severity(left_s),
+        severity=Severity.CRITICAL if left_s <= 0 else severity_of_finding(left_s),
         robots=tuple(sorted({link.waiter for link in ring})),
         predicted_s=begins_s,
         location=geometry.location(zone) if zone else Location(datum=waiter.datum, x=waiter.x_m, y=waiter.y_m),
@@ -207,7 +202,7 @@ def blockage(blocked: Blockage, robots: Mapping[str, RobotView], quiet_after_s: 
     return Finding(
         kind="blockage",
         about=blocked.blocker,
-        severity=_severity(blocked.from_s - now_s),
+        severity=severity_of_finding(blocked.from_s - now_s),
         robots=tuple(sorted((blocked.blocker, *blocked.holds_up))),
         predicted_s=max(blocked.from_s, now_s),
         location=Location(datum=robot.datum, x=round(robot.x_m, 3), y=round(robot.y_m, 3)),

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.sweep.broadphase import BOX, PAIR, Pairs
+from deconflict.sweep.geometry.envelope_distances import nearest_corner
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
-from deconflict.sweep.geometry.rectangles import nearest_corner
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from deconflict.sweep.geometry.rectangles import gap
+from deconflict.sweep.geometry.envelope_distances import gap
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
 from metrics.truth.recorded_motion import SampledMotion

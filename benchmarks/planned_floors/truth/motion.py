@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.sweep.geometry.rectangles import signed_gap
+from deconflict.sweep.geometry.envelope_distances import signed_gap
 from ingest.batch import Floats, Ints
 
 Bools = NDArray[np.bool_]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from deconflict.foresight.forecast_errors.upper_quantiles import LIMITS_M
 from deconflict.foresight.motion_assumptions import JOINED_S, SPACED_S
 from deconflict.sweep.geometry.encounter import STANDING_MPS
-from deconflict.sweep.geometry.rectangles import signed_gap
+from deconflict.sweep.geometry.envelope_distances import signed_gap
 from ingest.batch import Bools, Floats, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel

@@ -4,7 +4,7 @@ from math import inf
 
 import numpy as np
 
-from deconflict.sweep.geometry.rectangles import signed_gap
+from deconflict.sweep.geometry.envelope_distances import signed_gap
 from ingest.batch import Floats
 
 TOUCHES_M = 0.1

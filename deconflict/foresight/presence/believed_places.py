@@ -8,9 +8,9 @@ from scipy.spatial import cKDTree
 
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.presence.report_intervals import Legs
+from deconflict.sweep.geometry.envelope_distances import signed_gap
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.geometry.pose import Pose
-from deconflict.sweep.geometry.rectangles import signed_gap
 from ingest.batch import Batch, Bools, Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 

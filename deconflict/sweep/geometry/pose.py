@@ -1,11 +1,10 @@
 """Poses of robots at given times of their forecasts."""
 
 from dataclasses import dataclass
-from math import cos, hypot, sin
+from math import hypot
 
 import numba
 import numpy as np
-from shapely import Polygon
 
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
@@ -110,11 +109,3 @@ def poses_at(forecasts: Forecasts, since_s: Floats, after_s: Floats) -> Floats:
     f = forecasts
     t, x, y, yaw = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     return _poses_at(ready(f.start, np.int64), t, x, y, yaw, ready(f.floor, np.int64), since_s, after_s)
-
-
-def envelope(forecast: Forecasts, pose: Pose) -> Polygon:
-    """The rectangle of one robot at `pose`."""
-    c, s = cos(pose.yaw_rad), sin(pose.yaw_rad)
-    half_l, half_w = float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2
-    corners = ((half_l, half_w), (-half_l, half_w), (-half_l, -half_w), (half_l, -half_w))
-    return Polygon([(pose.x_m + c * u - s * v, pose.y_m + s * u + c * v) for u, v in corners])

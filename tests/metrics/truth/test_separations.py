@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from deconflict.sweep.geometry.rectangles import gap
+from deconflict.sweep.geometry.envelope_distances import gap
 from metrics.truth.recorded_motion import SampledMotion
 from metrics.truth.separations import separations
 

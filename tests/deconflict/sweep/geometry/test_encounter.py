@@ -9,7 +9,8 @@ from shapely import Point
 
 from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.encounter import CLASSES, Row, encounter, separation_m
-from deconflict.sweep.geometry.pose import envelope, pose_at
+from deconflict.sweep.geometry.envelopes import envelope
+from deconflict.sweep.geometry.pose import pose_at
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts
 from tests.helpers.made_encounters import NOW_S, wanderer

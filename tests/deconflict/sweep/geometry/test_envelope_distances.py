@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.sweep.geometry.rectangles import gap, signed_gap
+from deconflict.sweep.geometry.envelope_distances import gap, signed_gap
 from ingest.batch import Floats
 from tests.helpers.oracle import polygon_distance
 
