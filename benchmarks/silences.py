@@ -25,8 +25,8 @@ from numpy.random import Generator
 
 from benchmarks.silent_floor import GRACE_S, Meeting, SilentFloor
 from deconflict.engine import engine
-from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.presence.probably_left import PresenceChanges
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.recording.log_reader import LogReader

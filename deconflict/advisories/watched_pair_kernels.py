@@ -33,7 +33,7 @@ from deconflict.advisories.revision_rules import (
 )
 from deconflict.advisories.severity import SLACK_S, SURE, next_severity_change_s, severity_level
 from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
-from deconflict.foresight.presence.lasting_silences import PROBABLY_LEFT
+from deconflict.foresight.presence.probably_left import PROBABLY_LEFT
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel

@@ -11,8 +11,8 @@ from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
 from deconflict.engine.load_shedding import Effort
 from deconflict.foresight.presence import presence_batches
-from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict.foresight.presence.probably_left import PresenceChanges
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from ingest.batch import Batch

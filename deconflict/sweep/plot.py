@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 from shapely.plotting import plot_polygon
 
-from deconflict.sweep.geometry.envelopes import envelope
+from deconflict.sweep.geometry.encounter import envelope
 from deconflict.sweep.geometry.pose import Pose, pose_at
 from deconflict.sweep.sweep_once import Conflicts
 from ingest.batch import Forecasts

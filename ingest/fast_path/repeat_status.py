@@ -16,7 +16,7 @@ from ingest.fast_path.scanner_kernels import OF_DESTINATIONS, OF_PATH
 from ingest.fast_path.status_scanner import ScannedStatus, StatusTexts
 from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction import plausibility
-from ingest.fleet.prediction.forecast import size
+from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.robot import Robot

@@ -16,9 +16,9 @@ import numpy as np
 
 from deconflict.foresight.motion_assumptions import RESTING_STATES
 from deconflict.foresight.presence.believed_places import BelievedPlaces, place_of
-from deconflict.foresight.presence.lasting_silences import LastingSilence, LastingSilences, PresenceChanges
 from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict.foresight.presence.lost_connections import VendorConnections
+from deconflict.foresight.presence.probably_left import LastingSilence, LastingSilences, PresenceChanges
 from deconflict.foresight.presence.removed_robots import RemovedRobot, RemovedRobots
 from deconflict.foresight.presence.report_intervals import Legs, ReportIntervals
 from deconflict.foresight.presence.returned_robots import datum_of, was_there

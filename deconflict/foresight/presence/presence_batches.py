@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict.foresight.presence.probably_left import PresenceChanges
 from ingest.batch import Basis, Batch, Forecasts
 
 LATER_S = 1e-6

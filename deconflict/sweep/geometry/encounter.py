@@ -7,11 +7,11 @@ from typing import Any
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon
 
 from deconflict.advisory import EncounterClass
-from deconflict.sweep.geometry.envelopes import envelope
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
-from deconflict.sweep.geometry.pose import COLUMNS, Columns, Moving, columns_of, moving, pose_at
+from deconflict.sweep.geometry.pose import COLUMNS, Columns, Moving, Pose, columns_of, moving, pose_at
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel
@@ -86,6 +86,14 @@ def separation_m(a: Row, b: Row, t_s: float) -> float | None:
     """Distance of the two envelopes at `t_s`, 0 if they overlap; None if they are on different floors."""
     distance_m, *_, floor_a, floor_b = _met(columns_of(*a), columns_of(*b), t_s)
     return None if floor_a != floor_b or floor_a < 0 else distance_m
+
+
+def envelope(forecast: Forecasts, pose: Pose) -> Polygon:
+    """The rectangle of one robot at `pose`."""
+    c, s = cos(pose.yaw_rad), sin(pose.yaw_rad)
+    half_l, half_w = float(forecast.length_m[0]) / 2, float(forecast.width_m[0]) / 2
+    corners = ((half_l, half_w), (-half_l, half_w), (-half_l, -half_w), (half_l, -half_w))
+    return Polygon([(pose.x_m + c * u - s * v, pose.y_m + s * u + c * v) for u, v in corners])
 
 
 def _shared(a: Row, b: Row, t_s: float) -> tuple[float, float]:

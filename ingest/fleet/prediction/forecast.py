@@ -10,18 +10,18 @@ with a lost error may be off by `lost_doubt_m`.
 
 from collections.abc import Sequence
 from itertools import chain
-from math import atan2, ceil, cos, hypot, inf, isnan, nan, sin
+from math import atan2, ceil, cos, hypot, isnan, nan, sin
 from operator import itemgetter
 
 import numpy as np
 
 from ingest.batch import Basis, Floats
+from ingest.fleet.prediction.envelope import lacks_heading, with_envelope
 from ingest.fleet.prediction.forecast_model import (
     NO_STOPS,
     Forecast,
     ForecastContext,
     Knot,
-    RobotBody,
     Route,
     Sighting,
 )
@@ -33,14 +33,12 @@ DESTINATION_SPEED_MPS = 1.0
 AWAY_M = 0.1
 """An idle robot whose path leads no further than this stands."""
 
-_YAW = itemgetter(3)
-
 
 def forecast(status: Status, here: Sighting, context: ForecastContext) -> Forecast:
     """The forecast of a robot seen at `here`, with the deviations of its path."""
     findings: list[str] = []
     basis, (knots, floors) = _route(status, here, context, findings)
-    return _enveloped(basis, knots, floors, context.body, status.z, tuple(findings))
+    return with_envelope(basis, knots, floors, context.body, status.z, tuple(findings))
 
 
 def stops(status: Status, here: Sighting, context: ForecastContext) -> Floats:
@@ -147,7 +145,7 @@ def _by_destination(destinations: Path, here: Sighting, context: ForecastContext
 
 def _with_headings(knots: Sequence[Knot]) -> Sequence[Knot]:
     """Replace unknown headings by the direction of travel. The headings of a robot that does not move stay nan."""
-    if not _lacks_heading(knots):
+    if not lacks_heading(knots):
         return knots
     headed: list[Knot] = []
     for row, (t_s, x, y, sent_rad) in enumerate(knots):
@@ -158,39 +156,3 @@ def _with_headings(knots: Sequence[Knot]) -> Sequence[Knot]:
             yaw_rad = atan2(dy, dx) if hypot(dx, dy) > 1e-3 else headed[row - 1][3] if row else nan
         headed.append((t_s, x, y, yaw_rad))
     return headed
-
-
-def _lacks_heading(knots: Sequence[Knot]) -> bool:
-    """Whether a heading is unknown. A sum with nan is nan."""
-    return isnan(sum(map(_YAW, knots)))
-
-
-def _enveloped(
-    basis: Basis, knots: Sequence[Knot], floors: tuple[int, ...], body: RobotBody, z_m: float, findings: tuple[str, ...]
-) -> Forecast:
-    """Move the knots from the location to the envelope centre. Between knots the centre then moves in a straight line.
-
-    If a heading is unknown, the envelope becomes the square that holds it in any direction.
-    """
-    length_m, width_m, bottom_m, top_m = size(body, z_m)
-    dx, dy = body.offset_m
-    if _lacks_heading(knots):
-        length_m = width_m = hypot(length_m, width_m) + 2 * hypot(dx, dy)
-        knots = [(t_s, x, y, 0.0) for t_s, x, y, _ in knots]
-    elif dx or dy:
-        knots = _at_centre(knots, dx, dy)
-    return Forecast(basis, tuple(knots), floors, length_m, width_m, bottom_m, top_m, findings)
-
-
-def size(body: RobotBody, z_m: float) -> tuple[float, float, float, float]:
-    """Length, width, bottom and top of an envelope. Bottom and top are infinite if the height is unknown."""
-    length_m, width_m, height_m = body.envelope_m
-    return (length_m, width_m, z_m, z_m + height_m) if height_m else (length_m, width_m, -inf, inf)
-
-
-def _at_centre(knots: Sequence[Knot], dx: float, dy: float) -> list[Knot]:
-    centred = []
-    for t_s, x, y, yaw_rad in knots:
-        c, s = cos(yaw_rad), sin(yaw_rad)
-        centred.append((t_s, x + c * dx - s * dy, y + s * dx + c * dy, yaw_rad))
-    return centred

@@ -7,7 +7,7 @@ import pytest
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.engine.engine import Engine
-from deconflict.foresight.presence.lasting_silences import PresenceChanges
+from deconflict.foresight.presence.probably_left import PresenceChanges
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Conflict, Site
 from ingest.batch import Batch

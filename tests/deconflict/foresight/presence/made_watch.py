@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from deconflict.foresight.presence.lasting_silences import PresenceChanges
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.presence.probably_left import PresenceChanges
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry

@@ -2,9 +2,9 @@
 
 import pytest
 
-from deconflict.foresight.presence.lasting_silences import LastingSilence
 from deconflict.foresight.presence.live_robots import LiveRobot
 from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.presence.probably_left import LastingSilence
 from deconflict.runtime.learned_state import packed, unpacked
 from tests.deconflict.foresight.presence.made_watch import DOOR_M, LINE, NOW_S, Watch, leave
 from tests.helpers.saying import LOFT, identity, robot

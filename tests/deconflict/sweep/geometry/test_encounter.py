@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from shapely import Point
 
 from deconflict.advisory import EncounterClass
-from deconflict.sweep.geometry.encounter import CLASSES, Row, encounter, separation_m
-from deconflict.sweep.geometry.envelopes import envelope
+from deconflict.sweep.geometry.encounter import CLASSES, Row, encounter, envelope, separation_m
 from deconflict.sweep.geometry.pose import pose_at
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts
