@@ -1,11 +1,12 @@
 """The modules that atheris must not instrument, since numba can't compile instrumented code."""
 
+import ast
 import re
 from itertools import chain
 from pathlib import Path
 
 PRODUCT = Path(__file__).parents[2]
-_COMPILED_NAME = re.compile(r"= inner\((\w+)\)")
+_COMPILED_NAME = re.compile(r"\binner\((\w+)\)")
 
 
 def compiled_modules() -> list[str]:
@@ -20,5 +21,6 @@ def compiled_modules() -> list[str]:
 
 def _homes_of_helpers(source: str) -> list[str]:
     """The modules from which a file imports functions that it compiles."""
-    imports = [re.search(rf"^from (\S+) import .*\b{name}\b", source, re.M) for name in _COMPILED_NAME.findall(source)]
-    return [found.group(1) for found in imports if found]
+    names = set(_COMPILED_NAME.findall(source))
+    imports = [node for node in ast.parse(source).body if isinstance(node, ast.ImportFrom)]
+    return [node.module or "" for node in imports if not names.isdisjoint(alias.name for alias in node.names)]
