@@ -31,7 +31,7 @@ from deconflict.advisories.revision_rules import (
     is_likelier,
     published_probability,
 )
-from deconflict.advisories.severity import SLACK_S, SURE, next_severity_change_s, severity_level
+from deconflict.advisories.severity import SLACK_S, SURE, is_shallow, next_severity_change_s, severity_level
 from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.foresight.presence.probably_left import PROBABLY_LEFT
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
@@ -95,7 +95,7 @@ _PREDICTIONS = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
 
 
 _is_likelier, _published_probability = inner(is_likelier), inner(published_probability)
-_severity_level = inner(severity_level)
+_is_shallow, _severity_level = inner(is_shallow), inner(severity_level)
 _next_severity_change_s = inner(next_severity_change_s)
 
 
@@ -206,10 +206,10 @@ def _decide_update(pair: Any, advisory: Any, predicted: Any, now_s: float, thres
     if advisory.has_begun and contact_s <= now_s:
         return _decide_probability(advisory, predicted.probability, now_s, thresholds)
     time_s, next_revision_s = contact_s - now_s, advisory.updated_s + UPDATE_GAP_S
-    is_shallow = separation_m > thresholds.clearance_m / 2 or not is_sure
+    is_lower = _is_shallow(separation_m, predicted.probability, thresholds.clearance_m)
     warning_s, critical_s = thresholds.warning_s, thresholds.critical_s
-    least = _severity_level(time_s, is_shallow, warning_s, critical_s)
-    most = _severity_level(time_s, is_shallow, warning_s + SLACK_S, critical_s + SLACK_S)
+    least = _severity_level(time_s, is_lower, warning_s, critical_s)
+    most = _severity_level(time_s, is_lower, warning_s + SLACK_S, critical_s + SLACK_S)
     is_too_soon = now_s < next_revision_s and least <= advisory.severity
     is_same = least <= advisory.severity <= most and is_as_likely
     is_same = is_same and abs(round(contact_s - advisory.contact_s, 6)) <= MOVED_S

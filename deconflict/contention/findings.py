@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.finding_lifecycle import Finding
-from deconflict.advisories.severity import severity_of_finding
+from deconflict.advisories.severity import severity_of_deadlock, severity_of_finding
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast
@@ -154,7 +154,7 @@ def deadlock(
     return Finding(
         kind="deadlock",
         about=" ".join(sorted({link.waiter for link in ring})),
-        severity=Severity.CRITICAL if left_s <= 0 else severity_of_finding(left_s),
+        severity=severity_of_deadlock(left_s),
         robots=tuple(sorted({link.waiter for link in ring})),
         predicted_s=begins_s,
         location=geometry.location(zone) if zone else Location(datum=waiter.datum, x=waiter.x_m, y=waiter.y_m),

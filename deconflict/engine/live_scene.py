@@ -12,7 +12,7 @@ from deconflict.sweep.geometry.encounter import Encounter, Encounters, encounter
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Basis, Floats, FloorPoint, Pair
 
-PROBABLY_LEFT = "is silent and has probably left"
+LEFT_IN_SILENCE = "is silent and has probably left"
 _BASIS_NAMES = {basis: basis.name.lower() for basis in Basis}
 
 
@@ -35,7 +35,7 @@ class LiveScene:
 
     def absence(self, uuid: str) -> str | None:
         if uuid in self._live.robots:
-            return PROBABLY_LEFT if self._presence.has_probably_left(uuid) else None
+            return LEFT_IN_SILENCE if self._presence.has_probably_left(uuid) else None
         removed = self._presence.removal_of(uuid)
         return f"is not there: {removed.by} has driven through its place" if removed else LEFT
 
