@@ -98,7 +98,7 @@ class Running:
         """The figures since the last row."""
         now_s, after, used = time.monotonic(), self.measures(), self.usage()
         seconds, before = now_s - self._at_s, self._before
-        waits = _since(before["latency"], after["latency"])
+        waits = since(before["latency"], after["latency"])
         accepted = _rise(before, after, "deconflict_messages_total accepted")
         row = Row(
             robots=robots,
@@ -282,7 +282,10 @@ def _rise(before: dict[str, Any], after: dict[str, Any], name: str) -> float:
     return float(after.get(name, 0.0) - before.get(name, 0.0))
 
 
-def _since(before: Histogram, after: Histogram) -> Histogram:
+def since(before: Histogram, after: Histogram) -> Histogram:
+    """What was observed between two looks; all of it if the role has begun anew in between."""
+    if any(b > a for a, b in zip(after.counts, before.counts, strict=True)):
+        return after
     between = Histogram(after.bounds)
     between.counts = [b - a for a, b in zip(before.counts, after.counts, strict=True)]
     between.total = after.total - before.total

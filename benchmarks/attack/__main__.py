@@ -16,9 +16,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from benchmarks.attack.measuring import Samples, Subscriber, disk_mb, health, honest_latency, since
+from benchmarks.attack.measuring import Samples, Subscriber, disk_mb, health, honest_latency
 from benchmarks.attack.senders import sending
-from benchmarks.endtoend import Running, service
+from benchmarks.endtoend import Running, service, since
 
 SETTLE_S, AROUND_S = 15.0, 30.0
 """How long honest robots are heard before anything is measured, and how long they are measured before and after."""

@@ -131,11 +131,3 @@ def honest_latency(running: Running) -> Histogram:
         if set(row[0]) & set(HONEST_VENDORS)
     ]
     return Histogram.joined(rows) if rows else Histogram()
-
-
-def since(before: Histogram, after: Histogram) -> Histogram:
-    """What came between two looks; all of it if the engine has begun anew."""
-    between = Histogram(after.bounds)
-    counts = [now - then for then, now in zip(before.counts, after.counts, strict=True)]
-    between.counts = after.counts if min(counts) < 0 else counts
-    return between

@@ -59,7 +59,7 @@ class ConflictLifecycle:
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
     deferred: Counter[str] = field(default_factory=Counter)
-    """By vendor, the conflicts that the last pass left for a later one, see `revision_budget`."""
+    """By vendor, how many conflicts the last pass deferred to a later pass, see `revision_budget`."""
     started_s: float | None = None
     """When the first pass was; None before."""
 

@@ -29,7 +29,7 @@ class DeliveryHealth:
         self._queued_s = queued_s
 
     def taken(self, now_s: float) -> None:
-        """The parcel is stored. Without another one, its delay counts for `LATE_S`."""
+        """The parcel is stored. If no other parcel waits, its delay is reported for `LATE_S` more."""
         if self._queued_s is not None:
             self._delay_s, self._taken_s, self._queued_s = now_s - self._queued_s, now_s, None
 

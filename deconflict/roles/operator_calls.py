@@ -23,7 +23,7 @@ from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 
 ANSWER_TIMEOUT_S = 5.0
-SHOWN_BYTES = 200
+SHOWN_LETTERS = 200
 """Characters of an invalid revision that the log shows."""
 
 log = logging.getLogger(__name__)
@@ -133,7 +133,7 @@ class OperatorCalls:
                 for line in lines:
                     await self._store_answer(line)
                 continue
-            documents = (json.dumps(line["advisory"] | {"seq": line["seq"]}).encode() for line in lines)
+            documents = (line["advisory"] | {"seq": line["seq"]} for line in lines)
             if not await self._is_published(map(self._advisory, documents)):
                 return REFUSED
         return self._taken()
@@ -151,12 +151,15 @@ class OperatorCalls:
         except (ValueError, UnreadableAdvisoryError) as error:
             self._publisher.set_asides.add("invalid", f"an answer to {line['id']}", error)
 
-    def _advisory(self, line: bytes) -> AnyAdvisory | None:
-        """The revision of a line of JSON. None if it is not valid; then it is set aside."""
+    def _advisory(self, document: bytes | dict[str, Any]) -> AnyAdvisory | None:
+        """The revision of a document, or of a line of JSON. None if it is not valid; then it is set aside."""
         try:
-            return ADVISORY.validate_json(line)
+            if isinstance(document, bytes):
+                return ADVISORY.validate_json(document)
+            return ADVISORY.validate_python(document)
         except ValueError as error:
-            self._publisher.set_asides.add("invalid", line[:SHOWN_BYTES].decode(errors="replace"), error)
+            text = document.decode(errors="replace") if isinstance(document, bytes) else str(document)
+            self._publisher.set_asides.add("invalid", text[:SHOWN_LETTERS], error)
             return None
 
     async def _is_published(self, revisions: Iterable[AnyAdvisory | None]) -> bool:

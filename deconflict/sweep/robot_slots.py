@@ -2,19 +2,25 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import repeat
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ingest.batch import Ints
+
+
+def lengthened(column: NDArray[Any], more: int, axis: int = 0) -> NDArray[Any]:
+    """The array with `more` slots of zeros appended; `axis` is that of the slots."""
+    shape = list(column.shape)
+    shape[axis] = more
+    return np.concatenate([column, np.zeros(shape, column.dtype)], axis)
 
 
 def lengthen(table: object, names: Iterable[str], more: int, axis: int = 0) -> None:
     """Append `more` slots of zeros to each of these arrays of a table; `axis` is that of the slots."""
     for name in names:
-        column = getattr(table, name)
-        shape = list(column.shape)
-        shape[axis] = more
-        setattr(table, name, np.concatenate([column, np.zeros(shape, column.dtype)], axis))
+        setattr(table, name, lengthened(getattr(table, name), more, axis))
 
 
 class RobotSlots:

@@ -3,7 +3,7 @@
 `ingest/fleet/prediction` computes the same forecast knot by knot. The kernel leaves a status to it if a time is past or
 out of order, if the path contradicts the robot's motion, or if the motion needs a correction.
 
-`forecast_repeat` is long because of its thirteen arguments, one in each line.
+`forecast_repeat` is long because it has thirteen arguments, each on its own line.
 """
 
 from math import atan2, ceil, cos, inf, isnan, pi, sin

@@ -8,6 +8,7 @@ from deconflict.foresight.forecast_errors import candidate_pairs, track_kernels
 from deconflict.foresight.forecast_errors.error_ledger import HORIZONS
 from deconflict.foresight.forecast_errors.track_kernels import LONG_AGO_S, Errors, RelativePoses, ReportHistory, Robots
 from deconflict.sweep.geometry.pose import poses_at
+from deconflict.sweep.robot_slots import lengthened
 from ingest.batch import Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
@@ -67,8 +68,7 @@ class PendingForecasts:
         """Make room for this many slots."""
         more = slots - len(self.newest)
         if more > 0:
-            columns = ((column, np.zeros((more, *column.shape[1:]), column.dtype)) for column in self._history)
-            self._history = ReportHistory(*map(np.concatenate, columns))
+            self._history = ReportHistory(*(lengthened(column, more) for column in self._history))
             self.forget(np.arange(slots - more, slots))
 
     def forget(self, slots: Ints) -> None:

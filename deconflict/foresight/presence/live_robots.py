@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from deconflict.sweep.geometry.heights import heights_overlap
-from deconflict.sweep.robot_slots import RobotSlots
+from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Basis, Batch, Bools, Floats, Forecasts, Ints
 from ingest.kernels import inner, kernel
 
@@ -143,10 +143,7 @@ class LiveRobots:
         if missing > 0:
             more = max(len(self._slots), 64)
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
-            self.event_s = np.concatenate([self.event_s, np.zeros(more)])
-            self.sizes_m = np.concatenate([self.sizes_m, np.zeros((more, 2))])
-            self.vendor = np.concatenate([self.vendor, np.zeros(more, np.int64)])
-            self._is_changed = np.concatenate([self._is_changed, np.zeros(more, np.bool_)])
+            lengthen(self, ("event_s", "sizes_m", "vendor", "_is_changed"), more)
 
     def take_changed(self) -> Ints:
         """(n,) the slots of the robots that have come or reported since the last call."""

@@ -15,7 +15,7 @@ from deconflict.settings.site import Operator, Site
 
 Document = dict[str, Any]
 REVISION = {"$ref": "#/components/messages/revision"}
-_REVISION = {"contentType": "application/json", "payload": {"$ref": "#/components/schemas/AnyAdvisory"}}
+_REVISION_CONTENT = {"contentType": "application/json", "payload": {"$ref": "#/components/schemas/AnyAdvisory"}}
 SIGNATURE = ("webhook-id", "webhook-timestamp", "webhook-signature")
 _NO_SOURCES = cast(Sources, SimpleNamespace(follow=None, live_status=None))
 """A description of the interface calls none of them."""
@@ -51,7 +51,7 @@ def asyncapi() -> Document:
         },
         "components": {
             "messages": {
-                "revision": {"title": "One revision of an advisory", **_REVISION},
+                "revision": {"title": "One revision of an advisory", **_REVISION_CONTENT},
                 "presence": {"contentType": "text/plain", "payload": {"type": "string", "enum": ["online", "offline"]}},
             },
             "schemas": {"AnyAdvisory": schema, **schemas},
@@ -77,7 +77,7 @@ def _webhook() -> Document:
         "address": "/",
         "servers": [{"$ref": "#/servers/site"}],
         "description": "POST to each address of the site file, signed by Standard Webhooks 1.0.",
-        "messages": {"revision": {**_REVISION, "headers": headers, "bindings": {"http": {}}}},
+        "messages": {"revision": {**_REVISION_CONTENT, "headers": headers, "bindings": {"http": {}}}},
     }
 
 

@@ -36,7 +36,6 @@ from deconflict.operator.store.sqlite_connections import SqliteConnections
 from deconflict.operator.store.tables import (
     UNWRITABLE,
     StoredDocument,
-    add_burdens,
     advisory_of,
     answers_of,
     encounters_after,
@@ -53,6 +52,7 @@ from deconflict.operator.store.tables import (
     stored_revision,
     used_bytes,
     write_one,
+    write_revision,
 )
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from ingest.batch import Pair
@@ -114,7 +114,9 @@ class Store:
                 seq = max(last_seq(db), pending[-1].seq if pending else 0)
                 for advisory in advisories:
                     try:
-                        known = known_pending.get((advisory.id, advisory.revision)) or numbered(db, advisory, seq + 1)
+                        known = known_pending.get((advisory.id, advisory.revision))
+                        known = known or stored_revision(db, advisory.id, advisory.revision)
+                        known = known or numbered(db, advisory, seq + 1)
                     except UNWRITABLE as error:
                         unwritable.append((advisory, error))
                         continue
@@ -160,11 +162,9 @@ class Store:
             for advisory in advisories:
                 known = stored_revision(db, advisory.id, advisory.revision)
                 if known is None:
-                    seq = advisory.seq or seq + 1
-                    answers, newest_answer = answers_of(db, advisory.id)
-                    known = advisory.model_copy(update={"seq": seq, "acknowledgement": newest_answer})
-                    insert(db, known, answers, advisory.updated_at)
-                    add_burdens(db, known)
+                    known = numbered(db, advisory, seq + 1)
+                    seq = known.seq
+                    write_revision(db, known)
                 stored.append(known)
         return stored
 

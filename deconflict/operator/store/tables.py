@@ -133,11 +133,14 @@ def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowled
 
 
 def numbered(db: sqlite3.Connection, advisory: AnyAdvisory, seq: int) -> AnyAdvisory:
-    """A revision as it is stored; one that is not stored with its own number, or else `seq`, and its answer."""
-    known = stored_revision(db, advisory.id, advisory.revision)
-    if known:
-        return known
+    """A revision that is not stored yet with its own number, or else `seq`, and the newest answer to its advisory."""
     return advisory.model_copy(update={"seq": advisory.seq or seq, "acknowledgement": answers_of(db, advisory.id)[1]})
+
+
+def write_revision(db: sqlite3.Connection, revision: AnyAdvisory) -> None:
+    """Write a numbered revision, and what it adds to the burdens of vendors."""
+    insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
+    add_burdens(db, revision)
 
 
 def write_one(db: sqlite3.Connection, revision: AnyAdvisory) -> Exception | None:
@@ -145,8 +148,7 @@ def write_one(db: sqlite3.Connection, revision: AnyAdvisory) -> Exception | None
     failed: Exception | None = None
     db.execute("SAVEPOINT revision")
     try:
-        insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
-        add_burdens(db, revision)
+        write_revision(db, revision)
     except UNWRITABLE as error:
         failed = error
         db.execute("ROLLBACK TO revision")

@@ -1,7 +1,6 @@
 """Amounts of a message: speeds, percentages, run times. Values out of range are deviations: clamped or left out.
 
-A further amount of a status is a key of `AmountsReport`, a line in `_sent` and one in `read`, and a field of
-`ingest.batch.Amounts`.
+To add an amount: a key of `AmountsReport`, a line in `_sent`, a line in `read`, and a field of `ingest.batch.Amounts`.
 """
 
 from math import isnan, nan
