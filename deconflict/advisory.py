@@ -68,11 +68,29 @@ class Slot(Published):
     wait_s: float = Field(ge=0, description="time from the robot's arrival to the start of its slot")
 
 
+ActionKind = Literal["wait", "slow_down", "take_another_route", "back_out", "go_first", "look"]
+
+
+class Action(Published):
+    """What one robot should do, or what a person should look at."""
+
+    robot: Robot
+    name: str = Field(description="name of the robot for people")
+    action: ActionKind
+    seconds: float | None = Field(default=None, gt=0, description="how long to wait, or to keep the lower speed")
+    speed_mps: float | None = Field(default=None, gt=0, description="the speed to slow down to")
+    where: str = Field(default="", description="where to go or to look, for people; empty if it is the robot's place")
+    reason: str = Field(default="", description="why, for people; empty if the advisory says it")
+
+
 class Recommendation(Published):
     """The advice that resolves the advisory at the least cost. A site service may follow it or not."""
 
     holds: tuple[Hold, ...] = Field(default=(), description="at most 20, those of the advisory's own robots first")
     slots: tuple[Slot, ...] = Field(default=(), description="in the advised order, at most 16")
+    actions: tuple[Action, ...] = Field(
+        default=(), description="what people can have done, the first to do first, at most three"
+    )
     cost_s: float = Field(ge=0, description="sum of the waits, weighted by priority")
     bound_s: float = Field(ge=0, description="lower bound: no advice costs less")
     first_come_cost_s: float | None = Field(default=None, ge=0, description="cost of first come, first served")
