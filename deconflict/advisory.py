@@ -139,6 +139,9 @@ class Advisory(Published):
     summary: str = Field(description="one sentence for a person")
     recommendation: Recommendation | None = None
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest acknowledgement")
+    situation_id: str | None = Field(
+        default=None, description="id of the situation that it is part of; null if it is not part of an open situation"
+    )
     more_robots: int = Field(
         default=0, exclude_if=operator.not_, description="robots left out, of every list; absent if none is"
     )

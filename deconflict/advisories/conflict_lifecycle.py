@@ -32,8 +32,13 @@ from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.conflict_wording import MeetingPlace
 from deconflict.advisories.revision_budget import MOST_REVISIONS, Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
-from deconflict.advisories.watched_pair_kernels import CLEAR_STILL, MAY_CLEAR, UPDATE_IF_MOVED, UPDATE_PROBABILITY
-from deconflict.advisories.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
+from deconflict.advisories.watched.watched_pair_kernels import (
+    CLEAR_STILL,
+    MAY_CLEAR,
+    UPDATE_IF_MOVED,
+    UPDATE_PROBABILITY,
+)
+from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.severity import SEVERITIES
-from deconflict.advisories.watched_pairs import WatchedPair
+from deconflict.advisories.watched.watched_pairs import WatchedPair
 from deconflict.advisory import Severity
 from ingest.batch import Pair
 

@@ -32,7 +32,7 @@ from deconflict.advisories.revision_rules import (
     published_probability,
 )
 from deconflict.advisories.severity import SLACK_S, SURE, is_shallow, next_severity_change_s, severity_level
-from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
+from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.foresight.presence.probably_left import PROBABLY_LEFT
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
 from ingest.batch import Bools, Floats, Ints

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from deconflict.advisories import revision_rules
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.severity import SEVERITIES
-from deconflict.advisories.watched_pair_kernels import (
+from deconflict.advisories.watched.watched_pair_kernels import (
     FORGET,
     UPDATE_IF_MOVED,
     WATCH,
@@ -24,7 +24,7 @@ from deconflict.advisories.watched_pair_kernels import (
     examine_pairs,
     meet_elsewhere,
 )
-from deconflict.advisories.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
+from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.advisory import ConflictAdvisory
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters

@@ -1,0 +1,58 @@
+"""Situations as published: open advisories that share robots or a place, as one thing for a person to look at."""
+
+from datetime import datetime
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter
+
+from deconflict.advisory import Action, AnyAdvisory, PlacedAdvisory, Published, Robot
+
+MOST_ACTIONS = 3
+MOST_CORNERS = 16
+MOST_ADVISORIES = 40
+
+SituationKind = Literal[
+    "meeting", "head_on", "knot", "queue", "crowd", "blocked_aisle", "obstacle", "silent_robot", "deadlock"
+]
+
+
+class SituationAdvice(Published):
+    """What to do about a situation. It names robots of the situation only."""
+
+    actions: tuple[Action, ...] = Field(min_length=1, max_length=MOST_ACTIONS, description="the first to do first")
+    text: str = Field(description="the actions as one sentence")
+    since_at: datetime = Field(description="since when it is advised")
+    changed_because: str = Field(default="", description="why it replaces other advice; empty if it is the first")
+
+
+class Situation(PlacedAdvisory):
+    """Open advisories that share robots or a place. Raised, updated and cleared like an advisory."""
+
+    kind: Literal["situation"] = "situation"
+    situation_kind: SituationKind = Field(description="what is going on")
+    robots: tuple[Robot, ...] = Field(max_length=20, description="UUIDs of the first twenty robots, in ascending order")
+    recommendation: None = Field(default=None, exclude=True)
+    situation_id: None = Field(default=None, exclude=True)
+    advice: SituationAdvice | None = Field(default=None, description="one thing to do; null if nothing helps any more")
+    outline: tuple[tuple[float, float], ...] = Field(
+        max_length=MOST_CORNERS, description="corners of its area, in metres in the frame of the location's datum"
+    )
+    since_at: datetime = Field(description="when its first advisory was raised")
+    ends: str = Field(description="how it ends if nobody does anything, for people")
+    cost_s: float = Field(ge=0, description="seconds that its robots are expected to lose if nobody does anything")
+    preventable_s: float | None = Field(
+        ge=0, description="time left until the next event that a person can still prevent; null if there is none"
+    )
+    advisories: tuple[str, ...] = Field(
+        max_length=MOST_ADVISORIES, description="ids of its open advisories, oldest first, at most 40"
+    )
+    more_advisories: int = Field(default=0, ge=0, description="open advisories left out")
+    split_from: str | None = Field(default=None, description="id of the situation from which it split off")
+    joined_into: str | None = Field(default=None, description="id of the situation that it became part of")
+
+
+AnyRevision = Annotated[AnyAdvisory | Situation, Field(discriminator="kind")]
+"""What is stored and streamed: a revision of an advisory of any kind, or of a situation."""
+
+REVISION: TypeAdapter[AnyRevision] = TypeAdapter(AnyRevision)
+"""Reads one revision of an advisory or a situation."""
