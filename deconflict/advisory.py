@@ -137,7 +137,12 @@ class Advisory(Published):
     time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 if the event has begun")
     location: Location | None = Field(description="place where the event begins; null if it is not known")
     summary: str = Field(description="one sentence for a person")
-    recommendation: Recommendation | None = None
+    recommendation: Recommendation | None = Field(default=None, description="null once it is cleared")
+    advised_wait_s: dict[str, float] = Field(
+        default_factory=dict,
+        exclude_if=operator.not_,
+        description="by vendor, how long its robots were advised to wait; only once it is cleared, absent if none was",
+    )
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest acknowledgement")
     situation_id: str | None = Field(
         default=None, description="id of the situation that it is part of; null if it is not part of an open situation"
@@ -156,10 +161,22 @@ class Advisory(Published):
         return self._next(AdvisoryState.UPDATED, fields)
 
     def cleared_revision(self, now_s: float, because: str) -> Self:
-        """The last revision."""
+        """The last revision: nothing is left to do, so it has no advice."""
         now = moment(now_s)
         fields = {"updated_at": now, "cleared_at": now, "cleared_because": because, "time_to_conflict_s": 0.0}
-        return self._next(AdvisoryState.CLEARED, fields)
+        advised = {"recommendation": None, "advised_wait_s": self._waits_by_vendor()}
+        return self._next(AdvisoryState.CLEARED, fields | advised)
+
+    def _waits_by_vendor(self) -> dict[str, float]:
+        """By vendor, the seconds of the holds and waits of its robots in the advice."""
+        advice, vendor_of = self.recommendation, dict(zip(self.robots, self.vendors, strict=True))
+        holds = [(hold.robot, hold.hold_s) for hold in advice.holds] if advice else []
+        slots = [(slot.robot, slot.wait_s) for slot in advice.slots] if advice else []
+        waits_s: dict[str, float] = {}
+        for robot, wait_s in holds + slots:
+            if robot in vendor_of and wait_s > 0:
+                waits_s[vendor_of[robot]] = waits_s.get(vendor_of[robot], 0.0) + wait_s
+        return waits_s
 
     def _next(self, state: AdvisoryState, fields: dict[str, Any]) -> Self:
         return self.model_copy(update={"revision": self.revision + 1, "seq": 0, "state": state, **fields})
@@ -199,6 +216,11 @@ class ConflictAdvisory(PlacedAdvisory):
     clearance_m: float = Field(ge=0)
     min_separation_m: float = Field(ge=0, description="smallest distance of the envelopes; 0 if they overlap")
     closing_speed_mps: float = Field(description="at predicted_at; negative if they move apart")
+
+    def cleared_revision(self, now_s: float, because: str) -> Self:
+        """The last revision. Its summary ends before the advice."""
+        cleared = super().cleared_revision(now_s, because)
+        return cleared.model_copy(update={"summary": self.summary.split(";")[0]})
 
 
 class ContentionAdvisory(PlacedAdvisory):

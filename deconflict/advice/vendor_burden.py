@@ -2,21 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory
-
-
-def yielded_s(advisory: AnyAdvisory) -> dict[str, float]:
-    """By vendor, the seconds of holds and waits that a cleared advisory advised; empty if it is open."""
-    advice = advisory.recommendation
-    if advice is None or advisory.state is not AdvisoryState.CLEARED:
-        return {}
-    vendor_of = dict(zip(advisory.robots, advisory.vendors, strict=True))
-    waits = [(hold.robot, hold.hold_s) for hold in advice.holds] + [(slot.robot, slot.wait_s) for slot in advice.slots]
-    by_vendor: dict[str, float] = {}
-    for robot, wait_s in waits:
-        if robot in vendor_of and wait_s > 0:
-            by_vendor[vendor_of[robot]] = by_vendor.get(vendor_of[robot], 0.0) + wait_s
-    return by_vendor
+from deconflict.advisory import AnyAdvisory
 
 
 class Burden:
@@ -28,5 +14,5 @@ class Burden:
     def charge(self, revisions: Iterable[AnyAdvisory]) -> None:
         """Add the waits of the advisories that these revisions clear."""
         for revision in revisions:
-            for vendor, wait_s in yielded_s(revision).items():
+            for vendor, wait_s in revision.advised_wait_s.items():
                 self.burdens_s[vendor] = self.burdens_s.get(vendor, 0.0) + wait_s

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numba
 import numpy as np
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.advisory import AnyAdvisory
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
@@ -27,7 +27,7 @@ def waits_until_s(revisions: Iterable[AnyAdvisory]) -> dict[str, float]:
     until_s: dict[str, float] = {}
     for revision in revisions:
         advice = revision.recommendation
-        if advice is None or revision.state is AdvisoryState.CLEARED:
+        if advice is None:
             continue
         ends_s = [(hold.robot, revision.updated_at.timestamp() + hold.hold_s) for hold in advice.holds]
         ends_s += [(slot.robot, slot.start_at.timestamp()) for slot in advice.slots if slot.wait_s > 0]

@@ -21,7 +21,6 @@ from pathlib import Path
 from threading import RLock
 from typing import Literal
 
-from deconflict.advice.vendor_burden import yielded_s
 from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory, Listing, Location
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
@@ -287,7 +286,7 @@ class Store:
         """How long the robots of each vendor were advised to yield, seconds. Pruning does not change it."""
         with self._file_and_pending() as (db, pending):
             burdens_s: dict[str, float] = dict(db.execute("SELECT vendor, yielded_s FROM burdens").fetchall())
-        for vendor, more_s in (item for revision in pending for item in yielded_s(revision).items()):
+        for vendor, more_s in (item for revision in pending for item in revision.advised_wait_s.items()):
             burdens_s[vendor] = burdens_s.get(vendor, 0.0) + more_s
         return burdens_s
 

@@ -7,7 +7,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from deconflict.advice.vendor_burden import yielded_s
 from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory, Location
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
 from ingest.batch import Pair
@@ -192,7 +191,7 @@ def add_burdens(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
     db.executemany(
         """INSERT INTO burdens VALUES (?, ?)
         ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
-        list(yielded_s(advisory).items()),
+        list(advisory.advised_wait_s.items()),
     )
 
 

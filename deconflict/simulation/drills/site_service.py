@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import shapely
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Hold, Slot
+from deconflict.advisory import AnyAdvisory, Hold, Slot
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
 
@@ -26,7 +26,7 @@ class SiteService:
     def pass_on(self, advisory: AnyAdvisory) -> bool:
         """Pass on the advice of a revision. Returns whether any robot was told anything."""
         advice = advisory.recommendation
-        if advice is None or advisory.state is AdvisoryState.CLEARED:
+        if advice is None:
             return False
         at_s = advisory.updated_at.timestamp() - self._start_s
         held, self._held[advisory.id] = self._held.get(advisory.id, ()), advice.holds

@@ -11,7 +11,7 @@ from shapely.affinity import rotate, translate
 from deconflict.advice.deferred_answers import ANSWER_AFTER_S, PendingAnswer
 from deconflict.advice.hold_requests import MOST_PAIRS, PAIRS_PER_S, HoldRequests
 from deconflict.advice.hold_windows import NearbyRobots
-from deconflict.advice.vendor_burden import Burden, yielded_s
+from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.conflict_lifecycle import PASSED, UNPREDICTED
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
 from deconflict.engine.engine import Engine
@@ -223,5 +223,6 @@ def test_what_was_advised_is_charged_when_the_advisory_ends() -> None:
     assert floor.engine._advice.burden.burdens_s == {}
     floor.run(40, first.updated_at.timestamp() - NOW_S + 0.25)
     ended = [advisory for advisory in floor.advisories if advisory.state is AdvisoryState.CLEARED]
-    assert floor.engine._advice.burden.burdens_s == yielded_s(ended[0])
-    assert sum(yielded_s(ended[0]).values()) > 0
+    assert floor.engine._advice.burden.burdens_s == ended[0].advised_wait_s
+    assert sum(ended[0].advised_wait_s.values()) > 0
+    assert ended[0].recommendation is None

@@ -250,12 +250,13 @@ def test_a_deadlock_of_three_is_stored_and_found_by_each_of_its_robots(store: St
 
 def test_the_yielded_time_of_each_vendor_is_summed_once_and_kept(store: Store) -> None:
     advice = Recommendation(holds=(Hold(robot=ROBOTS[1], hold_s=4.0),), cost_s=4.0, bound_s=4.0, proven_optimal=True)
-    over = cleared(1, recommendation=advice)
-    store.append([made(1, recommendation=advice), over])
+    advised = made(1, recommendation=advice)
+    over = advised.cleared_revision(START.timestamp(), "over")
+    store.append([advised, over])
     store.append([over])
     store.acknowledge("advisory-1", Acknowledgement(name="Ada", reason="seen", at=START))
     assert store.burdens_s() == {"Borealis": 4.0}
-    store.append([cleared(2, recommendation=advice)])
+    store.append([cleared(2, advised_wait_s={"Borealis": 4.0})])
     again = reopened(store)
     assert again.burdens_s() == {"Borealis": 8.0}
     again.close()
