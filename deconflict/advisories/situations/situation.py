@@ -5,14 +5,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from deconflict.advisory import Action, AnyAdvisory, PlacedAdvisory, Published, Robot
+from deconflict.advisory import Action, Advisory, AnyAdvisory, Published, Robot
 
 MOST_ACTIONS = 3
 MOST_CORNERS = 16
 MOST_ADVISORIES = 40
 
 SituationKind = Literal[
-    "meeting", "head_on", "knot", "queue", "crowd", "blocked_aisle", "obstacle", "silent_robot", "deadlock"
+    "meeting", "head_on", "knot", "queue", "crowd", "blocked_aisle", "obstacle", "silent_robot", "deadlock", "identity"
 ]
 
 
@@ -25,7 +25,7 @@ class SituationAdvice(Published):
     changed_because: str = Field(default="", description="why it replaces other advice; empty if it is the first")
 
 
-class Situation(PlacedAdvisory):
+class Situation(Advisory):
     """Open advisories that share robots or a place. Raised, updated and cleared like an advisory."""
 
     kind: Literal["situation"] = "situation"
@@ -41,7 +41,7 @@ class Situation(PlacedAdvisory):
     ends: str = Field(description="how it ends if nobody does anything, for people")
     cost_s: float = Field(ge=0, description="seconds that its robots are expected to lose if nobody does anything")
     preventable_s: float | None = Field(
-        ge=0, description="time left until the next event that a person can still prevent; null if there is none"
+        ge=0, description="time left until the next loss that a person can still prevent; null if there is none"
     )
     advisories: tuple[str, ...] = Field(
         max_length=MOST_ADVISORIES, description="ids of its open advisories, oldest first, at most 40"

@@ -1,0 +1,72 @@
+"""What is going on in a situation: its kind, by the advisories in it. Pure."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from deconflict.advisories.situations.situation import SituationKind
+from deconflict.advisories.situations.stakes import cost_of
+from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, EncounterClass
+
+KIND_OF: dict[str, SituationKind] = {
+    "contention": "queue",
+    "double_occupancy": "queue",
+    "deadlock": "deadlock",
+    "blockage": "blocked_aisle",
+    "foreign_claim": "identity",
+    "two_places": "identity",
+    "crowd": "crowd",
+}
+"""By the kind of an advisory that is not a conflict."""
+SILENT = "(silent)"
+
+
+class Matter(NamedTuple):
+    """What is going on, and the advisory that says most about it."""
+
+    kind: SituationKind
+    principal: AnyAdvisory
+    culprit: str | None
+    """UUID of the robot that stands or is silent in the way of the others; None if there is no such robot."""
+
+
+def matter_of(advisories: Sequence[AnyAdvisory]) -> Matter:
+    """What the advisories that cost most are about. Conflicts count together."""
+    conflicts = [advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory)]
+    others = [advisory for advisory in advisories if not isinstance(advisory, ConflictAdvisory)]
+    dearest = max(others, key=lambda advisory: (cost_of(advisory), advisory.id), default=None)
+    if dearest is None or sum(map(cost_of, conflicts)) > cost_of(dearest):
+        return _matter_of_conflicts(conflicts)
+    culprit = dearest.blocker if isinstance(dearest, BlockageAdvisory) else None
+    return Matter(KIND_OF[dearest.kind], dearest, culprit)
+
+
+def _matter_of_conflicts(conflicts: Sequence[ConflictAdvisory]) -> Matter:
+    principal = min(conflicts, key=lambda conflict: (-cost_of(conflict), conflict.predicted_at, conflict.id))
+    culprit = _culprit(conflicts)
+    if culprit:
+        is_silent = any(basis_of(conflict, culprit).endswith(SILENT) for conflict in conflicts)
+        return Matter("silent_robot" if is_silent else "obstacle", principal, culprit)
+    if len({robot for conflict in conflicts for robot in conflict.robots}) > 2:
+        return Matter("knot", principal, None)
+    is_head_on = principal.encounter_class is EncounterClass.HEAD_ON
+    return Matter("head_on" if is_head_on else "meeting", principal, None)
+
+
+def basis_of(conflict: ConflictAdvisory, robot: str) -> str:
+    """The basis of a robot's forecast in a conflict; empty if it is not in it."""
+    return dict(zip(conflict.robots, conflict.basis, strict=True)).get(robot, "")
+
+
+def _culprit(conflicts: Sequence[ConflictAdvisory]) -> str | None:
+    """The robot that stands or is silent in every conflict."""
+    if all(conflict.encounter_class is EncounterClass.STATIONARY_OBSTACLE for conflict in conflicts):
+        counts = Counter(robot for conflict in conflicts for robot in conflict.robots)
+        common = [robot for robot, count in counts.items() if count == len(conflicts)]
+        still = [robot for robot in common if all(_stands(conflict, robot) for conflict in conflicts)]
+        return min(still, default=None)
+    return None
+
+
+def _stands(conflict: ConflictAdvisory, robot: str) -> bool:
+    return basis_of(conflict, robot).startswith("stationary") or basis_of(conflict, robot).endswith(SILENT)

@@ -1,0 +1,210 @@
+"""The life of a situation: when it is raised, what changes are worth a revision, and when it is cleared.
+
+    no situation --(what is at stake is worth a person's reaction)--> raised
+    raised, updated --(kind, severity, robots or advice changed)--> updated
+    raised, updated --(not worth a reaction for a while, or it became part of another one)--> cleared
+
+Pure: revisions of advisories and the time in, revisions of situations out.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from deconflict.advisories.severity import rises
+from deconflict.advisories.situations import situation_fields
+from deconflict.advisories.situations.grouping import LEAST_OPEN_S, Box, Group, Grouping, Join, Member
+from deconflict.advisories.situations.situation import Situation
+from deconflict.advisories.situations.stakes import Stakes, stakes_of
+from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
+from ingest.batch import FloorPoint
+
+LINGERS_S = 8.0
+"""A situation is cleared once it has not been worth a reaction for so long."""
+UPDATE_GAP_S = 2.0
+"""Shortest time between two revisions, unless severity rises."""
+LOOK_S = 1.0
+"""A situation without news is looked at again after this time, as less and less of it can be prevented."""
+WORTH_S = 2.0
+"""Less loss that can be prevented is not worth a person's reaction."""
+
+KEPT_SHARE = 0.5
+"""A situation that is open is worth a reaction as long as this share of `WORTH_S` can be prevented."""
+NOTHING_LEFT: dict[str, object] = {"advice": None, "advisories": (), "more_advisories": 0}
+
+Describe = Callable[[Sequence[FloorPoint]], Sequence[str]]
+"""Where points are, for a person."""
+
+
+@dataclass(slots=True, eq=False)
+class _Watched:
+    """A group of advisories, and its situation if that is open."""
+
+    group: Group
+    situation: Situation | None = None
+    last_s: float = 0.0
+    """When it had an advisory last."""
+    look_s: float = 0.0
+    """When it is looked at next, unless there is news."""
+
+
+class SituationLifecycle:
+    """Every situation."""
+
+    def __init__(self, describe: Describe) -> None:
+        self._describe = describe
+        self._advisories: dict[str, AnyAdvisory] = {}
+        """The newest revision of each open advisory, by id."""
+        self._grouping = Grouping()
+        self._watched: dict[str, _Watched] = {}
+        """By id of the group."""
+        self._restored: dict[str, Member] = {}
+        """Restored advisories, by id, until the next pass: restored situations may not fit any more."""
+
+    def open(self) -> list[Situation]:
+        """The newest revision of every open situation."""
+        return [watched.situation for watched in self._watched.values() if watched.situation]
+
+    def situation_of(self, advisory_id: str) -> str | None:
+        """The id of the open situation that an advisory is part of."""
+        group = self._grouping.group_of(advisory_id)
+        return group.id if group and group.opened_s is not None else None
+
+    def restore(self, situations: Iterable[Situation], advisories: Iterable[AnyAdvisory]) -> None:
+        """Continue what was open before a restart."""
+        self._advisories = {advisory.id: advisory for advisory in advisories}
+        ungrouped = set(self._advisories)
+        for situation in situations:
+            members = {name: Member.of(self._advisories[name]) for name in situation.advisories if name in ungrouped}
+            group = _restored_group(situation, members)
+            self._grouping.restore(group)
+            self._watched[group.id] = _Watched(group, situation, situation.updated_at.timestamp())
+            ungrouped -= group.members.keys()
+        self._restored = {name: Member.of(advisory) for name, advisory in self._advisories.items()}
+
+    def revise(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
+        """The revisions of situations that follow from those of advisories, and from the time."""
+        changed = self._restored | {revision.id: self._take(revision) for revision in revisions}
+        self._restored = {}
+        made = [revision for join in self._regroup(now_s, changed) for revision in self._joined(join, now_s)]
+        due = [watched for watched in self._watched.values() if watched.look_s <= now_s]
+        for watched in due:
+            watched.look_s = now_s + LOOK_S
+            if revision := self._revision(watched, now_s):
+                made.append(revision)
+                self._keep(watched, revision)
+        return made
+
+    def _regroup(self, now_s: float, changed: Mapping[str, Member | None]) -> list[Join]:
+        """Group the advisories that changed, and have the groups looked at; the groups that joined others."""
+        groups, joins = self._grouping.update(now_s, changed)
+        for group in groups:
+            self._watched.setdefault(group.id, _Watched(group)).look_s = now_s
+        return joins
+
+    def _take(self, revision: AnyAdvisory) -> Member | None:
+        if revision.state is AdvisoryState.CLEARED:
+            self._advisories.pop(revision.id, None)
+            return None
+        self._advisories[revision.id] = revision
+        return Member.of(revision)
+
+    def _keep(self, watched: _Watched, revision: Situation) -> None:
+        is_open = revision.state is not AdvisoryState.CLEARED
+        watched.situation = revision if is_open else None
+        watched.group.opened_s = revision.raised_at.timestamp() if is_open else None
+
+    def _joined(self, join: Join, now_s: float) -> Iterator[Situation]:
+        """The last revision of a situation that became part of another one."""
+        watched = self._watched.pop(join.group.id, None)
+        if watched and watched.situation:
+            cleared = watched.situation.cleared_revision(now_s, "it became part of another situation")
+            yield cleared.model_copy(update={"joined_into": join.into.id, **NOTHING_LEFT})
+
+    def _revision(self, watched: _Watched, now_s: float) -> Situation | None:
+        group, before = watched.group, watched.situation
+        advisories = [self._advisories[name] for name in group.members]
+        stakes = stakes_of(advisories, now_s)
+        if before is None:
+            return self._raised(watched, advisories, stakes, now_s)
+        if is_worth(stakes, KEPT_SHARE):
+            watched.last_s = now_s
+        elif now_s >= (closes_s := _closes_s(watched, before)):
+            return self._ended(watched, before, now_s)
+        else:
+            watched.look_s = min(watched.look_s, closes_s)
+        if not advisories:
+            return None
+        if not _is_due(before, now_s) and not rises(situation_fields.severity(stakes, before), before.severity):
+            return None
+        after = situation_fields.updated(before, group, advisories, stakes, self._place(group), now_s)
+        return after if is_news(before, after) else None
+
+    def _raised(
+        self, watched: _Watched, advisories: Sequence[AnyAdvisory], stakes: Stakes, now_s: float
+    ) -> Situation | None:
+        if not advisories:
+            self._forget(watched)
+        if not is_worth(stakes):
+            return None
+        watched.last_s = now_s
+        return situation_fields.raised(watched.group, advisories, stakes, self._place(watched.group), now_s)
+
+    def _place(self, group: Group) -> str:
+        if not group.datum:
+            return ""
+        box = group.box
+        centre = FloorPoint(group.datum, (box.west_m + box.east_m) / 2, (box.south_m + box.north_m) / 2)
+        return self._describe([centre])[0]
+
+    def _ended(self, watched: _Watched, before: Situation, now_s: float) -> Situation:
+        """The last revision. Advisories that are still open make another group, which may become worth a reaction."""
+        members = watched.group.members
+        self._forget(watched)
+        self._regroup(now_s, members)
+        because = "it will pass by itself" if members else "nothing is foreseen there any more"
+        return before.cleared_revision(now_s, because).model_copy(update=NOTHING_LEFT)
+
+    def _forget(self, watched: _Watched) -> None:
+        self._grouping.remove(watched.group)
+        del self._watched[watched.group.id]
+
+
+def is_worth(stakes: Stakes, share: float = 1.0) -> bool:
+    """Whether a person's reaction is worth it, with `WORTH_S` taken `share` times."""
+    return stakes.preventable_cost_s >= share * WORTH_S or stakes.claim_severity is not Severity.CAUTION
+
+
+def _closes_s(watched: _Watched, situation: Situation) -> float:
+    """When a situation is cleared that is not worth a reaction any more."""
+    return max(watched.last_s + LINGERS_S, situation.raised_at.timestamp() + LEAST_OPEN_S)
+
+
+def _is_due(before: Situation, now_s: float) -> bool:
+    return now_s - before.updated_at.timestamp() >= UPDATE_GAP_S
+
+
+def is_news(before: Situation, after: Situation) -> bool:
+    """Whether a person would act otherwise on the new revision."""
+    return (
+        before.severity != after.severity
+        or before.situation_kind != after.situation_kind
+        or before.robots != after.robots
+        or before.advice != after.advice
+        or before.advisories != after.advisories
+    )
+
+
+def stamped(advisory: AnyAdvisory, situation_id: str | None) -> AnyAdvisory:
+    """A revision with the id of its situation."""
+    if advisory.situation_id == situation_id:
+        return advisory
+    return advisory.model_copy(update={"situation_id": situation_id})
+
+
+def _restored_group(situation: Situation, members: dict[str, Member]) -> Group:
+    place = situation.location
+    datum, x_m, y_m = (place.datum, place.x, place.y) if place else ("", 0.0, 0.0)
+    began_s, opened_s = situation.since_at.timestamp(), situation.raised_at.timestamp()
+    group = Group(situation.id, began_s, datum, situation.split_from, opened_s, members, Box(x_m, y_m, x_m, y_m))
+    group.robots = frozenset(situation.robots)
+    return group

@@ -1,0 +1,152 @@
+"""Drawn histories of advisories: whatever joins and splits, no id of a situation is lost, doubled or used again."""
+
+from collections import defaultdict
+from datetime import UTC, datetime
+from math import hypot
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deconflict.advisories.situations.grouping import LEAST_OPEN_S, MOST_EXTENT_M, MOST_ROBOTS
+from deconflict.advisories.situations.situation import MOST_ACTIONS, Situation
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisory import AdvisoryState, ConflictAdvisory, Location, moment
+from tests.helpers.made_advisories import made
+
+START_S = datetime(2024, 5, 1, 8, 0, tzinfo=UTC).timestamp()
+PASS_S = 0.5
+FLOORS = ("floor-a", "floor-b")
+CHANGES = st.lists(
+    st.tuples(
+        st.integers(0, 11),  # number of the advisory
+        st.sampled_from(["open", "open", "clear"]),
+        st.tuples(st.integers(0, 19), st.integers(0, 19)),  # its robots
+        st.tuples(st.sampled_from([2, 4, 6, 8, 20, 30]), st.integers(0, 7)),  # its place, metres
+        st.floats(0, 12),  # time left
+        st.floats(0, 1),  # probability
+    ),
+    max_size=4,
+)
+
+
+class History:
+    """Open advisories that change, the situations that follow, and every revision of a situation."""
+
+    def __init__(self) -> None:
+        self.now_s, self.advisories = START_S, dict[str, ConflictAdvisory]()
+        self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
+        self.revisions: defaultdict[str, list[Situation]] = defaultdict(list)
+        self.raised = 0
+
+    def advance(self, changes: list[tuple[int, str, tuple[int, int], tuple[int, int], float, float]]) -> None:
+        self.now_s += PASS_S
+        revisions = [revision for change in changes if (revision := self._changed(*change))]
+        newest = {revision.id: revision for revision in revisions}
+        for situation in self.lifecycle.revise(self.now_s, list(newest.values())):
+            self.revisions[situation.id].append(situation)
+
+    def _changed(
+        self,
+        number: int,
+        change: str,
+        pair: tuple[int, int],
+        place: tuple[int, int],
+        left_s: float,
+        probability: float,
+    ) -> ConflictAdvisory | None:
+        known = next((each for each in self.advisories.values() if each.encounter == number + 1), None)
+        if change == "clear":
+            if known is None:
+                return None
+            return self.advisories.pop(known.id).cleared_revision(self.now_s, "they passed")
+        robots = tuple(f"robot-{number}" for number in sorted({pair[0], (pair[1] + pair[0] + 1) % 21}))[:2]
+        if len(robots) < 2:
+            return None
+        fields: dict[str, Any] = {
+            "updated_at": moment(self.now_s),
+            "predicted_at": moment(self.now_s + left_s),
+            "time_to_conflict_s": left_s,
+            "probability": probability,
+            "location": Location(datum=FLOORS[number % 2], x=place[0], y=place[1]),
+        }
+        if known is None:
+            self.raised += 1
+            whole: dict[str, Any] = {
+                "id": f"advisory-{self.raised}",
+                "encounter": number + 1,
+                "raised_at": moment(self.now_s),
+            }
+            revision = made(number, **whole, robots=robots, **fields)
+        else:
+            revision = known.next_revision(**fields)
+        self.advisories[revision.id] = revision
+        return revision
+
+    def restart(self) -> None:
+        situations, advisories = self.lifecycle.open(), list(self.advisories.values())
+        self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
+        self.lifecycle.restore(situations, advisories)
+
+    def last(self) -> None:
+        """Clear every advisory, and wait until no situation is open."""
+        for advisory in list(self.advisories.values()):
+            self.advance([(advisory.encounter - 1, "clear", (0, 0), (0, 0), 0.0, 0.0)])
+        for _ in range(60):
+            self.advance([])
+
+
+def check_open(history: History) -> None:
+    """What holds at every moment."""
+    situations = history.lifecycle.open()
+    assert len({situation.id for situation in situations}) == len(situations)
+    for situation in situations:
+        assert len(situation.robots) <= 20
+        assert situation.advice is None or len(situation.advice.actions) <= MOST_ACTIONS
+        assert situation == history.revisions[situation.id][-1]
+    of = [history.lifecycle.situation_of(name) for name in history.advisories]
+    assert {name for name in of if name} <= {situation.id for situation in situations}
+
+
+def check_bounds(history: History) -> None:
+    """No situation outgrows its bounds."""
+    parts = defaultdict(list)
+    for name, advisory in history.advisories.items():
+        if situation_id := history.lifecycle.situation_of(name):
+            parts[situation_id].append(advisory)
+    for advisories in parts.values():
+        xs, ys = [each.location.x for each in advisories], [each.location.y for each in advisories]
+        robots = {robot for each in advisories for robot in each.robots}
+        assert len({each.location.datum for each in advisories}) == 1
+        assert hypot(max(xs) - min(xs), max(ys) - min(ys)) <= MOST_EXTENT_M or len(robots) <= MOST_ROBOTS
+
+
+def check_chain(revisions: list[Situation]) -> None:
+    """Raised once, then updated, cleared once and never used again."""
+    assert [each.revision for each in revisions] == list(range(1, len(revisions) + 1))
+    states = [each.state for each in revisions]
+    assert states[0] is AdvisoryState.RAISED
+    assert states[-1] is AdvisoryState.CLEARED
+    assert set(states[1:-1]) <= {AdvisoryState.UPDATED}
+    raised, cleared = revisions[0], revisions[-1]
+    assert (cleared.updated_at - raised.raised_at).total_seconds() >= LEAST_OPEN_S
+    assert cleared.advice is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(CHANGES, st.booleans()), min_size=5, max_size=60), st.integers(0, 59))
+def test_no_id_is_lost_doubled_or_used_again(history_of: list[tuple[list[Any], bool]], restarted_at: int) -> None:
+    history = History()
+    for number, (changes, is_quiet) in enumerate(history_of):
+        if number == restarted_at:
+            history.restart()
+        history.advance([] if is_quiet else changes)
+        check_open(history)
+        check_bounds(history)
+    history.last()
+    assert history.lifecycle.open() == []
+    for revisions in history.revisions.values():
+        check_chain(revisions)
+    for situation in (each for revisions in history.revisions.values() for each in revisions):
+        assert (situation.joined_into is None) or (situation.state is AdvisoryState.CLEARED)
+        assert situation.id not in {situation.joined_into, situation.split_from}
