@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from deconflict.advisories.severity import rises
 from deconflict.advisories.situations import situation_fields
 from deconflict.advisories.situations.grouping import LEAST_OPEN_S, Box, Group, Grouping, Join, Member
-from deconflict.advisories.situations.situation import Situation
+from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisories.situations.stakes import Stakes, stakes_of
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
 from ingest.batch import FloorPoint
@@ -80,6 +80,15 @@ class SituationLifecycle:
             self._watched[group.id] = _Watched(group, situation, situation.updated_at.timestamp())
             ungrouped -= group.members.keys()
         self._restored = {name: Member.of(advisory) for name, advisory in self._advisories.items()}
+
+    def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
+        """The revisions of advisories with the ids of their situations, then the revisions of situations."""
+        before = [self.situation_of(revision.id) for revision in revisions]
+        situations = self.revise(now_s, revisions)
+        ids = [
+            self.situation_of(revision.id) or id_before for revision, id_before in zip(revisions, before, strict=True)
+        ]
+        return [*map(stamped, revisions, ids), *situations]
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
         """The revisions of situations that follow from those of advisories, and from the time."""
