@@ -83,12 +83,10 @@ class SituationLifecycle:
 
     def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
         """The revisions of advisories with the ids of their situations, then the revisions of situations."""
-        before = [self.situation_of(revision.id) for revision in revisions]
+        ids_before = [self.situation_of(revision.id) for revision in revisions]
         situations = self.revise(now_s, revisions)
-        ids = [
-            self.situation_of(revision.id) or id_before for revision, id_before in zip(revisions, before, strict=True)
-        ]
-        return [*map(stamped, revisions, ids), *situations]
+        ids = [self.situation_of(revision.id) for revision in revisions]
+        return [*(stamped(*row) for row in zip(revisions, ids, ids_before, strict=True)), *situations]
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
         """The revisions of situations that follow from those of advisories, and from the time."""
@@ -203,11 +201,12 @@ def is_news(before: Situation, after: Situation) -> bool:
     )
 
 
-def stamped(advisory: AnyAdvisory, situation_id: str | None) -> AnyAdvisory:
-    """A revision with the id of its situation."""
-    if advisory.situation_id == situation_id:
-        return advisory
-    return advisory.model_copy(update={"situation_id": situation_id})
+def stamped(revision: AnyAdvisory, situation_id: str | None, id_before: str | None) -> AnyAdvisory:
+    """A revision with the id of its situation; when it is cleared, of the one before."""
+    situation_id = situation_id or (id_before if revision.state is AdvisoryState.CLEARED else None)
+    if revision.situation_id == situation_id:
+        return revision
+    return revision.model_copy(update={"situation_id": situation_id})
 
 
 def _restored_group(situation: Situation, members: dict[str, Member]) -> Group:

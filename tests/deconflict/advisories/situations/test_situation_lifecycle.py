@@ -1,0 +1,145 @@
+"""When situations are raised, updated, joined, split and cleared."""
+
+from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
+from deconflict.advisories.situations.grouping import LEAST_OPEN_S
+from deconflict.advisories.situations.situation import REVISION, Situation
+from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
+from deconflict.advisory import AdvisoryState, Severity
+from tests.deconflict.advisories.situations.made_situations import (
+    NOW_S,
+    action,
+    advice,
+    blockage,
+    conflict,
+    lifecycle,
+    queue,
+    raised,
+)
+
+
+def test_conflicts_that_share_a_robot_are_one_situation() -> None:
+    situation = raised([conflict("ab"), conflict("bc", x_m=30.0)])
+    assert situation.robots == ("a", "b", "c")
+    assert set(situation.advisories) == {"conflict ab", "conflict bc"}
+
+
+def test_conflicts_far_apart_are_two_situations() -> None:
+    assert len(lifecycle().revise(NOW_S, [conflict("ab"), conflict("cd", x_m=30.0)])) == 2
+
+
+def test_conflicts_on_two_floors_are_two_situations() -> None:
+    upstairs = conflict("ac").location.model_copy(update={"datum": "another floor"})
+    assert len(lifecycle().revise(NOW_S, [conflict("ab"), conflict("ac", location=upstairs)])) == 2
+
+
+def test_what_nobody_can_prevent_makes_no_situation() -> None:
+    assert lifecycle().revise(NOW_S, [conflict("ab", left_s=1.0)]) == []
+
+
+def test_what_is_unlikely_makes_no_situation() -> None:
+    assert lifecycle().revise(NOW_S, [conflict("ab", probability=0.1)]) == []
+
+
+def test_a_published_revision_has_the_id_of_its_situation() -> None:
+    first, situation = lifecycle().published(NOW_S, [conflict("ab")])
+    assert isinstance(situation, Situation)
+    assert first.situation_id == situation.id
+
+
+def test_an_advisory_without_an_open_situation_has_no_id_of_one() -> None:
+    (revision,) = lifecycle().published(NOW_S, [conflict("ab", left_s=1.0)])
+    assert revision.situation_id is None
+
+
+def test_a_revision_that_clears_keeps_the_id_of_its_situation() -> None:
+    situations, first = lifecycle(), conflict("ab")
+    _, situation = situations.published(NOW_S, [first])
+    (cleared,) = situations.published(NOW_S + 1, [first.cleared_revision(NOW_S + 1, "they passed")])
+    assert cleared.situation_id == situation.id
+
+
+def test_a_situation_is_cleared_once_nothing_is_left_of_it() -> None:
+    situations, first = lifecycle(), conflict("ab")
+    situations.revise(NOW_S, [first])
+    situations.revise(NOW_S + 5, [])
+    situations.revise(NOW_S + 6, [first.cleared_revision(NOW_S + 6, "they passed")])
+    assert situations.revise(NOW_S + 4 + LINGERS_S, []) == []
+    (cleared,) = situations.revise(NOW_S + 5 + LINGERS_S, [])
+    assert (cleared.state, cleared.cleared_because) == (
+        AdvisoryState.CLEARED,
+        "nothing is foreseen there any more",
+    )
+    assert situations.open() == []
+
+
+def test_a_situation_that_joins_an_older_one_says_which() -> None:
+    situations = lifecycle()
+    (older,) = situations.revise(NOW_S, [conflict("ab")])
+    later = conflict("cd", x_m=30.0, left_s=12.0)
+    (younger,) = situations.revise(NOW_S + 1, [later])
+    near = later.next_revision(location=conflict("cd", x_m=2.0).location)
+    situations.revise(NOW_S + 2, [near])
+    revisions = situations.revise(NOW_S + 1 + LEAST_OPEN_S, [])
+    ended = next(revision for revision in revisions if revision.id == younger.id)
+    assert (ended.state, ended.joined_into) == (AdvisoryState.CLEARED, older.id)
+    (whole,) = situations.open()
+    assert (whole.id, whole.robots) == (older.id, ("a", "b", "c", "d"))
+
+
+def test_what_splits_off_refers_to_its_situation() -> None:
+    situations = lifecycle()
+    pairs = ["ab", "cd", "ef", "gh", "ij"]
+    conflicts = [conflict(pair, x_m=index) for index, pair in enumerate(pairs)]
+    (whole,) = situations.revise(NOW_S, conflicts)
+    away = conflicts[-1].next_revision(location=conflict("ij", x_m=40.0).location)
+    part = next(revision for revision in situations.revise(NOW_S + 3, [away]) if revision.id != whole.id)
+    assert (part.split_from, part.robots) == (whole.id, ("i", "j"))
+    assert next(each for each in situations.open() if each.id == whole.id).robots == tuple("abcdefgh")
+
+
+def test_severity_rises_at_once_and_other_news_waits() -> None:
+    situations = lifecycle()
+    first = conflict("ab", left_s=20.0, probability=0.5)
+    situations.revise(NOW_S, [first])
+    joined = situations.revise(NOW_S + 0.1, [conflict("bc", left_s=40.0, probability=0.1)])
+    assert joined == []
+    (worse,) = situations.revise(NOW_S + 0.2, [blockage("xabc")])
+    assert worse.severity is Severity.CRITICAL
+
+
+def test_advice_names_robots_of_the_situation_only() -> None:
+    advised = conflict("ab", recommendation=advice(action("z"), action("a")))
+    situation = raised([advised])
+    assert situation.advice is not None
+    assert [each.robot for each in situation.advice.actions] == ["a"]
+
+
+def test_a_restored_situation_goes_on_under_its_id() -> None:
+    before, first = lifecycle(), conflict("ab")
+    (situation,) = before.revise(NOW_S, [first])
+    after = lifecycle()
+    after.restore(before.open(), [first])
+    assert after.revise(NOW_S + 1, []) == []
+    (updated,) = after.revise(NOW_S + UPDATE_GAP_S, [conflict("bc")])
+    assert (updated.id, updated.revision) == (situation.id, 2)
+
+
+def test_a_claim_without_a_place_is_a_situation_of_its_own() -> None:
+    elsewhere = queue("ab").model_copy(update={"location": None})
+    situations = lifecycle().revise(NOW_S, [elsewhere, conflict("ab")])
+    assert sorted(len(situation.advisories) for situation in situations) == [1, 1]
+    assert {situation.outline == () for situation in situations} == {True, False}
+
+
+def test_the_document_of_a_situation_is_bounded() -> None:
+    letters = [chr(0x4E00 + index) for index in range(400)]
+    pairs = [a + b for a, b in zip(letters[::2], letters[1::2], strict=True)]
+    crowd = [
+        conflict(pair, x_m=index / 100, names=("\x01" * 16,) * 2, recommendation=advice(action(pair[0])))
+        for index, pair in enumerate(pairs)
+    ]
+    situation = raised(crowd)
+    assert (len(situation.robots), situation.more_robots) == (20, 380)
+    assert (len(situation.advisories), situation.more_advisories) == (40, 160)
+    assert len(situation.model_dump_json()) <= MOST_DOCUMENT_BYTES
+    assert REVISION.validate_json(situation.model_dump_json()) == situation

@@ -1,0 +1,43 @@
+"""What can still be prevented, and how severe that is."""
+
+import pytest
+
+from deconflict.advisories.situations.stakes import LASTS_S, REACTION_S, severity_of_stakes, stakes_of
+from deconflict.advisory import Severity
+from tests.deconflict.advisories.situations.made_situations import NOW_S, blockage, conflict, queue
+
+
+@pytest.mark.parametrize(
+    ("left_s", "is_preventable"),
+    [(REACTION_S, True), (REACTION_S - 0.1, False), (-1.0, False), (-LASTS_S, True)],
+)
+def test_a_conflict_can_be_prevented_in_time_or_ended_if_it_lasts(left_s: float, is_preventable: bool) -> None:
+    stakes = stakes_of([conflict("ab", left_s)], NOW_S)
+    assert (stakes.preventable_cost_s > 0) is is_preventable
+    assert (stakes.preventable_s is not None) is is_preventable
+
+
+def test_a_likelier_conflict_costs_more() -> None:
+    unlikely, likely = (stakes_of([conflict("ab", probability=p)], NOW_S).cost_s for p in (0.2, 0.9))
+    assert unlikely < likely
+
+
+def test_what_can_not_be_prevented_is_of_the_lowest_severity() -> None:
+    assert severity_of_stakes(stakes_of([conflict("ab", 1.0)], NOW_S), None) is Severity.CAUTION
+
+
+def test_a_robot_in_the_way_of_several_is_critical() -> None:
+    assert severity_of_stakes(stakes_of([blockage("xab")], NOW_S), None) is Severity.CRITICAL
+
+
+def test_a_queue_in_half_an_hour_is_less_severe_than_now() -> None:
+    later = queue("abc", predicted_at=conflict("ab", 1800.0).predicted_at)
+    assert severity_of_stakes(stakes_of([later], NOW_S), None) is Severity.CAUTION
+    assert severity_of_stakes(stakes_of([queue("abc")], NOW_S), None) is Severity.CRITICAL
+
+
+def test_severity_falls_only_once_the_cost_is_clearly_lower() -> None:
+    slightly, clearly = (stakes_of([conflict("ab", probability=p)], NOW_S) for p in (0.4, 0.2))
+    assert severity_of_stakes(slightly, None) is Severity.CAUTION
+    assert severity_of_stakes(slightly, Severity.WARNING) is Severity.WARNING
+    assert severity_of_stakes(clearly, Severity.WARNING) is Severity.CAUTION
