@@ -1,10 +1,11 @@
 """Advisories as published, from raised to cleared: conflicts, contentions, deadlocks, blockages, claims and crowds."""
 
 import operator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Generic, Literal, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -12,6 +13,8 @@ Robot = Annotated[str, Field(description="UUID of a robot")]
 
 BAD_AFTER = 4400
 """Close code of the stream: `after` is not a whole number, 0 or more."""
+BAD_KINDS = 4422
+"""Close code of the stream: `kinds` names something else than kinds."""
 AFTER_BEYOND_LAST = 4416
 """Close code of the stream: `after` is a number that this store has not given yet."""
 STORE_FAILED = 1011
@@ -293,21 +296,36 @@ AnyAdvisory = Annotated[
 Kind = Literal[
     "conflict", "contention", "double_occupancy", "deadlock", "blockage", "foreign_claim", "two_places", "crowd"
 ]
+RevisionKind = Literal[Kind, "situation"]
+KindChoice = Literal[RevisionKind, "advisory"]
+"""What a receiver of revisions may ask for: "advisory" stands for every kind of advisory."""
+SITUATION = "situation"
+ADVISORY_KINDS = frozenset[str](get_args(Kind))
+EVERY_KIND = ADVISORY_KINDS | {SITUATION}
 
 ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
 """Reads one revision of any kind."""
 
 
+Revision = TypeVar("Revision", bound=Advisory)
+
+
 @dataclass(frozen=True, slots=True)
-class Listing:
-    """Some advisories, and the position in the stream at that moment."""
+class Listing(Generic[Revision]):
+    """Some advisories or situations, and the position in the stream at that moment."""
 
     seq: int
     """The newest number in the store."""
-    advisories: list[AnyAdvisory]
+    advisories: list[Revision]
     """The newest revision of each, newest first."""
     more: bool
     """Whether the limit left some out."""
+
+
+def chosen_kinds(choices: Iterable[str]) -> frozenset[str]:
+    """The kinds of revisions that a receiver asks for by `KindChoice`."""
+    kinds = frozenset[str](choices)
+    return kinds - {"advisory"} | ADVISORY_KINDS if "advisory" in kinds else kinds
 
 
 def moment(t_s: float) -> datetime:

@@ -76,7 +76,7 @@ class Client:
     ) -> None:
         await self._http.aclose()
 
-    async def open(self) -> Listing:
+    async def open(self) -> Listing[AnyAdvisory]:
         """The open advisories, newest first, and the stream's position: `follow(after=listing.seq)` continues there.
 
         Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.

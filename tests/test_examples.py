@@ -10,6 +10,7 @@ from typing import Any
 
 import trustme
 
+from deconflict.advisories.situations.situation import advisories_of
 from deconflict.advisory import AnyAdvisory, Severity
 from deconflict.settings.site import Person
 from ingest.settings import Tls
@@ -43,7 +44,7 @@ def place_of(place: Path) -> int:
 
 def taken_up(service: Served) -> list[AnyAdvisory]:
     """Each revision with which an advisory was taken up."""
-    all_of_it = service.store.after(0, 1000)
+    all_of_it = advisories_of(service.store.after(0, 1000))
     return [
         advisory
         for advisory in all_of_it

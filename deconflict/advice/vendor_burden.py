@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisory import Advisory
 
 
 class Burden:
@@ -11,7 +11,7 @@ class Burden:
     def __init__(self, burdens_s: Mapping[str, float] | None = None) -> None:
         self.burdens_s = dict(burdens_s or {})
 
-    def charge(self, revisions: Iterable[AnyAdvisory]) -> None:
+    def charge(self, revisions: Iterable[Advisory]) -> None:
         """Add the waits of the advisories that these revisions clear."""
         for revision in revisions:
             for vendor, wait_s in revision.advised_wait_s.items():

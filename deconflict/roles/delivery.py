@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from pydantic_core import to_json
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.engine.message_latency import observe_latency
 from deconflict.runtime.learned_state import Part, packed
 from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, cut_into_parcels, packed_parcel
@@ -96,7 +96,7 @@ class Delivery:
 
     def add_pass(
         self,
-        revisions: Sequence[AnyAdvisory],
+        revisions: Sequence[AnyRevision],
         arrivals_s: dict[str, Floats],
         measures: Measures,
         near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
@@ -125,7 +125,7 @@ class Delivery:
         """Deliver the learned state after the next parcel. Replaces one that still waits."""
         self._learned.append(learned)
 
-    def _lines(self, revisions: Iterable[AnyAdvisory]) -> Iterator[bytes]:
+    def _lines(self, revisions: Iterable[AnyRevision]) -> Iterator[bytes]:
         """Each revision as a line of JSON."""
         for revision in revisions:
             try:

@@ -9,7 +9,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory
+from deconflict.advisories.situations.situation import REVISION, AnyRevision
+from deconflict.advisory import Acknowledgement
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api_sources import SourceUnavailableError
@@ -102,7 +103,7 @@ class OperatorCalls:
         return b"set aside"
 
     async def _publish(self, payload: bytes) -> bytes:
-        """Take in a parcel of the engine: advisories, near misses, and once a second measures and presence."""
+        """Take in a parcel of the engine: revisions, near misses, and once a second measures and presence."""
         head, lines = unpacked_parcel(payload)
         self._engine.received_s = now_s = time.monotonic()
         if head.get("measures"):
@@ -111,7 +112,7 @@ class OperatorCalls:
         self._engine.presence = head.get("presence") or self._engine.presence
         if "queued_s" in head:
             self._engine.delivery.arrived(head["queued_s"])
-        if lines and not await self._is_published(map(self._advisory, lines)):
+        if lines and not await self._is_published(map(self._revision, lines)):
             return REFUSED
         if head.get("near_misses"):
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
@@ -134,7 +135,7 @@ class OperatorCalls:
                     await self._store_answer(line)
                 continue
             documents = (line["advisory"] | {"seq": line["seq"]} for line in lines)
-            if not await self._is_published(map(self._advisory, documents)):
+            if not await self._is_published(map(self._revision, documents)):
                 return REFUSED
         return self._taken()
 
@@ -151,24 +152,24 @@ class OperatorCalls:
         except (ValueError, UnreadableAdvisoryError) as error:
             self._publisher.set_asides.add("invalid", f"an answer to {line['id']}", error)
 
-    def _advisory(self, document: bytes | dict[str, Any]) -> AnyAdvisory | None:
+    def _revision(self, document: bytes | dict[str, Any]) -> AnyRevision | None:
         """The revision of a document, or of a line of JSON. None if it is not valid; then it is set aside."""
         try:
             if isinstance(document, bytes):
-                return ADVISORY.validate_json(document)
-            return ADVISORY.validate_python(document)
+                return REVISION.validate_json(document)
+            return REVISION.validate_python(document)
         except ValueError as error:
             text = document.decode(errors="replace") if isinstance(document, bytes) else str(document)
             self._publisher.set_asides.add("invalid", text[:SHOWN_LETTERS], error)
             return None
 
-    async def _is_published(self, revisions: Iterable[AnyAdvisory | None]) -> bool:
+    async def _is_published(self, revisions: Iterable[AnyRevision | None]) -> bool:
         """Publish revisions. False if the store takes none now."""
-        advisories = [revision for revision in revisions if revision]
+        accepted = [revision for revision in revisions if revision]
         try:
-            await self._publisher.publish(advisories)
+            await self._publisher.publish(accepted)
         except StoreError as error:
-            log.warning("%d revisions are not taken yet and will be sent again: %s", len(advisories), error)
+            log.warning("%d revisions are not taken yet and will be sent again: %s", len(accepted), error)
             return False
         return True
 

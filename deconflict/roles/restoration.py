@@ -3,7 +3,8 @@
 import json
 from dataclasses import dataclass, field
 
-from deconflict.advisory import ADVISORY, AnyAdvisory
+from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation, advisories_of, situations_of
+from deconflict.advisory import AnyAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.runtime.parcels import packed_parcel, unpacked_parcel
 from deconflict.runtime.rpc import Caller
@@ -22,11 +23,13 @@ class StoredState:
     burdens_s: dict[str, float]
     open: list[AnyAdvisory] = field(default_factory=list)
     """The newest revision of each open advisory."""
+    situations: list[Situation] = field(default_factory=list)
+    """The newest revision of each open situation."""
     encounters: dict[Pair, int] = field(default_factory=dict)
 
 
 def page_of_open(store: Store, after: int) -> bytes:
-    """The open advisories whose newest revisions follow number `after`, as a parcel; its head is the last number."""
+    """What is open and whose newest revisions follow number `after`, as a parcel; its head is the last number."""
     page = store.open_after(after, MOST_ADVISORIES)
     return packed_parcel({"last": page[-1].seq if page else None}, (document.text.encode() for document in page))
 
@@ -40,18 +43,19 @@ def stored_state(operator: Caller, set_asides: SetAsides) -> StoredState:
     """The state that the operator face has stored. Raises `LinkDownError`."""
     state = StoredState(json.loads(operator.call("burdens")))
     last: int | None = 0
-    found: dict[str, AnyAdvisory] = {}
+    found: dict[str, AnyRevision] = {}
     while last is not None:
         head, lines = unpacked_parcel(operator.call("restore", b"%d" % last))
         last = head["last"]
         for line in lines:
             try:
-                advisory = ADVISORY.validate_json(line)
+                revision = REVISION.validate_json(line)
             except ValueError as error:
                 set_asides.add("invalid", line[:200].decode(errors="replace"), error)
             else:
-                found[advisory.id] = advisory
-    state.open.extend(found.values())
+                found[revision.id] = revision
+    state.open.extend(advisories_of(found.values()))
+    state.situations.extend(situations_of(found.values()))
     pair: Pair = FIRST_PAIR
     while page := json.loads(operator.call("encounters", json.dumps(pair).encode())):
         state.encounters.update({(a, b): count for a, b, count in page})

@@ -6,13 +6,15 @@ from typing import Annotated
 
 from pydantic import Field
 
+from deconflict.advisory import KindChoice
 from ingest.settings import Seconds, SecretSource, Section
 
 Backoff = tuple[Seconds, Seconds]
+Kinds = Annotated[tuple[KindChoice, ...], Field(min_length=1)]
 
 
 class Webhook(Section):
-    """An address that receives every revision of every advisory."""
+    """An address that receives every revision of every situation, or of other kinds."""
 
     name: str
     """Label in metrics, and name of the position in the store. A new name begins with the next revision."""
@@ -20,6 +22,8 @@ class Webhook(Section):
     """Receives a `POST` with one revision as JSON. An answer of 200 to 299 accepts it."""
     secret: SecretSource
     """Source of the secret that signs each request, `file:PATH` or `env:NAME`."""
+    kinds: Kinds = ("situation",)
+    """What it receives: `situation`, `advisory` for every kind of advisory, or some kinds of advisory."""
     timeout_s: Seconds = 10.0
     """A request without an answer for this long has failed."""
     retry_s: Backoff = (1.0, 60.0)
@@ -27,14 +31,17 @@ class Webhook(Section):
 
 
 class Mqtt(Section):
-    """An MQTT broker that has the open advisories as retained messages."""
+    """An MQTT broker that has the open situations, or other kinds, as retained messages."""
 
     host: str
     """The broker."""
     port: Annotated[int, Field(gt=0, le=65535)] = 1883
     """Its port; brokers use 8883 for TLS."""
     topic: Annotated[str, Field(pattern=r"^[^#+$]+$")] = "deconflict"
-    """Advisories are at `TOPIC/advisories/ID`, the state of the service is at `TOPIC/service`."""
+    """Situations are at `TOPIC/situations/ID`, advisories at `TOPIC/advisories/ID`, the service's state at
+    `TOPIC/service`."""
+    kinds: Kinds = ("situation",)
+    """What it receives: `situation`, `advisory` for every kind of advisory, or some kinds of advisory."""
     user: str = ""
     """User name, if the broker needs one."""
     password: SecretSource = ""

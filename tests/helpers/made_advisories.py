@@ -3,7 +3,9 @@
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from deconflict.advisories.situations.situation import Situation, SituationAdvice
 from deconflict.advisory import (
+    Action,
     AdvisoryState,
     ConflictAdvisory,
     DeadlockAdvisory,
@@ -71,3 +73,40 @@ def deadlock(*robots: str) -> DeadlockAdvisory:
         summary="they wait for each other in aisle 4 in 8 s",
         cycle=tuple(Wait(waiter=a, holder=b, where="aisle-4", from_at=START) for a, b in ring),
     )
+
+
+def situation(number: int, revision: int = 1, **fields: Any) -> Situation:
+    """A revision of the situation with this number: the two robots of `made` meet."""
+    updated_at = START + timedelta(minutes=number, seconds=revision - 1)
+    wait = Action(robot=ROBOTS[0], name="Tug 1", action="wait", seconds=3.0)
+    whole: dict[str, Any] = {
+        "id": f"situation-{number}",
+        "revision": revision,
+        "state": AdvisoryState.RAISED if revision == 1 else AdvisoryState.UPDATED,
+        "severity": Severity.WARNING,
+        "situation_kind": "meeting",
+        "robots": ROBOTS,
+        "names": ("Tug 1", "Lift 2"),
+        "vendors": ("Acme", "Borealis"),
+        "raised_at": START + timedelta(minutes=number),
+        "updated_at": updated_at,
+        "predicted_at": updated_at + timedelta(seconds=4.25),
+        "time_to_conflict_s": 4.25,
+        "location": Location(datum="5f1d0000-0000-4000-8000-00000000000a", x=1.0, y=2.0),
+        "summary": "Tug 1 and Lift 2 meet at the dock",
+        "advice": SituationAdvice(actions=(wait,), text="Tug 1 waits 3 s", since_at=START),
+        "outline": ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0)),
+        "since_at": START,
+        "ends": "one of them brakes",
+        "cost_s": 5.0,
+        "preventable_s": 4.0,
+        "advisories": (f"advisory-{number}",),
+    }
+    return Situation(**(whole | fields))
+
+
+def cleared_situation(number: int, revision: int = 2, **fields: Any) -> Situation:
+    """The revision that clears the situation with this number."""
+    when = START + timedelta(minutes=number, seconds=revision - 1)
+    ended = {"state": AdvisoryState.CLEARED, "cleared_at": when, "cleared_because": "they passed", "advice": None}
+    return situation(number, revision, **(ended | fields))

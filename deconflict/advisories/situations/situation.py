@@ -1,5 +1,6 @@
 """Situations as published: open advisories that share robots or a place, as one thing for a person to look at."""
 
+from collections.abc import Iterable
 from datetime import datetime
 from typing import Annotated, Literal
 
@@ -56,3 +57,13 @@ AnyRevision = Annotated[AnyAdvisory | Situation, Field(discriminator="kind")]
 
 REVISION: TypeAdapter[AnyRevision] = TypeAdapter(AnyRevision)
 """Reads one revision of an advisory or a situation."""
+
+
+def advisories_of(revisions: Iterable[AnyRevision]) -> list[AnyAdvisory]:
+    """The revisions of advisories."""
+    return [revision for revision in revisions if not isinstance(revision, Situation)]
+
+
+def situations_of(revisions: Iterable[AnyRevision]) -> list[Situation]:
+    """The revisions of situations."""
+    return [revision for revision in revisions if isinstance(revision, Situation)]

@@ -18,7 +18,8 @@ from typing import Any
 import msgspec
 import zstandard
 
-from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict.advisories.situations.situation import REVISION
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.operator.blackbox.archive import Archive, Box
 from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest
 from deconflict.operator.blackbox.hash_chain import HashChain
@@ -54,7 +55,7 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
 
     Reads the log twice, line by line. Raises `OSError`.
     """
-    pending = [ADVISORY.validate_json(text) for text in request.pending]
+    pending = [REVISION.validate_json(text) for text in request.pending]
     published = published_in(request.store, pending, request.span)
     misses = _near_misses(request, published.decided)
     if not misses:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from deconflict.advisories.situations.situation import advisories_of
 from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
 from deconflict.operator.store.pending_writes import PendingWrites, open_at_time
@@ -19,16 +20,17 @@ class PublishedAdvisories(NamedTuple):
 
 
 def published_in(store: Path, pending: PendingWrites, span: BoxSpan) -> PublishedAdvisories:
-    """The revisions of the database and of `pending`, each once: pending ones may be stored by now.
+    """The revisions of advisories in the database and in `pending`, each once: pending ones may be stored by now.
 
     Raises `sqlite3.Error`.
     """
     with read_only(store) as db:
-        stored_open, stored = open_at(db, span.engine_s), between(db, span.engine_s, span.until_s)
+        stored_open = advisories_of(open_at(db, span.engine_s))
+        stored = advisories_of(between(db, span.engine_s, span.until_s))
     last = stored[-1].seq if stored else 0
     unstored = [
         revision
-        for revision in pending
+        for revision in advisories_of(pending)
         if revision.seq > last and span.engine_s < revision.updated_at.timestamp() <= span.until_s
     ]
-    return PublishedAdvisories(open_at_time(stored_open, pending, span.engine_s), [*stored, *unstored])
+    return PublishedAdvisories(open_at_time(stored_open, advisories_of(pending), span.engine_s), [*stored, *unstored])

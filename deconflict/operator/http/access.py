@@ -31,7 +31,7 @@ def role_needed(method: str, path: str) -> Role:
     """The role that a request needs."""
     if method in ("GET", "HEAD", "WEBSOCKET"):
         return "read"
-    return "acknowledge" if path.startswith("/advisories/") else "administer"
+    return "acknowledge" if path.startswith(("/advisories/", "/situations/")) else "administer"
 
 
 def exposed_ports(site: Site) -> list[str]:

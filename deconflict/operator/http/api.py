@@ -9,7 +9,7 @@ from importlib.metadata import version
 from fastapi import FastAPI, Response, WebSocket
 from fastapi.responses import HTMLResponse
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.operator.http.access import AccessMiddleware, People
 from deconflict.operator.http.api_models import (
     AdvisoryList,
@@ -20,6 +20,8 @@ from deconflict.operator.http.api_models import (
     Reloaded,
     RevisionList,
     RobotList,
+    SituationList,
+    SituationRevisions,
 )
 from deconflict.operator.http.api_routes import ApiRoutes, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
@@ -34,8 +36,10 @@ from ingest.measures.measures import Measures
 DESCRIPTION = """Predicted conflicts and contention of the robots of many vendors on shared floors.
 **Advisory, not safety rated**: nothing here stops a robot or replaces a safety function.
 
+A situation joins open advisories that share robots or a place: one sentence, and one piece of advice.
+
 Live advisories come over a WebSocket at `/advisories/stream`; with `?after=SEQ` it first replays every revision
-with a higher number."""
+with a higher number, with `?kinds=situation,advisory` it sends situations, too."""
 
 
 def create_app(store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
@@ -80,10 +84,20 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     get("/advisories/{advisory_id}", response_model=RevisionList, responses=unavailable | missing)(routes.advisory)
     app.post(
         "/advisories/{advisory_id}/acknowledgement",
-        response_model=AnyAdvisory,
+        response_model=AnyRevision,
         status_code=201,
         responses=unavailable | missing,
     )(routes.acknowledge)
+    get("/situations", response_model=SituationList, responses=unavailable)(routes.situations)
+    get("/situations/{situation_id}", response_model=SituationRevisions, responses=unavailable | missing)(
+        routes.situation
+    )
+    app.post(
+        "/situations/{situation_id}/acknowledgement",
+        response_model=Situation,
+        status_code=201,
+        responses=unavailable | missing,
+    )(routes.acknowledge_situation)
     refused: dict[int | str, Document] = {422: {"model": Reloaded, "description": "The file can't be used"}}
     app.post("/site/reload", response_model=Reloaded, responses=unavailable | refused)(routes.reload)
     get("/robots", response_model=RobotList, responses=unavailable)(routes.robots)
@@ -95,6 +109,7 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     get("/healthz", response_model=Document, responses=degraded)(routes.healthz)
     get("/metrics", response_class=Response, responses=text)(routes.metrics)
     get("/schema/advisory", response_model=Document)(routes.schema)
+    get("/schema/situation", response_model=Document)(routes.situation_schema)
 
 
 def _add_sockets(app: FastAPI, publisher: Publisher, store: Store, sources: Sources) -> None:
@@ -127,7 +142,7 @@ def _index(app: FastAPI) -> str:
 <h1>{escape(app.title)} {escape(app.version)}</h1>
 <p>Predicted conflicts and contention of robots. <strong>Advisory, not safety rated.</strong></p>
 <dl>{"".join(rows)}
-<dt><code>/advisories/stream?after=SEQ</code></dt><dd>WebSocket: each revision as it is published.</dd>
+<dt><code>/advisories/stream?after=SEQ&amp;kinds=KINDS</code></dt><dd>WebSocket: each revision as it is published.</dd>
 <dt><code>/live</code></dt><dd>WebSocket: the floor as the page draws it.</dd>
 <dt><code>{_linked("/openapi.json")}</code></dt><dd>The description of this interface.</dd></dl></html>
 """

@@ -6,7 +6,8 @@ from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any, cast
 
-from deconflict.advisory import ADVISORY
+from deconflict.advisories.situations.situation import REVISION
+from deconflict.advisory import ADVISORY, EVERY_KIND
 from deconflict.operator.http.api import DESCRIPTION, create_app
 from deconflict.operator.http.api_sources import Sources
 from deconflict.operator.store.store import Store
@@ -14,8 +15,8 @@ from deconflict.settings.outlet_settings import Mqtt
 from deconflict.settings.site import Operator, Site
 
 Document = dict[str, Any]
-REVISION = {"$ref": "#/components/messages/revision"}
-_REVISION_CONTENT = {"contentType": "application/json", "payload": {"$ref": "#/components/schemas/AnyAdvisory"}}
+MESSAGES = {"revision": "AnyAdvisory", "situation": "Situation"}
+"""By message, its schema."""
 SIGNATURE = ("webhook-id", "webhook-timestamp", "webhook-signature")
 _NO_SOURCES = cast(Sources, SimpleNamespace(follow=None, live_status=None))
 """A description of the interface calls none of them."""
@@ -32,9 +33,18 @@ def openapi() -> Document:
 
 
 def asyncapi() -> Document:
-    """AsyncAPI 3.0: the stream, the webhooks and the broker's topics. All carry the same message."""
-    schema = ADVISORY.json_schema(mode="serialization", ref_template="#/components/schemas/{model}")
-    schemas = schema.pop("$defs")
+    """AsyncAPI 3.0: the stream, the webhooks and the broker's topics. All carry the same messages."""
+    template = "#/components/schemas/{model}"
+    advisory = ADVISORY.json_schema(mode="serialization", ref_template=template)
+    schemas = REVISION.json_schema(mode="serialization", ref_template=template)["$defs"]
+    schemas["AnyAdvisory"] = {key: value for key, value in advisory.items() if key != "$defs"}
+    channels = {
+        "stream": _stream(),
+        "webhook": _webhook(),
+        "retained": _retained("advisories", "revision"),
+        "retained_situations": _retained("situations", "situation"),
+        "service": _service(),
+    }
     return {
         "asyncapi": "3.0.0",
         "info": {"title": "amr-deconflict", "version": version("amr-deconflict"), "description": DESCRIPTION},
@@ -44,30 +54,38 @@ def asyncapi() -> Document:
             "broker": {"host": "broker.example:1883", "protocol": "mqtt", "protocolVersion": "3.1.1"},
             "site": {"host": "mes.example", "protocol": "https"},
         },
-        "channels": {"stream": _stream(), "webhook": _webhook(), "retained": _retained(), "service": _service()},
+        "channels": channels,
         "operations": {
-            f"send_{channel}": {"action": "send", "channel": {"$ref": f"#/channels/{channel}"}}
-            for channel in ("stream", "webhook", "retained", "service")
+            f"send_{channel}": {"action": "send", "channel": {"$ref": f"#/channels/{channel}"}} for channel in channels
         },
         "components": {
             "messages": {
-                "revision": {"title": "One revision of an advisory", **_REVISION_CONTENT},
+                "revision": {"title": "One revision of an advisory", **_content("revision")},
+                "situation": {"title": "One revision of a situation", **_content("situation")},
                 "presence": {"contentType": "text/plain", "payload": {"type": "string", "enum": ["online", "offline"]}},
             },
-            "schemas": {"AnyAdvisory": schema, **schemas},
+            "schemas": schemas,
         },
     }
 
 
+def _content(message: str) -> Document:
+    return {"contentType": "application/json", "payload": {"$ref": f"#/components/schemas/{MESSAGES[message]}"}}
+
+
 def _stream() -> Document:
-    description = "the last `seq` that you have seen; without it the stream begins with the next revision"
-    query = {"after": {"type": "integer", "minimum": 0, "description": description}}
+    after = "the last `seq` that you have seen; without it the stream begins with the next revision"
+    kinds = f"separated by commas: advisory (every kind of advisory, the default), {', '.join(sorted(EVERY_KIND))}"
+    query = {
+        "after": {"type": "integer", "minimum": 0, "description": after},
+        "kinds": {"type": "string", "description": kinds},
+    }
     return {
         "address": "/advisories/stream",
         "servers": [{"$ref": "#/servers/operator"}],
-        "description": "Every revision in order. With `after`, first the revisions that were missed.",
+        "description": "Every revision of `kinds` in order. With `after`, first the revisions that were missed.",
         "bindings": {"ws": {"method": "GET", "query": {"type": "object", "properties": query}}},
-        "messages": {"revision": REVISION},
+        "messages": {message: {"$ref": f"#/components/messages/{message}"} for message in MESSAGES},
     }
 
 
@@ -77,17 +95,19 @@ def _webhook() -> Document:
         "address": "/",
         "servers": [{"$ref": "#/servers/site"}],
         "description": "POST to each address of the site file, signed by Standard Webhooks 1.0.",
-        "messages": {"revision": {**_REVISION_CONTENT, "headers": headers, "bindings": {"http": {}}}},
+        "messages": {
+            message: {**_content(message), "headers": headers, "bindings": {"http": {}}} for message in MESSAGES
+        },
     }
 
 
-def _retained() -> Document:
+def _retained(topic: str, message: str) -> Document:
     return {
-        "address": f"{Mqtt.model_fields['topic'].default}/advisories/{{id}}",
+        "address": f"{Mqtt.model_fields['topic'].default}/{topic}/{{id}}",
         "servers": [{"$ref": "#/servers/broker"}],
-        "parameters": {"id": {"description": "of the advisory"}},
-        "description": "Retained while the advisory is open. Emptied after the revision that clears it.",
-        "messages": {"revision": REVISION},
+        "parameters": {"id": {"description": "in each of its revisions"}},
+        "description": "Retained while it is open. Emptied after the revision that clears it.",
+        "messages": {message: {"$ref": f"#/components/messages/{message}"}},
     }
 
 

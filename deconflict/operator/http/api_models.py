@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, StringConstraints
 
+from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisory import AnyAdvisory
 
 Document = dict[str, Any]
@@ -13,18 +14,32 @@ class AdvisoryList(BaseModel):
     """The newest revision of each advisory that matches, newest first."""
 
     seq: int = Field(description="newest number at this moment; `/advisories/stream?after=` continues from it")
-    advisories: list[AnyAdvisory]
+    advisories: list[AnyRevision]
     more: bool = Field(description="true if `limit` left some out")
 
 
 class RevisionList(BaseModel):
     """Every stored revision of one advisory, in order."""
 
-    advisories: list[AnyAdvisory]
+    advisories: list[AnyRevision]
+
+
+class SituationList(BaseModel):
+    """The newest revision of each situation that matches, newest first."""
+
+    seq: int = Field(description="newest number at this moment; `/advisories/stream?after=` continues from it")
+    situations: list[Situation]
+    more: bool = Field(description="true if `limit` left some out")
+
+
+class SituationRevisions(BaseModel):
+    """Every stored revision of one situation, in order."""
+
+    situations: list[Situation]
 
 
 class Answer(BaseModel):
-    """Who acknowledges an advisory, and what is done about it or why nothing is done."""
+    """Who acknowledges an advisory or a situation, and what is done about it or why nothing is done."""
 
     name: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = Field(
         default="", description="required if people do not sign in; ignored if they do"

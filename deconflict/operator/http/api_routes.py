@@ -1,5 +1,6 @@
-"""The handlers of the HTTP API: advisories, robots, vendors, rejected messages, black boxes, health and metrics."""
+"""The handlers of the HTTP API: situations, advisories, robots, vendors, black boxes, health and metrics."""
 
+import asyncio
 from datetime import UTC, datetime
 from typing import Annotated
 
@@ -7,12 +8,22 @@ from fastapi import HTTPException, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic_core import to_json
 
-from deconflict.advisory import Acknowledgement, Kind
-from deconflict.operator.http.api_models import AdvisoryList, Answer, Problem, Reloaded, RevisionList
+from deconflict.advisories.situations.situation import SituationKind, situations_of
+from deconflict.advisory import SITUATION, Acknowledgement, RevisionKind, Severity
+from deconflict.operator.http.api_models import (
+    AdvisoryList,
+    Answer,
+    Problem,
+    Reloaded,
+    RevisionList,
+    SituationList,
+    SituationRevisions,
+)
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.json_schemas import SCHEMAS
+from deconflict.operator.store.listing_filter import StateFilter
 from deconflict.operator.store.publisher import PRUNED, Publisher
-from deconflict.operator.store.store import StateFilter, Store, StoreError
+from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.vendor_health import vendor_health
 from deconflict.operator.vendor_models import VendorList
 from ingest.measures.measures import Measures
@@ -29,12 +40,12 @@ class ApiRoutes:
     def advisories(
         self,
         state: Annotated[StateFilter, Query(description="only advisories in this state")] = "open",
-        kind: Annotated[Kind | None, Query(description="only advisories of this kind")] = None,
+        kind: Annotated[RevisionKind | None, Query(description="only advisories of this kind, or situations")] = None,
         vendor: Annotated[str | None, Query(description="only advisories with a robot of this vendor")] = None,
         robot: Annotated[str | None, Query(description="only advisories with this robot (UUID)")] = None,
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of advisories")] = 100,
     ) -> Response:
-        """The newest revision of each advisory, newest first."""
+        """The newest revision of each advisory, newest first. Situations are listed only if asked for."""
         listing = self._store.latest(state, kind=kind, vendor=vendor, robot=robot and robot.lower(), limit=limit)
         return json_response(AdvisoryList(seq=listing.seq, advisories=listing.advisories, more=listing.more))
 
@@ -44,6 +55,35 @@ class ApiRoutes:
         if not revisions:
             raise _no_advisory(advisory_id)
         return json_response(RevisionList(advisories=revisions))
+
+    def situations(
+        self,
+        state: Annotated[StateFilter, Query(description="only situations in this state")] = "open",
+        kind: Annotated[SituationKind | None, Query(description="only situations of this `situation_kind`")] = None,
+        severity: Annotated[Severity | None, Query(description="only situations of this severity")] = None,
+        vendor: Annotated[str | None, Query(description="only situations with a robot of this vendor")] = None,
+        robot: Annotated[str | None, Query(description="only situations with this robot (UUID)")] = None,
+        limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of situations")] = 100,
+    ) -> Response:
+        """The newest revision of each situation, newest first."""
+        listing = self._store.latest(
+            state,
+            kind=SITUATION,
+            situation_kind=kind,
+            severity=severity,
+            vendor=vendor,
+            robot=robot and robot.lower(),
+            limit=limit,
+        )
+        situations = situations_of(listing.advisories)
+        return json_response(SituationList(seq=listing.seq, situations=situations, more=listing.more))
+
+    def situation(self, situation_id: str) -> Response:
+        """Every revision of one situation."""
+        revisions = situations_of(self._store.get(situation_id))
+        if not revisions:
+            raise _no_situation(situation_id)
+        return json_response(SituationRevisions(situations=revisions))
 
     async def acknowledge(self, advisory_id: str, answer: Answer, request: Request) -> Response:
         """Acknowledge an advisory by name and with a reason. Everybody sees it, and the stream sends it."""
@@ -55,6 +95,12 @@ class ApiRoutes:
         if answered is None:
             raise _no_advisory(advisory_id)
         return json_response(answered, 201)
+
+    async def acknowledge_situation(self, situation_id: str, answer: Answer, request: Request) -> Response:
+        """Acknowledge a situation by name and with a reason. Everybody sees it, and the stream sends it."""
+        if not situations_of(await asyncio.to_thread(self._store.get, situation_id)):
+            raise _no_situation(situation_id)
+        return await self.acknowledge(situation_id, answer, request)
 
     async def robots(
         self, vendor: Annotated[str | None, Query(description="only robots of this vendor")] = None
@@ -128,6 +174,10 @@ class ApiRoutes:
         """JSON Schema of an advisory."""
         return json_response(SCHEMAS["advisory"](), media_type="application/schema+json")
 
+    def situation_schema(self) -> Response:
+        """JSON Schema of a situation."""
+        return json_response(SCHEMAS["situation"](), media_type="application/schema+json")
+
 
 def json_response(content: object, status: int = 200, media_type: str = "application/json") -> Response:
     """Infinite numbers and NaN become null."""
@@ -145,3 +195,7 @@ async def store_failed(_: Request, error: Exception) -> Response:
 
 def _no_advisory(advisory_id: str) -> HTTPException:
     return HTTPException(404, f"no advisory {advisory_id!r} is stored; cleared ones are removed in time")
+
+
+def _no_situation(situation_id: str) -> HTTPException:
+    return HTTPException(404, f"no situation {situation_id!r} is stored; cleared ones are removed in time")

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import ADVISORY
 from deconflict.settings.site import Site
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
@@ -10,6 +11,7 @@ from ingest.languages.massrobotics.report_models import IdentityReport, StatusRe
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "advisory": lambda: ADVISORY.json_schema(mode="serialization"),
     "identity": IdentityReport.model_json_schema,
+    "situation": lambda: Situation.model_json_schema(mode="serialization"),
     "site": Site.model_json_schema,
     "status": StatusReport.model_json_schema,
 }

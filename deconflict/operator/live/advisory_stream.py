@@ -1,13 +1,21 @@
 """The advisory stream: a WebSocket that follows the store from a given position (`docs/api.md`)."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Set
 from contextlib import suppress
 from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
+from deconflict.advisory import (
+    ADVISORY_KINDS,
+    AFTER_BEYOND_LAST,
+    BAD_AFTER,
+    BAD_KINDS,
+    EVERY_KIND,
+    STORE_FAILED,
+    chosen_kinds,
+)
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.until_either import until_either
@@ -37,13 +45,13 @@ class AdvisoryStream:
         self._count(0)
 
     async def serve(self, websocket: WebSocket) -> None:
-        """Accept, and send every revision after `?after=`: first those in the store, then each new one."""
+        """Accept, and send every revision of `?kinds=` after `?after=`: first those in the store, then each new one."""
         live_from = self._publisher.last_seq
         await websocket.accept()
         try:
-            after = websocket.query_params.get("after")
+            after, kinds = websocket.query_params.get("after"), kinds_of(websocket.query_params.get("kinds"))
             seq = live_from if after is None else await self._position(after)
-            await send_while_read(websocket, self._send_lines(websocket, seq), self._count, self._measures)
+            await send_while_read(websocket, self._send_lines(websocket, seq, kinds), self._count, self._measures)
         except RefusedError as refusal:
             await self._close(websocket, refusal.code, refusal.reason)
         except StreamEndedError:
@@ -60,12 +68,13 @@ class AdvisoryStream:
             raise RefusedError(AFTER_BEYOND_LAST, f"after is beyond the last seq {last}; get /advisories afresh")
         return seq
 
-    async def _send_lines(self, websocket: WebSocket, seq: int) -> None:
+    async def _send_lines(self, websocket: WebSocket, seq: int, kinds: Set[str]) -> None:
         while True:
-            for line in await self._publisher.after(seq):
+            page = await self._publisher.after(seq, kinds)
+            for line in page.lines:
                 async with asyncio.timeout(self._send_timeout_s()):
                     await websocket.send_text(line.text)
-                seq = line.seq
+            seq = page.last
             await asyncio.sleep(0)  # let others run while this subscriber catches up
 
     async def _close(self, websocket: WebSocket, code: int, reason: str) -> None:
@@ -76,6 +85,16 @@ class AdvisoryStream:
     def _count(self, change: int) -> None:
         self._subscribers += change
         self._measures.level("deconflict_stream_subscribers", {(): self._subscribers})
+
+
+def kinds_of(choices: str | None) -> Set[str]:
+    """The kinds that a subscriber asks for, separated by commas; every kind of advisory if it does not say."""
+    if choices is None:
+        return ADVISORY_KINDS
+    names = choices.split(",")
+    if wrong := [name for name in names if name not in EVERY_KIND | {"advisory"}]:
+        raise RefusedError(BAD_KINDS, f"kinds: found {wrong[0]!a:.24}; expected situation, advisory, or kinds of it")
+    return chosen_kinds(names)
 
 
 async def send_while_read(

@@ -1,27 +1,31 @@
-"""The open advisories as retained messages of an MQTT broker.
+"""The open situations and advisories as retained messages of an MQTT broker.
 
-`TOPIC/advisories/ID` has the newest revision while the advisory is open. The clearing revision is sent without retain,
-and then the topic is emptied. `TOPIC/service` has "online", or "offline", which the broker sets by itself (last will).
+`TOPIC/situations/ID` has the newest revision while the situation is open, `TOPIC/advisories/ID` that of an advisory.
+The clearing revision is sent without retain, and then the topic is emptied. `TOPIC/service` has "online", or "offline",
+which the broker sets by itself (last will).
 """
 
 import asyncio
 import ssl
+from collections.abc import AsyncIterator
 from contextlib import suppress
 from typing import NamedTuple
 
 from aiomqtt import Client, MqttError, Will
 
-from deconflict.advisory import ADVISORY, AdvisoryState
+from deconflict.advisories.situations.situation import REVISION
+from deconflict.advisory import SITUATION, AdvisoryState
 from deconflict.operator.outlets.store_cursor import StoreCursor, is_being_cancelled
 from deconflict.operator.store.publisher import PublishedLine
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.store.tables import StoredDocument
 from deconflict.runtime.until_either import until_either
 from deconflict.settings.outlet_settings import Mqtt
 from ingest.security.tokens import renewed, secret
 
 AT_LEAST_ONCE = 1
 MOST_AT_ONCE = 500
-"""Open advisories that are read at once."""
+"""Open situations and advisories that are read at once."""
 GOODBYE_S = 2.0
 """Longest wait for a broker's answer to the goodbye, and again for its answer to the disconnect."""
 
@@ -41,6 +45,8 @@ class MqttOutlet:
         """Raises `SecretError`."""
         self._settings, self._cursor, self._store = settings, cursor, store
         self._password = secret(settings.password) if settings.password else None
+        self._are_others_removed = False
+        """Whether the open ones of other kinds have been removed, which earlier settings may have sent."""
 
     def refresh(self) -> None:
         """Read the password again; the next connection uses it."""
@@ -86,20 +92,27 @@ class MqttOutlet:
                 raise
 
     async def _send_revisions(self, client: Client) -> None:
-        """Send the open advisories up to the position, in case the broker has lost them, then all that follow."""
-        until, last = self._cursor.seq, 0
-        while page := await asyncio.to_thread(self._store.open_after, last, MOST_AT_ONCE):
-            for document in page:
-                if document.seq <= until:
-                    topic = f"{self._settings.topic}/advisories/{document.id}"
-                    await self._send(client, MqttMessage(topic, document.text, True))
-            last = page[-1].seq
-            if last > until:
-                break
+        """Send what is open up to the position, in case the broker has lost it, then all that follows."""
+        until = self._cursor.seq
+        async for document in self._open_documents():
+            topic = topic_of(self._settings.topic, document.kind, document.id)
+            is_own = document.kind in self._cursor.kinds
+            if is_own and document.seq <= until:
+                await self._send(client, MqttMessage(topic, document.text, True))
+            elif not is_own and not self._are_others_removed:
+                await self._send(client, MqttMessage(topic, None, True))
+        self._are_others_removed = True
         async for line in self._cursor.lines():
             for message in messages_of(self._settings.topic, line):
                 await self._send(client, message)
             self._cursor.delivered(line)
+
+    async def _open_documents(self) -> AsyncIterator[StoredDocument]:
+        last = 0
+        while page := await asyncio.to_thread(self._store.open_after, last, MOST_AT_ONCE):
+            for document in page:
+                yield document
+            last = page[-1].seq
 
     async def _send(self, client: Client, message: MqttMessage) -> None:
         await client.publish(message.topic, message.payload, AT_LEAST_ONCE, message.retain)
@@ -107,11 +120,15 @@ class MqttOutlet:
 
 def messages_of(prefix: str, line: PublishedLine) -> list[MqttMessage]:
     """The messages for one revision."""
-    advisory = ADVISORY.validate_json(line.text)
-    topic = f"{prefix}/advisories/{advisory.id}"
-    if advisory.state is AdvisoryState.CLEARED:
+    revision = REVISION.validate_json(line.text)
+    topic = topic_of(prefix, line.kind, revision.id)
+    if revision.state is AdvisoryState.CLEARED:
         return [MqttMessage(topic, line.text, False), MqttMessage(topic, None, True)]
     return [MqttMessage(topic, line.text, True)]
+
+
+def topic_of(prefix: str, kind: str, revision_id: str) -> str:
+    return f"{prefix}/{'situations' if kind == SITUATION else 'advisories'}/{revision_id}"
 
 
 async def _lost(client: Client) -> None:

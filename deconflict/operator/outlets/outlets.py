@@ -69,7 +69,7 @@ class Outlets:
         await asyncio.gather(*(task for tasks in self._ending.values() for task in tasks), return_exceptions=True)
 
     def _create(self, name: str, settings: Webhook | Mqtt) -> Outlet:
-        cursor = StoreCursor(name, self._store, self._publisher)
+        cursor = StoreCursor(name, settings.kinds, self._store, self._publisher)
         if isinstance(settings, Mqtt):
             return MqttOutlet(settings, cursor, self._store)
         return WebhookOutlet(settings, cursor)

@@ -2,8 +2,9 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 
+from deconflict.advisory import KindChoice, chosen_kinds
 from deconflict.operator.store.publisher import PublishedLine, Publisher
 from deconflict.operator.store.store import Store, StoreError
 
@@ -19,10 +20,13 @@ def is_being_cancelled() -> bool:
 
 
 class StoreCursor:
-    """One outlet's position. `delivered` moves it on; a revision that is not delivered comes again."""
+    """One outlet's position, and the kinds that it receives.
 
-    def __init__(self, name: str, store: Store, publisher: Publisher) -> None:
-        self.name = name
+    `delivered` moves the position on; a revision that is not delivered comes again.
+    """
+
+    def __init__(self, name: str, kinds: Iterable[KindChoice], store: Store, publisher: Publisher) -> None:
+        self.name, self.kinds = name, chosen_kinds(kinds)
         self.seq = 0
         self._store, self._publisher = store, publisher
         self._failing = False
@@ -42,15 +46,16 @@ class StoreCursor:
                 return
 
     async def lines(self) -> AsyncIterator[PublishedLine]:
-        """Every revision after the position, without end. Retries if the store can't be read."""
+        """Every revision of its kinds after the position, without end. Retries if the store can't be read."""
         while True:
             try:
-                found = await self._publisher.after(self.seq)
+                page = await self._publisher.after(self.seq, self.kinds)
             except StoreError as error:
                 await self._wait_for_store(error)
                 continue
-            for line in found:
+            for line in page.lines:
                 yield line
+            self._skip(page.last)
 
     def delivered(self, line: PublishedLine) -> None:
         """The receiver has the revision. The position is stored soon, without a wait for the disk."""
@@ -61,10 +66,14 @@ class StoreCursor:
         self._move(line.seq)
 
     def _move(self, seq: int) -> None:
+        self._skip(seq)
+        self._publisher.begin_storing()
+
+    def _skip(self, seq: int) -> None:
+        """Set the position. It is stored with the next revisions."""
         self.seq = seq
         self._measure()
         self._store.set_position(self.name, seq)
-        self._publisher.begin_storing()
 
     def failed(self, reason: str) -> None:
         """The receiver did not accept the revision. Logged once, until it accepts one again."""

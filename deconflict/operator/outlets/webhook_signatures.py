@@ -5,7 +5,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from hashlib import sha256
 
-from deconflict.advisory import ADVISORY, AnyAdvisory
+from deconflict.advisories.situations.situation import REVISION, AnyRevision
 
 TOLERANCE_S = 300.0
 """A request whose time differs by more may be an old one that somebody else sends again."""
@@ -27,8 +27,8 @@ def signed(message_id: str, body: bytes, secret: str, now_s: float) -> dict[str,
     }
 
 
-def verified(headers: Mapping[str, str], body: bytes, secret: str, now_s: float) -> AnyAdvisory:
-    """The advisory in a request. Header names are in lower case. Raises `SignatureError`."""
+def verified(headers: Mapping[str, str], body: bytes, secret: str, now_s: float) -> AnyRevision:
+    """The revision in a request. Header names are in lower case. Raises `SignatureError`."""
     message_id, stamp = headers.get("webhook-id", ""), headers.get("webhook-timestamp", "")
     if not (stamp.isascii() and stamp.isdigit() and abs(now_s - int(stamp)) <= TOLERANCE_S):
         raise SignatureError(f"webhook-timestamp: found {stamp!r}; expected the present time, seconds since the epoch")
@@ -36,7 +36,7 @@ def verified(headers: Mapping[str, str], body: bytes, secret: str, now_s: float)
     signatures = headers.get("webhook-signature", "").split()
     if not any(hmac.compare_digest(expected.encode(), signature.encode()) for signature in signatures):
         raise SignatureError("webhook-signature: does not match the body and the shared secret")
-    return ADVISORY.validate_json(body)
+    return REVISION.validate_json(body)
 
 
 def _signature(message_id: str, stamp: str, body: bytes, secret: str) -> str:

@@ -5,6 +5,7 @@ import time
 
 import httpx
 
+from deconflict.advisory import SITUATION
 from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import signed
 from deconflict.operator.store.publisher import PublishedLine
@@ -41,9 +42,9 @@ class WebhookOutlet:
 
     async def _post(self, client: httpx.AsyncClient, line: PublishedLine) -> str:
         """Why the request failed; empty if it succeeded. Leaves out the address, which may hold a secret."""
-        body = line.text.encode()
+        body, subject = line.text.encode(), SITUATION if line.kind == SITUATION else "advisory"
         try:
-            signature = signed(f"advisory-{line.seq}", body, self._secret, time.time())
+            signature = signed(f"{subject}-{line.seq}", body, self._secret, time.time())
             headers = {"content-type": "application/json", **signature}
             answer = await client.post(self._settings.url, content=body, headers=headers)
         except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:  # ValueError: the secret is not base64

@@ -7,11 +7,12 @@ again.
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence, Set
 from itertools import islice
 from typing import NamedTuple
 
-from deconflict.advisory import Acknowledgement, AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.advisory import EVERY_KIND, Acknowledgement
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.set_asides import SetAsides
 from ingest.measures.measures import Measures
@@ -29,6 +30,15 @@ class PublishedLine(NamedTuple):
 
     seq: int
     text: str
+    kind: str
+
+
+class PublishedPage(NamedTuple):
+    """Lines of some kinds, ascending."""
+
+    lines: list[PublishedLine]
+    last: int
+    """Up to this number these are all."""
 
 
 class StreamEndedError(Exception):
@@ -53,7 +63,7 @@ class Publisher:
         self._ended = False
         measures.level("deconflict_store_unstored", {(): 0})
 
-    async def publish(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
+    async def publish(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Store and publish revisions; returns them with their numbers.
 
         A revision that is sent again is published once. One that can't be written though others can is set aside.
@@ -124,7 +134,7 @@ class Publisher:
             log.error("advisories are published but not stored: %s; they are stored once the disk works", reason)
         self.failing = reason
 
-    async def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyAdvisory | None:
+    async def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyRevision | None:
         """Store and publish an answer; returns the newest revision with it, or None for an unknown advisory."""
         if self.forward_answer is None:
             return await self.store_answer(advisory_id, answer)
@@ -135,7 +145,7 @@ class Publisher:
 
     async def store_answer(
         self, advisory_id: str, answer: Acknowledgement, seq: int | None = None
-    ) -> AnyAdvisory | None:
+    ) -> AnyRevision | None:
         """Store an answer and publish it. `seq` is its number if the followed stream gave one."""
         async with self._appending:
             answered = await asyncio.to_thread(self._store.acknowledge, advisory_id, answer, seq)
@@ -155,19 +165,22 @@ class Publisher:
         self._ended = True
         self._news.set()
 
-    async def after(self, seq: int) -> list[PublishedLine]:
-        """Up to `MOST_LINES` lines with numbers above `seq`, ascending. Waits for the first. Raises `StoreError`."""
-        while True:
-            await self.reached(seq + 1)
-            if self._tail and self._tail[0].seq <= seq + 1:
-                skipped = seq + 1 - self._tail[0].seq
-                return list(islice(self._tail, skipped, skipped + MOST_LINES))
-            known = self.last_seq
-            if found := await asyncio.to_thread(self._store.after, seq, MOST_LINES):
-                return [_line(revision) for revision in found]
-            seq = known  # all of them have been pruned
+    async def after(self, seq: int, kinds: Set[str] = EVERY_KIND) -> PublishedPage:
+        """The lines of these kinds among the next numbers above `seq`, at most `MOST_LINES`, perhaps none.
 
-    def _announce(self, new: Sequence[AnyAdvisory]) -> None:
+        Waits for the next number. Raises `StoreError`.
+        """
+        await self.reached(seq + 1)
+        if self._tail and self._tail[0].seq <= seq + 1:
+            skipped = seq + 1 - self._tail[0].seq
+            lines = list(islice(self._tail, skipped, skipped + MOST_LINES))
+            return PublishedPage([line for line in lines if line.kind in kinds], lines[-1].seq)
+        known = self.last_seq
+        page = await asyncio.to_thread(self._store.page_after, seq, kinds, MOST_LINES)
+        are_pruned = page.last == seq
+        return PublishedPage([_line(revision) for revision in page.revisions], known if are_pruned else page.last)
+
+    def _announce(self, new: Sequence[AnyRevision]) -> None:
         if not new:
             return
         for line in sorted(_line(revision) for revision in new):
@@ -180,5 +193,5 @@ class Publisher:
         self._news = asyncio.Event()
 
 
-def _line(advisory: AnyAdvisory) -> PublishedLine:
-    return PublishedLine(advisory.seq, advisory.model_dump_json())
+def _line(revision: AnyRevision) -> PublishedLine:
+    return PublishedLine(revision.seq, revision.model_dump_json(), revision.kind)

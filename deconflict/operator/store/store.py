@@ -1,4 +1,4 @@
-"""The advisories on disk: every published revision, numbered once, in one SQLite file.
+"""The advisories and situations on disk: every published revision, numbered once, in one SQLite file.
 
 A revision is stored before anybody receives it, and its number is never used again, neither after a crash nor after old
 advisories are removed. If the disk fails or stalls, revisions are still numbered, published and read. They are stored
@@ -11,7 +11,7 @@ commits, but not the file.
 
 import sqlite3
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from itertools import chain, islice
@@ -19,23 +19,24 @@ from math import inf
 from operator import attrgetter
 from pathlib import Path
 from threading import RLock
-from typing import Literal
 
-from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory, Listing, Location
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Listing, Location
+from deconflict.operator.store.listing_filter import ListingFilter, StateFilter
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
     PendingWrites,
     by_revision,
     decided_between,
-    matches,
     newest_by_id,
     open_at_time,
 )
+from deconflict.operator.store.revision_pages import Page, first_page
 from deconflict.operator.store.sqlite_connections import SqliteConnections
 from deconflict.operator.store.tables import (
     UNWRITABLE,
     StoredDocument,
-    advisory_of,
+    after,
     answers_of,
     encounters_after,
     insert,
@@ -48,6 +49,7 @@ from deconflict.operator.store.tables import (
     put_positions,
     raised_between,
     remove_oldest,
+    revision_of,
     stored_revision,
     used_bytes,
     write_one,
@@ -60,10 +62,6 @@ PRUNE_STEP = 500
 MOST_PAST = 2_000
 """Most advisories of a time in the past."""
 
-StateFilter = Literal["open", "cleared", "all"]
-
-_OPEN_VALUES: dict[StateFilter, tuple[int, int]] = {"open": (1, 1), "cleared": (0, 0), "all": (0, 1)}
-
 
 class Store:
     """The advisories of one directory. Every method may be called from any thread, and may block on the disk."""
@@ -73,11 +71,11 @@ class Store:
         self._connections = SqliteConnections(directory)
         self.path = self._connections.path
         self._number_lock = RLock()
-        self._pending: list[AnyAdvisory] = []
+        self._pending: list[AnyRevision] = []
         """Numbered revisions that are not in the file yet, ascending by number."""
         self._positions: dict[str, int] = {}
         """Positions of outlets that are not in the file yet."""
-        self.unwritable: deque[tuple[AnyAdvisory, Exception]] = deque()
+        self.unwritable: deque[tuple[AnyRevision, Exception]] = deque()
         """Revisions that could not be written though others could, each once. The publisher takes them from here."""
 
     def close(self) -> None:
@@ -97,7 +95,7 @@ class Store:
         """Whether `flush` has something to store."""
         return bool(self._pending or self._positions)
 
-    def accept(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
+    def accept(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Number revisions and keep them for `flush`. Every other method sees them from now on.
 
         A revision that has a number keeps it: it comes from a stream that this store follows. A known revision is
@@ -108,7 +106,7 @@ class Store:
             if len(self._pending) >= MOST_PENDING:
                 raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
-            unwritable: list[tuple[AnyAdvisory, Exception]] = []
+            unwritable: list[tuple[AnyRevision, Exception]] = []
             with self._connections.reading() as db:
                 seq = max(last_seq(db), pending[-1].seq if pending else 0)
                 for advisory in advisories:
@@ -137,7 +135,7 @@ class Store:
             pending, positions = self._pending, dict(self._positions)
         if not pending and not positions:
             return
-        unwritable: list[tuple[AnyAdvisory, Exception]] = []
+        unwritable: list[tuple[AnyRevision, Exception]] = []
         with self._connections.writing() as db:
             last = last_seq(db)
             new = (revision for revision in pending if revision.seq > last)
@@ -148,7 +146,7 @@ class Store:
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._positions = {outlet: seq for outlet, seq in self._positions.items() if positions.get(outlet) != seq}
 
-    def append(self, advisories: Sequence[AnyAdvisory]) -> list[AnyAdvisory]:
+    def append(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
 
         A revision that has a number keeps it: it comes from a stream that this store follows. A revision that is
@@ -167,7 +165,7 @@ class Store:
                 stored.append(known)
         return stored
 
-    def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyAdvisory | None:
+    def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
         """Store the newest revision once more, with the answer and a number of its own; None for an unknown advisory.
 
         `seq` is the number if the stream that this store follows gave one; an answer with a number that is stored
@@ -181,7 +179,7 @@ class Store:
             ).fetchone()
             if row is None:
                 return None
-            newest = advisory_of(row[0])
+            newest = revision_of(row[0])
             if seq is not None and seq <= last_seq(db):
                 return newest
             answered = newest.model_copy(update={"seq": seq or last_seq(db) + 1, "acknowledgement": answer})
@@ -192,60 +190,55 @@ class Store:
             insert(db, answered, answers_of(db, advisory_id)[0], answer.at)
         return answered
 
-    def after(self, seq: int, limit: int = 100) -> list[AnyAdvisory]:
+    def after(self, seq: int, limit: int = 100) -> list[AnyRevision]:
         """Up to `limit` revisions with a number above `seq`, ascending; all of them if `limit` is negative."""
         with self._file_and_pending() as (db, pending):
             rows = db.execute(
                 "SELECT document FROM revisions WHERE seq > ? ORDER BY seq LIMIT ?", (seq, limit)
             ).fetchall()
-        stored = [advisory_of(document) for (document,) in rows]
+        stored = [revision_of(document) for (document,) in rows]
         found = [*stored, *(revision for revision in pending if revision.seq > seq)]
         return found if limit < 0 else found[:limit]
 
+    def page_after(self, seq: int, kinds: Set[str], limit: int) -> Page:
+        """Up to `limit` revisions of these kinds with a number above `seq`. Returns fewer if others lie between."""
+        with self._file_and_pending() as (db, pending):
+            unstored = ((each.seq, each if each.kind in kinds else None) for each in pending if each.seq > seq)
+            return first_page(chain(after(db, seq, kinds), unstored), seq, limit)
+
     def latest(
-        self,
-        state: StateFilter = "open",
-        *,
-        kind: str | None = None,
-        vendor: str | None = None,
-        robot: str | None = None,
-        limit: int | None = None,
-    ) -> Listing:
-        """The newest revision of each advisory that matches, newest first, at most `limit` of them."""
-        query = {"kind": kind, "vendor": vendor, "robot": robot, "limit": -1 if limit is None else limit + 1}
-        query["low"], query["high"] = _OPEN_VALUES[state]
+        self, state: StateFilter = "open", *, limit: int | None = None, **fields: str | None
+    ) -> Listing[AnyRevision]:
+        """The newest revision of each that matches, newest first, at most `limit`. `fields` are of `ListingFilter`."""
+        wanted = ListingFilter(state, **fields)
         with self._file_and_pending() as (db, pending):
             seq, changed = _last(db, pending), newest_by_id(pending)
-            if limit is not None:
-                query["limit"] = limit + 1 + len(changed)
-            found = latest(db, query)
+            found = latest(db, wanted, -1 if limit is None else limit + 1 + len(changed))
         stored = [advisory for advisory in found if advisory.id not in changed]
-        unstored = [
-            revision for revision in changed.values() if matches(revision, _OPEN_VALUES[state], kind, vendor, robot)
-        ]
+        unstored = [revision for revision in changed.values() if wanted.matches(revision)]
         found = sorted([*stored, *unstored], key=lambda advisory: -advisory.seq)
         return Listing(seq=seq, advisories=found[:limit], more=limit is not None and len(found) > limit)
 
     def open_after(self, seq: int, limit: int) -> list[StoredDocument]:
-        """Up to `limit` open advisories whose newest revisions have a number above `seq`, ascending."""
+        """Up to `limit` that are open and whose newest revisions have a number above `seq`, ascending."""
         with self._file_and_pending() as (db, pending):
             changed = newest_by_id(pending)
             stored = (document for document in open_after(db, seq) if document.id not in changed)
             unstored = (
-                StoredDocument(revision.seq, revision.id, revision.model_dump_json())
+                StoredDocument(revision.seq, revision.id, revision.kind, revision.model_dump_json())
                 for revision in sorted(changed.values(), key=attrgetter("seq"))
                 if revision.seq > seq and revision.state is not AdvisoryState.CLEARED
             )
             return list(islice(chain(stored, unstored), limit))
 
-    def open_at(self, now_s: float, limit: int = MOST_PAST) -> list[AnyAdvisory]:
-        """The advisories open at a time, the newest `limit`: the newest revision by then of each that changed in the
-        hour before."""
+    def open_at(self, now_s: float, limit: int = MOST_PAST) -> list[AnyRevision]:
+        """What was open at a time, the newest `limit`: the newest revision by then of each that changed in the hour
+        before."""
         with self._file_and_pending(long=True) as (db, pending):
             stored = open_at(db, now_s, limit)
         return open_at_time(stored, pending, now_s)[-limit:]
 
-    def pending_until(self, until_s: float) -> list[AnyAdvisory]:
+    def pending_until(self, until_s: float) -> list[AnyRevision]:
         """The revisions that were decided by then and wait for the disk, ascending."""
         with self._number_lock:
             pending = self._pending
@@ -256,16 +249,16 @@ class Store:
         with self._file_and_pending(long=True) as (db, pending):
             places = Counter(raised_between(db, since_s, until_s))
         unstored = (revision for revision in decided_between(pending, since_s, until_s) if revision.revision == 1)
-        return places + Counter(revision.location for revision in unstored if revision.location)
+        return places + Counter(each.location for each in unstored if each.location and each.kind != SITUATION)
 
-    def get(self, advisory_id: str) -> list[AnyAdvisory]:
+    def get(self, advisory_id: str) -> list[AnyRevision]:
         """Every revision of one advisory, ascending; empty if there is no such advisory."""
         with self._file_and_pending() as (db, pending):
             rows = db.execute(
                 "SELECT document FROM revisions WHERE id = ? ORDER BY revision, answers", (advisory_id,)
             ).fetchall()
         unstored = (revision for revision in pending if revision.id == advisory_id)
-        return [*(advisory_of(document) for (document,) in rows), *unstored]
+        return [*(revision_of(document) for (document,) in rows), *unstored]
 
     def last_seq(self) -> int:
         """The highest number given so far; 0 before the first."""

@@ -1,13 +1,17 @@
 """Reads and writes of the tables in the advisory database."""
 
+import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from contextlib import AbstractContextManager, closing
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from deconflict.advisory import ADVISORY, Acknowledgement, AdvisoryState, AnyAdvisory, ConflictAdvisory, Location
+from deconflict.advisories.situations.situation import REVISION, AnyRevision
+from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
+from deconflict.operator.store.listing_filter import OPEN_VALUES, ListingFilter
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
 from ingest.batch import Pair
 
@@ -38,14 +42,14 @@ def last_seq(db: sqlite3.Connection) -> int:
     return int(row[0]) if row else 0
 
 
-def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> AnyAdvisory | None:
+def stored_revision(db: sqlite3.Connection, advisory_id: str, revision: int) -> AnyRevision | None:
     row = db.execute(
         "SELECT document FROM revisions WHERE id = ? AND revision = ? ORDER BY seq LIMIT 1", (advisory_id, revision)
     ).fetchone()
-    return advisory_of(row[0]) if row else None
+    return revision_of(row[0]) if row else None
 
 
-def open_at(db: sqlite3.Connection, now_s: float, limit: int = -1) -> list[AnyAdvisory]:
+def open_at(db: sqlite3.Connection, now_s: float, limit: int = -1) -> list[AnyRevision]:
     """The newest revision by then of each advisory that was open and had changed in the `LOOK_BACK_S` before.
 
     The newest `limit` of them, ascending; all if it is negative.
@@ -55,35 +59,49 @@ def open_at(db: sqlite3.Connection, now_s: float, limit: int = -1) -> list[AnyAd
         "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq DESC LIMIT ?",
         (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s, limit),
     )
-    return [advisory_of(document) for (document,) in rows][::-1]
+    return [revision_of(document) for (document,) in rows][::-1]
 
 
-def latest(db: sqlite3.Connection, query: Mapping[str, object]) -> list[AnyAdvisory]:
-    """The newest revisions of the advisories that match, newest first: `Store.latest` says how."""
+def latest(db: sqlite3.Connection, wanted: ListingFilter, limit: int) -> list[AnyRevision]:
+    """The newest revisions of what matches, newest first, at most `limit`; all if it is negative."""
+    low, high = OPEN_VALUES[wanted.state]
     rows = db.execute(
         """SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq
         WHERE a.open IN (:low, :high)
-        AND (:kind IS NULL OR a.kind = :kind)
+        AND CASE WHEN :kind IS NULL THEN a.kind <> :situation ELSE a.kind = :kind END
+        AND (:situation_kind IS NULL OR document ->> '$.situation_kind' = :situation_kind)
+        AND (:severity IS NULL OR document ->> '$.severity' = :severity)
         AND (:vendor IS NULL OR :vendor IN (SELECT vendor FROM parties AS p WHERE p.id = a.id))
         AND (:robot IS NULL OR :robot IN (SELECT robot FROM parties AS p WHERE p.id = a.id))
         ORDER BY a.seq DESC LIMIT :limit""",
-        query,
+        {**asdict(wanted), "low": low, "high": high, "situation": SITUATION, "limit": limit},
     ).fetchall()
-    return [advisory_of(document) for (document,) in rows]
+    return [revision_of(document) for (document,) in rows]
+
+
+def after(db: sqlite3.Connection, seq: int, kinds: Set[str]) -> Iterator[tuple[int, AnyRevision | None]]:
+    """The numbers above `seq`, ascending, each with its revision; None in place of one of another kind."""
+    rows = db.execute(
+        "SELECT r.seq, CASE WHEN a.kind IN (SELECT value FROM json_each(?)) THEN document END "
+        "FROM revisions AS r CROSS JOIN advisories AS a WHERE r.seq > ? AND a.id = r.id ORDER BY r.seq",
+        (json.dumps(sorted(kinds)), seq),
+    )
+    return ((number, revision_of(document) if document else None) for number, document in rows)
 
 
 class StoredDocument(NamedTuple):
-    """The newest revision of an advisory, as it is stored."""
+    """The newest revision of an advisory or a situation, as it is stored."""
 
     seq: int
     id: str
+    kind: str
     text: str
 
 
 def open_after(db: sqlite3.Connection, seq: int) -> Iterator[StoredDocument]:
-    """The open advisories whose newest revisions have a number above `seq`, ascending."""
+    """What is open and whose newest revision has a number above `seq`, ascending."""
     rows = db.execute(
-        "SELECT a.seq, a.id, document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq "
+        "SELECT a.seq, a.id, a.kind, document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq "
         "WHERE a.open = 1 AND a.seq > ? ORDER BY a.seq",
         (seq,),
     )
@@ -104,19 +122,20 @@ def raised_between(db: sqlite3.Connection, since_s: float, until_s: float) -> It
     """Where each advisory was that was raised between two times, if that is known."""
     rows = db.execute(
         "SELECT document ->> '$.location.datum', document ->> '$.location.x', document ->> '$.location.y' "
-        "FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ?",
-        (since_s, until_s),
+        "FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ? "
+        "AND document ->> '$.kind' <> ?",
+        (since_s, until_s, SITUATION),
     )
     return (Location(datum=datum, x=x, y=y) for datum, x, y in rows if datum is not None)
 
 
-def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyAdvisory]:
+def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyRevision]:
     """Every revision decided after `since_s` and by `until_s`, ascending, without those that only add an answer."""
     rows = db.execute(
         "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
         (since_s, until_s),
     )
-    return [advisory_of(document) for (document,) in rows]
+    return [revision_of(document) for (document,) in rows]
 
 
 def read_only(path: Path) -> AbstractContextManager[sqlite3.Connection]:
@@ -131,18 +150,18 @@ def answers_of(db: sqlite3.Connection, advisory_id: str) -> tuple[int, Acknowled
     return count, Acknowledgement.model_validate_json(newest) if newest else None
 
 
-def numbered(db: sqlite3.Connection, advisory: AnyAdvisory, seq: int) -> AnyAdvisory:
+def numbered(db: sqlite3.Connection, advisory: AnyRevision, seq: int) -> AnyRevision:
     """A revision that is not stored yet with its own number, or else `seq`, and the newest answer to its advisory."""
     return advisory.model_copy(update={"seq": advisory.seq or seq, "acknowledgement": answers_of(db, advisory.id)[1]})
 
 
-def write_revision(db: sqlite3.Connection, revision: AnyAdvisory) -> None:
+def write_revision(db: sqlite3.Connection, revision: AnyRevision) -> None:
     """Write a numbered revision, and what it adds to the burdens of vendors."""
     insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
     add_burdens(db, revision)
 
 
-def write_one(db: sqlite3.Connection, revision: AnyAdvisory) -> Exception | None:
+def write_one(db: sqlite3.Connection, revision: AnyRevision) -> Exception | None:
     """Write a numbered revision. If it can't be written, returns why, and only its number is used up."""
     failed: Exception | None = None
     db.execute("SAVEPOINT revision")
@@ -156,7 +175,7 @@ def write_one(db: sqlite3.Connection, revision: AnyAdvisory) -> Exception | None
     return failed
 
 
-def insert(db: sqlite3.Connection, advisory: AnyAdvisory, answers: int, at: datetime) -> None:
+def insert(db: sqlite3.Connection, advisory: AnyRevision, answers: int, at: datetime) -> None:
     db.execute(
         "INSERT INTO revisions (seq, id, revision, answers, updated_s, document) VALUES (?, ?, ?, ?, ?, ?)",
         (advisory.seq, advisory.id, advisory.revision, answers, at.timestamp(), advisory.model_dump_json()),
@@ -187,7 +206,7 @@ def use_up_number(db: sqlite3.Connection, seq: int) -> None:
     db.execute("DELETE FROM revisions WHERE seq = ?", (seq,))
 
 
-def add_burdens(db: sqlite3.Connection, advisory: AnyAdvisory) -> None:
+def add_burdens(db: sqlite3.Connection, advisory: AnyRevision) -> None:
     db.executemany(
         """INSERT INTO burdens VALUES (?, ?)
         ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
@@ -235,9 +254,9 @@ def put_positions(db: sqlite3.Connection, positions: Mapping[str, int]) -> None:
     )
 
 
-def advisory_of(document: str) -> AnyAdvisory:
+def revision_of(document: str) -> AnyRevision:
     try:
-        return ADVISORY.validate_json(document)
+        return REVISION.validate_json(document)
     except ValueError as error:
         raise UnreadableAdvisoryError(
             f"this release can't read a stored advisory ({error}): run the release that wrote it, "

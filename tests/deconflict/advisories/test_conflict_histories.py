@@ -19,6 +19,7 @@ from hypothesis.stateful import (
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisories.situations.situation import advisories_of
 from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.settings.site import Conflict
@@ -117,7 +118,7 @@ class Histories(RuleBasedStateMachine):
     @invariant()
     def every_story_is_whole(self) -> None:
         stories: dict[str, list[AnyAdvisory]] = {}
-        every = self.store.after(0, 100_000)
+        every = advisories_of(self.store.after(0, 100_000))
         assert [revision.seq for revision in every] == list(range(1, len(every) + 1))
         for advisory in every:
             stories.setdefault(advisory.id, []).append(advisory)

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from datetime import timedelta
+from typing import Any
 
 import pytest
 
 from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES, MOST_ROBOTS
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.finding_lifecycle import Finding, FindingLifecycle, finding_key
+from deconflict.advisories.situations.situation import MOST_ADVISORIES, REVISION
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import (
     AnyAdvisory,
     BlockageAdvisory,
@@ -134,3 +137,25 @@ def test_a_finding_of_few_robots_leaves_nothing_out() -> None:
     advisory = raised(ring(MOST_ROBOTS))
     assert len(advisory.robots) == MOST_ROBOTS
     assert "more_robots" not in advisory.model_dump()
+
+
+@pytest.mark.parametrize(("name", "most_bytes"), [(USUAL_NAME, 10_000), (LONGEST_NAME, MOST_DOCUMENT_BYTES)])
+def test_a_situation_of_hundreds_of_advisories_and_robots_is_a_small_document(name: str, most_bytes: int) -> None:
+    now_s, place = NOW_S + 2, Location(datum="5f1d0000-0000-4000-8000-00000000000a", x=0.0, y=0.0)
+    when = {"raised_at": moment(NOW_S), "updated_at": moment(now_s), "predicted_at": moment(now_s + 5)}
+    at: dict[str, Any] = {"location": place, **when}
+    shown = name[:100].replace("\x01", "x")
+    conflicts = [
+        made(number, robots=(UUIDS[0], UUIDS[number]), names=(shown, shown), severity=Severity.CRITICAL, **at)
+        for number in range(1, 200)
+    ]
+    knot = raised(ring(220), name).model_copy(update=at)
+    lifecycle = SituationLifecycle(lambda points: [shown] * len(points))
+    situations = lifecycle.revise(now_s, [knot, *conflicts])
+    assert situations
+    for situation in situations:
+        document = situation.model_dump_json()
+        assert len(document.encode()) <= most_bytes
+        assert REVISION.validate_json(document) == situation
+        assert len(situation.robots) <= MOST_ROBOTS
+        assert len(situation.advisories) <= MOST_ADVISORIES

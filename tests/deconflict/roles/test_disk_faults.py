@@ -92,7 +92,7 @@ async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Pat
     holding.execute("BEGIN IMMEDIATE")
     following = asyncio.create_task(publisher.after(1))
     await publisher.publish([made(2), made(3)])
-    assert [line.seq for line in await following] == [2, 3]
+    assert [line.seq for line in (await following).lines] == [2, 3]
     assert publisher.failing
     assert measures.values["deconflict_store_unstored"] == {(): 2}
     await publisher.publish([made(2)])

@@ -10,7 +10,7 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.operator.blackbox.archive import Archive
 from deconflict.operator.http.api import create_app
 from deconflict.operator.http.api_sources import SourceUnavailableError
@@ -121,8 +121,8 @@ class Served:
     def stream(self, query: str = "") -> str:
         return f"ws://{self.address}/advisories/stream{query}"
 
-    async def publish(self, *advisories: AnyAdvisory) -> list[AnyAdvisory]:
-        return await self.app.state.publisher.publish(advisories)
+    async def publish(self, *revisions: AnyRevision) -> list[AnyRevision]:
+        return await self.app.state.publisher.publish(revisions)
 
     def connections(self) -> int:
         """Connections that the server still holds."""

@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 from websockets.asyncio.client import connect
 
-from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
+from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, BAD_KINDS, STORE_FAILED
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served, until
 from tests.helpers.made_advisories import ROBOTS, cleared, made
@@ -188,6 +188,10 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/blackboxes",
         "/blackboxes/{file}",
         "/schema/advisory",
+        "/schema/situation",
+        "/situations",
+        "/situations/{situation_id}",
+        "/situations/{situation_id}/acknowledgement",
         "/site/reload",
     }
     assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]
@@ -211,7 +215,7 @@ async def test_the_api_page_names_every_route_and_close_code(client: httpx.Async
     page = API_PAGE.read_text()
     paths = [*(await client.get("/openapi.json")).json()["paths"], "/advisories/stream", "/live", "/openapi.json"]
     assert not [path for path in paths if f"`{path}`" not in page.replace("`GET ", "`").replace("`POST ", "`")]
-    codes = (BAD_AFTER, AFTER_BEYOND_LAST, STORE_FAILED)
+    codes = (BAD_AFTER, BAD_KINDS, AFTER_BEYOND_LAST, STORE_FAILED)
     assert not [code for code in codes if f"`{code}`" not in page]
 
 

@@ -5,7 +5,7 @@ from openapi_spec_validator import validate
 
 from deconflict.advisory import Severity
 from deconflict.operator.http.api_descriptions import asyncapi, openapi
-from tests.helpers.made_advisories import deadlock, made
+from tests.helpers.made_advisories import deadlock, made, situation
 
 
 def references(part: Any) -> set[str]:
@@ -26,7 +26,7 @@ def found(document: dict[str, Any], reference: str) -> Any:
 def test_the_openapi_document_is_valid_and_has_every_route() -> None:
     document = openapi()
     validate(document)
-    assert {"/advisories", "/advisories/{advisory_id}/acknowledgement", "/metrics", "/vendors"} <= set(
+    assert {"/situations", "/advisories", "/advisories/{advisory_id}/acknowledgement", "/metrics", "/vendors"} <= set(
         document["paths"]
     )
 
@@ -46,6 +46,17 @@ def test_each_channel_has_an_operation_servers_and_messages() -> None:
         assert channel["servers"]
         assert channel["messages"]
         assert channel["address"].count("{") == len(channel.get("parameters", {}))
+
+
+def test_a_situation_is_a_message_of_the_stream_and_of_the_outlets() -> None:
+    document = asyncapi()
+    payload = document["components"]["messages"]["situation"]["payload"]
+    result = Draft202012Validator({**payload, "components": document["components"]})
+    assert list(result.iter_errors(situation(1).model_dump(mode="json"))) == []
+    assert list(result.iter_errors(made(1).model_dump(mode="json")))
+    channels = document["channels"]
+    assert all("situation" in channels[name]["messages"] for name in ("stream", "webhook", "retained_situations"))
+    assert channels["retained_situations"]["address"] == "deconflict/situations/{id}"
 
 
 def test_the_message_of_the_asyncapi_document_is_an_advisory_of_any_kind() -> None:

@@ -8,9 +8,9 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
 
-from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, STORE_FAILED
+from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, BAD_KINDS, STORE_FAILED
 from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
-from tests.helpers.made_advisories import made
+from tests.helpers.made_advisories import deadlock, made, situation
 
 RESTARTING = 1012
 
@@ -78,6 +78,60 @@ async def test_a_stream_resumes_after_a_restart_of_the_service(tmp_path: Path) -
     async with served(tmp_path) as second:
         await second.publish(made(3))
         assert await heard(second, 1, 3) == [2, 3]
+
+
+async def kinds_heard(face: Served, query: str, count: int) -> list[tuple[int, str]]:
+    """Number and kind of the first messages."""
+    async with connect(face.stream(query)) as subscriber:
+        messages = [json.loads(await subscriber.recv()) for _ in range(count)]
+    return [(message["seq"], message["kind"]) for message in messages]
+
+
+@pytest.mark.parametrize(
+    ("kinds", "expected"),
+    [
+        ("", [(1, "conflict"), (3, "deadlock"), (5, "conflict")]),
+        ("&kinds=situation", [(2, "situation"), (4, "situation")]),
+        ("&kinds=deadlock,situation", [(2, "situation"), (3, "deadlock"), (4, "situation")]),
+        ("&kinds=conflict", [(1, "conflict"), (5, "conflict")]),
+        ("&kinds=advisory", [(1, "conflict"), (3, "deadlock"), (5, "conflict")]),
+        ("&kinds=situation,advisory", [*enumerate(["conflict", "situation", "deadlock", "situation", "conflict"], 1)]),
+    ],
+)
+async def test_a_subscriber_hears_the_kinds_that_it_asks_for(
+    face: Served, kinds: str, expected: list[tuple[int, str]]
+) -> None:
+    await face.publish(made(1), situation(1), deadlock("r-1", "r-2"), situation(2), made(2))
+    assert await kinds_heard(face, f"?after=0{kinds}", len(expected)) == expected
+
+
+async def test_a_subscriber_that_is_filtered_resumes_anywhere_and_loses_nothing(face: Served) -> None:
+    """Mostly others lie between, in the store and in memory."""
+    last, every = 12_000, 40
+    for first in range(1, last, 1000):
+        numbers = range(first, first + 1000)
+        await face.publish(*(situation(number) if number % every == 0 else made(number) for number in numbers))
+    for after in (0, 39, 40, 5000, 11_000, last - 1):
+        wanted = [number for number in range(after + 1, last + 1) if number % every == 0]
+        found = await kinds_heard(face, f"?after={after}&kinds=situation", len(wanted))
+        assert found == [(number, "situation") for number in wanted]
+
+
+async def test_a_live_subscriber_hears_a_situation_after_many_advisories(face: Served) -> None:
+    async with connect(face.stream("?kinds=situation")) as subscriber:
+        for first in range(1, 3000, 1000):
+            await face.publish(*(made(number) for number in range(first, first + 1000)))
+        await face.publish(situation(1))
+        assert json.loads(await subscriber.recv())["seq"] == 3001
+
+
+@pytest.mark.parametrize("kinds", ["", "rumour", "conflict,", "Situation", "\u00e9" * 900])
+async def test_unknown_kinds_are_refused_with_the_reason(face: Served, kinds: str) -> None:
+    async with connect(face.stream(f"?kinds={kinds}")) as subscriber:
+        with pytest.raises(ConnectionClosedError, match="expected situation, advisory") as closed:
+            await subscriber.recv()
+    assert closed.value.rcvd
+    assert closed.value.rcvd.code == BAD_KINDS
 
 
 @pytest.mark.parametrize("after", ["x", "-1", "1.5", "", "%C2%B2", "9" * 19])

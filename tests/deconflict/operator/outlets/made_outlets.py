@@ -115,7 +115,7 @@ def posting(url: str, store: Store, publisher: Publisher, folder: Path) -> Abstr
     """A webhook at work, until the end of the block."""
     (folder / "secret").write_text(SECRET)
     settings = Webhook(name="mes", url=url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1), timeout_s=5)
-    return working(WebhookOutlet(settings, StoreCursor("mes", store, publisher)).run(), publisher)
+    return working(WebhookOutlet(settings, StoreCursor("mes", ["advisory"], store, publisher)).run(), publisher)
 
 
 def numbers(heard: list[tuple[dict[str, str], bytes]]) -> list[int]:

@@ -19,8 +19,8 @@ pytestmark = needs_mosquitto
 
 
 def feeding(port: int, store: Store, publisher: Publisher) -> AbstractAsyncContextManager[None]:
-    settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2))
-    return working(MqttOutlet(settings, StoreCursor("mqtt", store, publisher), store).run(), publisher)
+    settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2), kinds=("advisory",))
+    return working(MqttOutlet(settings, StoreCursor("mqtt", ["advisory"], store, publisher), store).run(), publisher)
 
 
 async def test_the_broker_retains_open_advisories_and_forgets_cleared_ones(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ async def test_revisions_missed_while_broker_or_service_was_down_are_sent_later(
 
 
 def test_a_clearing_revision_is_sent_and_then_the_topic_is_emptied() -> None:
-    line = PublishedLine(7, cleared(1).model_dump_json())
+    line = PublishedLine(7, cleared(1).model_dump_json(), "conflict")
     assert [(message.payload, message.retain) for message in messages_of("hall", line)] == [
         (line.text, False),
         (None, True),

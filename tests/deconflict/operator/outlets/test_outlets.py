@@ -47,7 +47,9 @@ async def outlets(folder: Path) -> AsyncIterator[tuple[Outlets, Store, Publisher
 
 
 def hook(other: Hearer, folder: Path, name: str = "mes") -> Webhook:
-    return Webhook(name=name, url=other.url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1))
+    return Webhook(
+        name=name, url=other.url, secret=f"file:{folder / 'secret'}", retry_s=(0.02, 0.1), kinds=("advisory",)
+    )
 
 
 def waiting(publisher: Publisher) -> set[str]:
@@ -207,11 +209,11 @@ async def test_a_replaced_broker_is_left_with_the_state_offline(tmp_path: Path) 
         broker() as second,
         outlets(tmp_path) as (running, store, publisher),
     ):
-        running.renew([], Mqtt(host="127.0.0.1", port=first, retry_s=(0.05, 0.2)))
+        running.renew([], Mqtt(host="127.0.0.1", port=first, retry_s=(0.05, 0.2), kinds=("advisory",)))
         await until(lambda: waiting(publisher))
         await publisher.publish([made(1), made(2)])
         await until(lambda: store.position("mqtt") == 2)
-        running.renew([], Mqtt(host="127.0.0.1", port=second, retry_s=(0.05, 0.2)))
+        running.renew([], Mqtt(host="127.0.0.1", port=second, retry_s=(0.05, 0.2), kinds=("advisory",)))
         await publisher.publish([cleared(2)])
         await retained(second, {"service", "advisories/advisory-1"})
         left = await retained(first, {"service", "advisories/advisory-1", "advisories/advisory-2"})

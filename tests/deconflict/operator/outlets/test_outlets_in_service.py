@@ -19,8 +19,10 @@ async def test_a_conflict_reaches_every_outlet(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text(SECRET)
     async with broker() as port:
         with hearing() as other:
-            hook = Webhook(name="mes", url=other.url, secret=f"file:{tmp_path / 'secret'}")
-            site = SITE.model_copy(update={"webhooks": (hook,), "mqtt": Mqtt(host="127.0.0.1", port=port)})
+            hook = Webhook(name="mes", url=other.url, secret=f"file:{tmp_path / 'secret'}", kinds=("advisory",))
+            site = SITE.model_copy(
+                update={"webhooks": (hook,), "mqtt": Mqtt(host="127.0.0.1", port=port, kinds=("advisory",))}
+            )
             async with run_in_one_process(site, tmp_path / "data", render) as (receiver, _):
                 holding = asyncio.create_task(held_of_an_advisory(port))  # from now on: it is open for seconds
                 driving = asyncio.create_task(drive(f"ws://127.0.0.1:{receiver.receiver.port}", CROSSING, 20))

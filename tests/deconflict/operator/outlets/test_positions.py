@@ -95,8 +95,8 @@ from tests.deconflict.roles.made_disks import fill
 async def run(disk, url, secret, lives):
     store = Store(disk)
     publisher = Publisher(store, Measures())
-    settings = Webhook(name="mes", url=url, secret=f"file:{secret}", retry_s=(0.02, 0.1))
-    posting = asyncio.create_task(WebhookOutlet(settings, StoreCursor("mes", store, publisher)).run())
+    settings = Webhook(name="mes", url=url, secret=f"file:{secret}", retry_s=(0.02, 0.1), kinds=("advisory",))
+    posting = asyncio.create_task(WebhookOutlet(settings, StoreCursor("mes", ["advisory"], store, publisher)).run())
     while not publisher.measures.values["deconflict_outlet_waiting"]:
         await asyncio.sleep(0.01)
     for number in range(1, lives):

@@ -41,7 +41,7 @@ async def test_an_unusable_secret_is_counted_until_it_is_corrected(tmp_path: Pat
         failures = publisher.measures.values["deconflict_outlet_failures_total"]
         path.write_text("whsec_" + "A" * 33)
         settings = Webhook(name="mes", url=other.url, secret=f"file:{path}", retry_s=(0.02, 0.1), timeout_s=5)
-        poster = WebhookOutlet(settings, StoreCursor("mes", store, publisher))
+        poster = WebhookOutlet(settings, StoreCursor("mes", ["advisory"], store, publisher))
         async with working(poster.run(), publisher):
             await publisher.publish([made(1)])
             await until(lambda: failures.get(("mes",), 0) > 1)
@@ -92,4 +92,4 @@ def test_a_missing_secret_is_named(tmp_path: Path) -> None:
     with kept(tmp_path) as (store, publisher):
         settings = Webhook(name="mes", url="http://127.0.0.1/", secret=f"file:{tmp_path / 'nothing'}")
         with pytest.raises(SecretError, match="nothing: FileNotFoundError"):
-            WebhookOutlet(settings, StoreCursor("mes", store, publisher))
+            WebhookOutlet(settings, StoreCursor("mes", ["advisory"], store, publisher))

@@ -1,15 +1,15 @@
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import Acknowledgement, AnyAdvisory
-from deconflict.operator.store.publisher import MOST_LINES, TAIL_LENGTH, PublishedLine, Publisher
+from deconflict.advisory import Acknowledgement
+from deconflict.operator.store.publisher import MOST_LINES, TAIL_LENGTH, PublishedLine, PublishedPage, Publisher
+from deconflict.operator.store.revision_pages import Page
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
-from tests.deconflict.operator.http.served_face import until
 from tests.helpers.made_advisories import START, cleared, deadlock, made
 
 
@@ -21,7 +21,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 def made_many(first: int, count: int) -> list[PublishedLine]:
-    return [PublishedLine(seq, made(seq, seq=seq).model_dump_json()) for seq in range(first, first + count)]
+    return [PublishedLine(seq, made(seq, seq=seq).model_dump_json(), "conflict") for seq in range(first, first + count)]
 
 
 async def test_a_waiting_subscriber_wakes_when_a_revision_is_published(store: Store) -> None:
@@ -30,7 +30,7 @@ async def test_a_waiting_subscriber_wakes_when_a_revision_is_published(store: St
     await asyncio.sleep(0)
     assert not following.done()
     await publisher.publish([made(1), made(2)])
-    assert await following == made_many(1, 2)
+    assert (await following).lines == made_many(1, 2)
 
 
 async def test_the_same_lines_come_from_the_tail_and_from_the_store(store: Store) -> None:
@@ -39,7 +39,7 @@ async def test_the_same_lines_come_from_the_tail_and_from_the_store(store: Store
     from_store = Publisher(store, Measures())
     for seq in (0, 5, MOST_LINES, MOST_LINES + 19):
         assert await publisher.after(seq) == await from_store.after(seq)
-    assert len(await publisher.after(0)) == MOST_LINES
+    assert len((await publisher.after(0)).lines) == MOST_LINES
 
 
 async def test_a_follower_behind_the_tail_is_served_from_the_store_until_it_reaches_it(store: Store) -> None:
@@ -48,7 +48,7 @@ async def test_a_follower_behind_the_tail_is_served_from_the_store_until_it_reac
     await publisher.publish([made(number) for number in range(1, total + 1)])
     seq, seen = 0, list[PublishedLine]()
     while seq < total:
-        seen += await publisher.after(seq)
+        seen += (await publisher.after(seq)).lines
         seq = seen[-1].seq
     assert seen == made_many(1, total)
 
@@ -58,9 +58,9 @@ async def test_a_revision_that_another_writer_stored_is_not_missed(store: Store)
     await publisher.publish([made(1)])
     store.append([made(2)])
     await publisher.publish([made(3)])
-    assert await publisher.after(0) == made_many(1, 3)
-    assert await publisher.after(1) == made_many(2, 2)
-    assert await publisher.after(2) == made_many(3, 1)
+    assert (await publisher.after(0)).lines == made_many(1, 3)
+    assert (await publisher.after(1)).lines == made_many(2, 2)
+    assert (await publisher.after(2)).lines == made_many(3, 1)
 
 
 async def test_a_revision_whose_publish_was_cancelled_is_announced_when_sent_again(store: Store) -> None:
@@ -71,7 +71,7 @@ async def test_a_revision_whose_publish_was_cancelled_is_announced_when_sent_aga
     with pytest.raises(asyncio.CancelledError):
         await given_up
     await publisher.publish([made(1)])
-    assert await publisher.after(0) == made_many(1, 1)
+    assert (await publisher.after(0)).lines == made_many(1, 1)
 
 
 async def test_a_repeated_publish_wakes_no_subscriber_and_counts_nothing(store: Store) -> None:
@@ -83,7 +83,7 @@ async def test_a_repeated_publish_wakes_no_subscriber_and_counts_nothing(store: 
     await asyncio.sleep(0)
     assert not following.done()
     await publisher.publish([made(1), made(2)])
-    assert await following == made_many(2, 1)
+    assert (await following).lines == made_many(2, 1)
     assert measures.values["deconflict_advisories_stored_total"] == {(): 2}
 
 
@@ -99,7 +99,7 @@ async def test_what_cannot_be_written_is_set_aside_and_holds_up_nothing(
     publisher = Publisher(store, measures)
     published = await publisher.publish([made(1), UNEQUAL, TOO_LARGE, made(1, 2), HIGH])
     assert [(advisory.id, advisory.revision) for advisory in published] == [("advisory-1", 1), ("advisory-1", 2)]
-    assert [line.seq for line in await publisher.after(0)] == [1, 4]
+    assert [line.seq for line in (await publisher.after(0)).lines] == [1, 4]
     assert (store.unstored, publisher.failing) == (0, None)
     assert measures.values["deconflict_advisories_set_aside_total"] == {("invalid",): 0, ("unwritable",): 3}
     assert f"{UNEQUAL.id}, revision 1" in caplog.text
@@ -116,9 +116,9 @@ class CountingStore(Store):
 
     reads = 0
 
-    def after(self, seq: int, limit: int = 100) -> list[AnyAdvisory]:
+    def page_after(self, seq: int, kinds: Set[str], limit: int) -> Page:
         self.reads += 1
-        return super().after(seq, limit)
+        return super().page_after(seq, kinds, limit)
 
 
 async def test_a_subscriber_whose_position_was_pruned_reads_once_and_waits(tmp_path: Path) -> None:
@@ -126,10 +126,11 @@ async def test_a_subscriber_whose_position_was_pruned_reads_once_and_waits(tmp_p
     store.append([made(1), cleared(1), made(2), cleared(2)])
     store.prune(START + timedelta(days=1))
     publisher = Publisher(store, Measures())
-    following = asyncio.create_task(publisher.after(1))
-    await until(lambda: store.reads)
+    pruned = await publisher.after(1)
+    assert pruned == PublishedPage([], 4)
+    following = asyncio.create_task(publisher.after(pruned.last))
     (news,) = await publisher.publish([made(5)])
-    assert [line.seq for line in await following] == [news.seq] == [5]
+    assert [line.seq for line in (await following).lines] == [news.seq] == [5]
     assert store.reads == 1
     store.close()
 
@@ -140,7 +141,7 @@ async def test_subscribers_that_keep_up_share_the_tail_and_read_no_store(tmp_pat
     for number in range(1, 4):
         followers = [asyncio.create_task(publisher.after(number - 1)) for _ in range(3)]
         await publisher.publish([made(number)])
-        assert await asyncio.gather(*followers) == [made_many(number, 1)] * 3
+        assert [page.lines for page in await asyncio.gather(*followers)] == [made_many(number, 1)] * 3
     assert store.reads == 0
     store.close()
 
@@ -164,6 +165,6 @@ async def test_an_acknowledgement_follows_in_the_stream_with_the_next_number(sto
     answered = await publisher.acknowledge("advisory-1", answer)
     assert answered
     await publisher.publish([made(2)])
-    lines = await publisher.after(0)
+    lines = (await publisher.after(0)).lines
     assert [line.seq for line in lines] == [1, 2, 3]
     assert lines[1].text == answered.model_dump_json()
