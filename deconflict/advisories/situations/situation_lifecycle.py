@@ -7,7 +7,7 @@
 Pure: revisions of advisories and the time in, revisions of situations out.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from deconflict.advisories.severity import rises
@@ -57,8 +57,8 @@ class SituationLifecycle:
         self._grouping = Grouping()
         self._watched: dict[str, _Watched] = {}
         """By id of the group."""
-        self._restored: dict[str, Member] = {}
-        """Restored advisories, by id, until the next pass: restored situations may not fit any more."""
+        self._regrouped: dict[str, Member] = {}
+        """Advisories that the next pass groups, by id: restored ones, and those of a situation that was cleared."""
 
     def open(self) -> list[Situation]:
         """The newest revision of every open situation."""
@@ -79,7 +79,7 @@ class SituationLifecycle:
             self._grouping.restore(group)
             self._watched[group.id] = _Watched(group, situation, situation.updated_at.timestamp())
             ungrouped -= group.members.keys()
-        self._restored = {name: Member.of(advisory) for name, advisory in self._advisories.items()}
+        self._regrouped = {name: Member.of(advisory) for name, advisory in self._advisories.items()}
 
     def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
         """The revisions of advisories with the ids of their situations, then the revisions of situations."""
@@ -90,9 +90,12 @@ class SituationLifecycle:
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
         """The revisions of situations that follow from those of advisories, and from the time."""
-        changed = self._restored | {revision.id: self._take(revision) for revision in revisions}
-        self._restored = {}
-        made = [revision for join in self._regroup(now_s, changed) for revision in self._joined(join, now_s)]
+        changed = self._regrouped | {revision.id: self._take(revision) for revision in revisions}
+        self._regrouped = {}
+        groups, joins = self._grouping.update(now_s, changed)
+        for group in groups:
+            self._watched.setdefault(group.id, _Watched(group)).look_s = now_s
+        made = [revision for join in joins for revision in self._joined(join, now_s)]
         due = [watched for watched in self._watched.values() if watched.look_s <= now_s]
         for watched in due:
             watched.look_s = now_s + LOOK_S
@@ -100,13 +103,6 @@ class SituationLifecycle:
                 made.append(revision)
                 self._keep(watched, revision)
         return made
-
-    def _regroup(self, now_s: float, changed: Mapping[str, Member | None]) -> list[Join]:
-        """Group the advisories that changed, and have the groups looked at; the groups that joined others."""
-        groups, joins = self._grouping.update(now_s, changed)
-        for group in groups:
-            self._watched.setdefault(group.id, _Watched(group)).look_s = now_s
-        return joins
 
     def _take(self, revision: AnyAdvisory) -> Member | None:
         if revision.state is AdvisoryState.CLEARED:
@@ -167,7 +163,7 @@ class SituationLifecycle:
         """The last revision. Advisories that are still open make another group, which may become worth a reaction."""
         members = watched.group.members
         self._forget(watched)
-        self._regroup(now_s, members)
+        self._regrouped |= members
         because = "it will pass by itself" if members else "nothing is foreseen there any more"
         return before.cleared_revision(now_s, because).model_copy(update=NOTHING_LEFT)
 
