@@ -7,10 +7,18 @@ from math import inf
 from typing import Protocol
 
 from deconflict.advisory import Recommendation
+from ingest.batch import Pair
 from ingest.measures.measures import Measures
 
 ANSWER_AFTER_S = 0.5
 """An answer is given in the first pass this long after its question, even if it was computed sooner."""
+
+
+class PairAdvice(dict[Pair, Recommendation]):
+    """The advice for each conflict of a group."""
+
+
+Answer = Recommendation | PairAdvice
 
 
 class PendingAnswer(Protocol):
@@ -18,10 +26,10 @@ class PendingAnswer(Protocol):
 
     def done(self) -> bool: ...
 
-    def result(self) -> Recommendation: ...
+    def result(self) -> Answer: ...
 
 
-Submit = Callable[[Callable[[], Recommendation]], PendingAnswer]
+Submit = Callable[[Callable[[], Answer]], PendingAnswer]
 """Starts the computation of an answer, as `concurrent.futures.Executor.submit` does."""
 
 
@@ -38,7 +46,7 @@ class AdviceQuestion:
     def is_due(self, now_s: float) -> bool:
         return self.answer is not None and now_s - self.asked_s >= ANSWER_AFTER_S
 
-    def take_answer(self, measures: Measures) -> Recommendation | None:
+    def take_answer(self, measures: Measures) -> Answer | None:
         """The answer, which is given only once. None if it is not ready, which is counted once."""
         answer = self.answer
         if answer and answer.done():
@@ -54,16 +62,16 @@ class AdviceQuestion:
 class ReadyAnswer:
     """An answer that was computed at once."""
 
-    advice: Recommendation
+    advice: Answer
 
     def done(self) -> bool:
         return True
 
-    def result(self) -> Recommendation:
+    def result(self) -> Answer:
         return self.advice
 
 
-def answer_at_once(question: Callable[[], Recommendation]) -> PendingAnswer:
+def answer_at_once(question: Callable[[], Answer]) -> PendingAnswer:
     return ReadyAnswer(question())
 
 
@@ -80,7 +88,7 @@ class AsyncAnswers:
         """How many questions there were, and how many of them, the oldest first, count as answered."""
         self._under_way: deque[PendingAnswer] = deque()
 
-    def submit(self, question: Callable[[], Recommendation]) -> PendingAnswer:
+    def submit(self, question: Callable[[], Answer]) -> PendingAnswer:
         answer = self._submit(question)
         self._asked += 1
         if not answer.done():
@@ -112,5 +120,5 @@ class NumberedAnswer:
     def done(self) -> bool:
         return self.answers.is_ready(self.number)
 
-    def result(self) -> Recommendation:
+    def result(self) -> Answer:
         return self.answer.result()

@@ -8,14 +8,14 @@ from collections.abc import Collection, Sequence
 
 from pydantic_core import to_json
 
-from deconflict.advisory import Hold, Recommendation, Slot
+from deconflict.advisory import Action, Hold, Recommendation, Slot
 
 MOST_DOCUMENT_BYTES = 16_000
 """Reached only with names of the greatest length. With names of 30 letters a conflict has at most 8,000 bytes, and any
 other advisory 10,000."""
 MOST_ROBOTS, MOST_WAITS, MOST_PLACES = 20, 20, 20
-MOST_HOLDS, MOST_SLOTS = 20, 16
-MOST_NAME_BYTES, MOST_SUMMARY_BYTES, MOST_NOTE_BYTES = 100, 2400, 2200
+MOST_HOLDS, MOST_SLOTS, MOST_ACTIONS = 20, 16, 3
+MOST_NAME_BYTES, MOST_SUMMARY_BYTES, MOST_NOTE_BYTES, MOST_REASON_BYTES = 100, 2400, 2200, 300
 """Of a text in JSON."""
 MOST_NAMED = 20
 """Robots, pairs or places that one sentence names."""
@@ -48,11 +48,18 @@ def limited_advice(advice: Recommendation, robots: Collection[str]) -> Recommend
         "holds": _first(advice.holds, MOST_HOLDS, robots),
         "slots": _first(advice.slots, MOST_SLOTS, robots),
         "note": short_text(advice.note, MOST_NOTE_BYTES),
+        "actions": tuple(map(_short_action, advice.actions[:MOST_ACTIONS])),
     }
     more_holds, more_slots = len(advice.holds) - len(kept["holds"]), len(advice.slots) - len(kept["slots"])
-    if not more_holds and not more_slots and kept["note"] == advice.note:
+    if not more_holds and not more_slots and kept["note"] == advice.note and kept["actions"] == advice.actions:
         return advice
     return advice.model_copy(update={**kept, "more_holds": more_holds, "more_slots": more_slots})
+
+
+def _short_action(action: Action) -> Action:
+    texts = {"name": MOST_NAME_BYTES, "where": MOST_REASON_BYTES, "reason": MOST_REASON_BYTES}
+    short = {field: short_text(getattr(action, field), most_bytes) for field, most_bytes in texts.items()}
+    return action.model_copy(update=short)
 
 
 def _first(entries: Sequence[Hold | Slot], most: int, robots: Collection[str]) -> tuple[Hold | Slot, ...]:

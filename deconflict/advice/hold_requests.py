@@ -13,10 +13,17 @@ from heapq import heapify, heappop
 from math import inf
 from operator import itemgetter
 
+from deconflict.advice.conflict_advice import advise_conflicts
 from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups, Pairs
-from deconflict.advice.deferred_answers import ANSWER_AFTER_S, AdviceQuestion, Submit, answer_at_once
-from deconflict.advice.hold_planner import advise_holds
-from deconflict.advice.hold_windows import HoldWindow, NearbyRobots
+from deconflict.advice.deferred_answers import (
+    ANSWER_AFTER_S,
+    AdviceQuestion,
+    Answer,
+    PairAdvice,
+    Submit,
+    answer_at_once,
+)
+from deconflict.advice.holds.hold_windows import HoldWindow, NearbyRobots
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.settings.site import Site
@@ -109,7 +116,8 @@ class HoldRequests:
             if now_s - question.since_s < GROWS_S and self._has_grown(pairs, question):
                 question.answer = None
             elif answer := question.take_answer(self._measures):
-                advice += [(pair, answer) for pair in pairs]
+                given = answer if isinstance(answer, PairAdvice) else dict.fromkeys(pairs, answer)
+                advice += [(pair, given[pair]) for pair in pairs if pair in given]
         return advice
 
     def _has_grown(self, pairs: Pairs, question: HoldQuestion) -> bool:
@@ -129,7 +137,7 @@ class HoldRequests:
         lately = {id(group): group.pairs for group in found if group}
         return pending | {pairs for pairs in lately.values() if all(map(self._asked_s.__contains__, pairs))}
 
-    def _question(self, group: ConflictGroup, now_s: float, find_nearby: FindNearby) -> Callable[[], Recommendation]:
+    def _question(self, group: ConflictGroup, now_s: float, find_nearby: FindNearby) -> Callable[[], Answer]:
         near = find_nearby(_robots(group.pairs))
         present = set(near.uuids)
         window = HoldWindow(
@@ -139,7 +147,7 @@ class HoldRequests:
             self._settings.longest_hold_s,
         )
         return partial(
-            advise_holds,
+            advise_conflicts,
             near,
             [pair for pair in group.pairs if present.issuperset(pair)],
             window,

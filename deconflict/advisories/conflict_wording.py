@@ -1,11 +1,11 @@
 """The fields and the text of a conflict advisory's revisions. Whether a revision is due, others decide."""
 
-from collections.abc import Sequence
 from datetime import datetime
 from hashlib import sha1
 from typing import NamedTuple, TypedDict
 from uuid import UUID
 
+from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.conflict_scene import Party
@@ -121,7 +121,7 @@ def new_id(about: str, now_s: float) -> str:
 
 def updated(before: ConflictAdvisory, fields: RevisionFields) -> ConflictAdvisory:
     """The next revision, by a newer prediction; the advice stays."""
-    summary = with_holds(fields["summary"], before.recommendation, before.robots, before.names)
+    summary = with_actions(fields["summary"], before.recommendation)
     return before.next_revision(**fields | {"summary": summary})
 
 
@@ -146,7 +146,7 @@ def with_silence(
         updated_at=moment(now_s),
         time_to_conflict_s=round(time_s, 3),
         basis=(parties[0].basis, parties[1].basis),
-        summary=with_holds(summary, before.recommendation, before.robots, before.names),
+        summary=with_actions(summary, before.recommendation),
     )
 
 
@@ -156,17 +156,16 @@ def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) 
         updated_at=moment(now_s),
         time_to_conflict_s=round(before.time_left_s(now_s), 3),
         recommendation=advice,
-        summary=with_holds(before.summary.split(";")[0], advice, before.robots, before.names),
+        summary=with_actions(before.summary.split(";")[0], advice),
     )
 
 
-def with_holds(summary: str, advice: Recommendation | None, robots: Sequence[str], names: Sequence[str]) -> str:
-    """A summary, followed by the holds advised to the advisory's own robots, or else by the note."""
+def with_actions(summary: str, advice: Recommendation | None) -> str:
+    """A summary, followed by the actions advised, or else by the note."""
     if advice is None:
         return summary
-    name_of = dict(zip(robots, names, strict=True))
-    waits = [f"{name_of[hold.robot]} should wait {hold.hold_s:g} s" for hold in advice.holds if hold.robot in name_of]
-    return short_text("; ".join([summary, *(waits or ([advice.note] if advice.note else []))]), MOST_SUMMARY_BYTES)
+    actions = [action_text(action) for action in advice.actions if action.action != "go_first"]
+    return short_text("; ".join([summary, *(actions or filter(None, [advice.note]))]), MOST_SUMMARY_BYTES)
 
 
 def _interval(prediction: Prediction) -> tuple[float, float] | None:

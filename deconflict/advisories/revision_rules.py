@@ -5,7 +5,7 @@ The kernels of `watched_pair_kernels` compile `is_likelier` and `published_proba
 
 from math import hypot
 
-from deconflict.advisory import ConflictAdvisory, Recommendation
+from deconflict.advisory import Action, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 
@@ -56,4 +56,13 @@ def advice_differs(before: Recommendation | None, after: Recommendation) -> bool
     held_s, hold_s = ({hold.robot: hold.hold_s for hold in advice.holds} for advice in (before, after))
     if held_s.keys() != hold_s.keys() or before.note != after.note:
         return True
-    return any(abs(held_s[robot] - hold_s[robot]) > HOLD_CHANGED_S for robot in held_s)
+    if any(abs(held_s[robot] - hold_s[robot]) > HOLD_CHANGED_S for robot in held_s):
+        return True
+    return len(before.actions) != len(after.actions) or any(map(_action_differs, before.actions, after.actions))
+
+
+def _action_differs(before: Action, after: Action) -> bool:
+    if (before.robot, before.action, before.where) != (after.robot, after.action, after.where):
+        return True
+    longer_s = abs((before.seconds or 0.0) - (after.seconds or 0.0))
+    return longer_s > HOLD_CHANGED_S or before.speed_mps != after.speed_mps

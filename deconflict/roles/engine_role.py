@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from deconflict.advice.deferred_answers import Answer
 from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
@@ -115,7 +116,7 @@ class EngineRole:
             learned,
         )
 
-    def _timed(self, work: Callable[[], Recommendation]) -> Recommendation:
+    def _timed(self, work: Callable[[], Answer]) -> Answer:
         began_s = time.perf_counter()
         try:
             advice = work()

@@ -168,7 +168,8 @@ class QueueAdvice:
         question = self._questions.setdefault(key, _QueueQuestion())
         question.wanted_s = now_s
         if question.is_due(now_s):
-            question.advice = question.take_answer(self._measures) or question.advice
+            answer = question.take_answer(self._measures)
+            question.advice = answer if isinstance(answer, Recommendation) else question.advice
         if question.answer is None and self._solved < MOST_SOLVED:
             self._ask(question, queues(), now_s)
         return question.advice

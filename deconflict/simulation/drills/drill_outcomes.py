@@ -60,8 +60,8 @@ class DrillOutcomes:
         self._first: dict[str, DrillOutcome] = {}
         """By id of the advisory that a drill should cause: its drill's outcome."""
 
-    def add_revision(self, advisory: AnyAdvisory, *, passed_on: bool) -> None:
-        """Add one revision. `passed_on` is whether robots were told its advice."""
+    def add_revision(self, advisory: AnyAdvisory, passed_on_s: float | None) -> None:
+        """Add one revision. `passed_on_s` is the cost of what robots were told; None if they were told nothing."""
         outcome = self._of[advisory.robots[0]]
         if advisory.state is AdvisoryState.RAISED:
             outcome.kinds.append(advisory.kind)
@@ -72,9 +72,9 @@ class DrillOutcomes:
             outcome.worst = max(outcome.worst or Severity.CAUTION, advisory.severity, key=SEVERITIES.index)
             outcome.ended = advisory.cleared_because or ""
             outcome.advised = outcome.advised or (advisory.summary if advisory.recommendation else "")
-        if passed_on and advisory.recommendation:
+        if passed_on_s is not None:
             outcome.passed_on.append(advisory.summary)
-            outcome.promised_s += advisory.recommendation.cost_s
+            outcome.promised_s += passed_on_s
 
     def now(self) -> list[DrillOutcome]:
         """The outcomes so far."""

@@ -73,7 +73,7 @@ async def played(
 async def _follow(url: str, service: SiteService, outcomes: DrillOutcomes) -> None:
     async with Client(url) as client:
         async for advisory in client.follow(after=0):
-            outcomes.add_revision(advisory, passed_on=service.pass_on(advisory))
+            outcomes.add_revision(advisory, service.pass_on(advisory))
 
 
 async def _play(errands: ErrandGroup, url: str, start_s: float) -> None:

@@ -23,16 +23,16 @@ class SiteService:
         self._held: dict[str, tuple[Hold, ...]] = {}
         """By advisory: the holds that were passed on last."""
 
-    def pass_on(self, advisory: AnyAdvisory) -> bool:
-        """Pass on the advice of a revision. Returns whether any robot was told anything."""
+    def pass_on(self, advisory: AnyAdvisory) -> float | None:
+        """Pass on the advice of a revision. Returns its cost; None if no robot was told anything."""
         advice = advisory.recommendation
         if advice is None:
-            return False
+            return None
         at_s = advisory.updated_at.timestamp() - self._start_s
         held, self._held[advisory.id] = self._held.get(advisory.id, ()), advice.holds
-        changes = [self._hold(hold, at_s) for hold in advice.holds] if held != advice.holds else []
-        changes += [self._serve(robot, slots, at_s) for robot, slots in _by_robot(advice.slots).items()]
-        return any(changes)
+        held_s = [hold.hold_s for hold in advice.holds if held != advice.holds and self._hold(hold, at_s)]
+        served = [self._serve(robot, slots, at_s) for robot, slots in _by_robot(advice.slots).items()]
+        return advice.cost_s if any(served) else sum(held_s) if held_s else None
 
     def _fresh(self, robot: str, at_s: float) -> Errand | None:
         """The errand of a robot, if its plan has not changed since the reports on which advice of `at_s` is based."""

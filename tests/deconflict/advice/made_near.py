@@ -1,12 +1,15 @@
 """Robots near each other, from their forecasts."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from deconflict.advice.hold_windows import NearbyRobots, PlannedRobot
-from deconflict.advisory import ConflictAdvisory
+from deconflict.advice.holds.hold_planner import plan_holds
+from deconflict.advice.holds.hold_windows import STEP_S, HoldWindow, NearbyRobots, PlannedRobot
+from deconflict.advice.priorities import WEIGHT
+from deconflict.advisory import ConflictAdvisory, Hold, Recommendation
+from deconflict.settings.site import USUAL_ADVICE, Advice
 from deconflict.sweep.incremental import Sweeper
-from ingest.batch import Forecasts
+from ingest.batch import Forecasts, Pair
 from tests.deconflict.engine.made_engine import NOW_S, Floor
 
 
@@ -36,3 +39,28 @@ def until_advised(floor: Floor) -> tuple[ConflictAdvisory, float]:
             if revision.recommendation:
                 return revision, revision.updated_at.timestamp() - NOW_S
     raise AssertionError("nothing was advised")
+
+
+def group_plan(
+    near: NearbyRobots,
+    conflicts: Sequence[Pair],
+    window: HoldWindow,
+    *,
+    burdens_s: Mapping[str, float] | None = None,
+    standing: Recommendation | None = None,
+    settings: Advice = USUAL_ADVICE,
+) -> Recommendation:
+    """The plan of a whole group of conflicts; its note names the pairs that have none."""
+    held = frozenset(hold.robot for hold in standing.holds) if standing else frozenset()
+    problem, found, first_come, unplanned = plan_holds(
+        near, conflicts, window, burdens_s=burdens_s, held_before=held, settings=settings
+    )
+    cost_s, per_s = problem.cost(found.plan) * STEP_S / WEIGHT, STEP_S / WEIGHT
+    return Recommendation(
+        holds=tuple(Hold(robot=robot, hold_s=steps * STEP_S) for robot, steps in sorted(found.plan.items()) if steps),
+        cost_s=cost_s,
+        bound_s=found.bound * per_s,
+        first_come_cost_s=None if first_come is None else problem.cost(first_come) * per_s,
+        proven_optimal=found.proven,
+        note=", ".join(" and ".join(pair) for pair in sorted(unplanned)),
+    )

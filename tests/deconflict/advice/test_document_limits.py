@@ -7,7 +7,9 @@ from pydantic_core import to_json
 
 from deconflict.advice.document_limits import (
     CUT,
+    MOST_ACTIONS,
     MOST_HOLDS,
+    MOST_NAME_BYTES,
     MOST_NAMED,
     MOST_NOTE_BYTES,
     MOST_SLOTS,
@@ -15,7 +17,7 @@ from deconflict.advice.document_limits import (
     listed,
     short_text,
 )
-from deconflict.advisory import Hold, Recommendation, Slot
+from deconflict.advisory import Action, Hold, Recommendation, Slot
 from tests.helpers.made_advisories import START
 
 
@@ -52,6 +54,14 @@ def test_holds_and_slots_of_the_advisorys_own_robots_are_kept_first_in_their_ord
     assert [slot.robot for slot in short.slots] == [f"r-{n:03d}" for n in range(MOST_SLOTS - 2)] + ["r-100", "r-219"]
     assert (short.more_holds, short.more_slots) == (220 - MOST_HOLDS, 220 - MOST_SLOTS)
     assert len(short.note.encode()) <= MOST_NOTE_BYTES
+
+
+def test_the_first_actions_are_kept_and_their_texts_cut() -> None:
+    look = Action(robot="r", name="n" * 999, action="look", where="w" * 999, reason="r" * 999)
+    short = limited_advice(advice(1).model_copy(update={"actions": (look,) * 5}), ())
+    assert len(short.actions) == MOST_ACTIONS
+    assert len(short.actions[0].name.encode()) <= MOST_NAME_BYTES
+    assert len(short.actions[0].model_dump_json()) < 900
 
 
 @pytest.mark.parametrize(("count", "end"), [(1, "n0"), (2, "n0 and n1"), (3, "n0, n1 and n2")])

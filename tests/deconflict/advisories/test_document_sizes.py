@@ -12,6 +12,7 @@ from deconflict.advisories.finding_lifecycle import Finding, FindingLifecycle, f
 from deconflict.advisories.situations.situation import MOST_ADVISORIES, REVISION
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import (
+    Action,
     AnyAdvisory,
     BlockageAdvisory,
     DeadlockAdvisory,
@@ -94,14 +95,15 @@ def test_a_conflict_in_a_group_of_hundreds_has_a_small_document(name: str, most_
     pair = UUIDS[100], UUIDS[219]
     lifecycle.restore([made(1, robots=pair, names=(USUAL_NAME, USUAL_NAME))])
     holds = tuple(Hold(robot=uuid, hold_s=1.0) for uuid in UUIDS)
-    notes = "; ".join(f"no hold keeps {name} and {name} apart: one of them needs another route" for _ in range(220))
-    advice = Recommendation(holds=holds, cost_s=1.0, bound_s=0.0, proven_optimal=False, note=notes)
+    note = f"no hold works for {', '.join([name] * 220)}: {name} needs another route"
+    waits = tuple(Action(robot=uuid, name=name, action="wait", seconds=3.0, reason=name * 2) for uuid in UUIDS)
+    advice = Recommendation(holds=holds, actions=waits, cost_s=1.0, bound_s=0.0, proven_optimal=False, note=note)
     advisory = lifecycle.add_advice(pair, advice, NOW_S)
     assert advisory
     assert advisory.recommendation
     assert len(advisory.model_dump_json()) < most_bytes
     assert {hold.robot for hold in advisory.recommendation.holds}.issuperset(pair)
-    assert advisory.summary.count("should wait") == 2
+    assert advisory.summary.count("should wait") == 3
     other_order = advice.model_copy(update={"holds": (*holds[:50], *reversed(holds[50:]))})
     assert lifecycle.add_advice(pair, other_order, NOW_S + 60) is None
 

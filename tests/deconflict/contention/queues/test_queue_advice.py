@@ -6,8 +6,8 @@ from threading import Event
 
 import pytest
 
-from deconflict.advice.deferred_answers import PendingAnswer, answer_at_once
-from deconflict.advisory import AnyAdvisory, Recommendation
+from deconflict.advice.deferred_answers import Answer, PendingAnswer, answer_at_once
+from deconflict.advisory import AnyAdvisory
 from deconflict.contention.queues.queue_advice import MOST_SOLVED
 from deconflict.engine.engine import Engine
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
@@ -30,7 +30,7 @@ def queues(chargers: int = 1) -> Scene:
 
 
 def test_an_answer_from_a_thread_is_given_at_the_same_look() -> None:
-    def in_time(work: Callable[[], Recommendation]) -> PendingAnswer:
+    def in_time(work: Callable[[], Answer]) -> PendingAnswer:
         answer = pool.submit(work)
         answer.result()
         return answer
@@ -44,7 +44,7 @@ def test_an_answer_from_a_thread_is_given_at_the_same_look() -> None:
 def test_a_late_answer_delays_no_look_and_is_given_when_it_is_ready() -> None:
     free = Event()
 
-    def slow(work: Callable[[], Recommendation]) -> PendingAnswer:
+    def slow(work: Callable[[], Answer]) -> PendingAnswer:
         return pool.submit(lambda: (free.wait(PATIENCE_S), work())[1])
 
     with ThreadPoolExecutor(1) as pool:
@@ -63,7 +63,7 @@ def test_a_late_answer_delays_no_look_and_is_given_when_it_is_ready() -> None:
 def test_many_contended_places_get_their_advice_in_turn(chargers: int) -> None:
     asked = [0]
 
-    def counted(work: Callable[[], Recommendation]) -> PendingAnswer:
+    def counted(work: Callable[[], Answer]) -> PendingAnswer:
         asked[-1] += 1
         return answer_at_once(work)
 

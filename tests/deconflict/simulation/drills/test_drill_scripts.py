@@ -42,7 +42,7 @@ def played(*, ignored: bool) -> dict[str, DrillOutcome]:
                     assert fleet.receive(message, now_s, lines[row]) is None
         engine.receive(fleet.next_batch(now_s))
         for advisory in engine.step(now_s):
-            outcomes.add_revision(advisory, passed_on=service.pass_on(advisory))
+            outcomes.add_revision(advisory, service.pass_on(advisory))
         everybody.step(STEP_S)
     return {outcome.drill: outcome for outcome in outcomes.now()}
 

@@ -27,6 +27,8 @@ class HoldChoice(NamedTuple):
 
     longest: Ints
     """Longest hold, in steps."""
+    shortest: Ints
+    """Shortest hold of a robot that is held at all, in steps."""
     weight: Ints
     """Cost of a step of a hold."""
     step: Ints
@@ -53,12 +55,14 @@ def _nearest_allowed(allowed: Bools) -> Ints:
 
 
 @inner
-def _shortest_hold(robot: int, first: int, hold: int, longest: int, plan: Ints, pairs: Ints, nearest: Ints) -> int:
+def _shortest_hold(
+    robot: int, first: int, hold: int, shortest: int, longest: int, plan: Ints, pairs: Ints, nearest: Ints
+) -> int:
     """The shortest hold from `hold` on at which a robot keeps apart from the robots from `first` to itself.
 
-    More than `longest` if there is none.
+    0, or `shortest` or more; more than `longest` if there is none.
     """
-    middle, row = nearest.shape[1] // 2, 0
+    hold, middle, row = max(hold, shortest) if hold else 0, nearest.shape[1] // 2, 0
     while row < len(pairs) and hold <= longest:
         a, b = pairs[row]
         row += 1
@@ -68,7 +72,7 @@ def _shortest_hold(robot: int, first: int, hold: int, longest: int, plan: Ints, 
             if allowed_column < 0:
                 return longest + 1
             if allowed_column < column:
-                hold, row = hold + column - allowed_column, 0
+                hold, row = max(hold + column - allowed_column, shortest), 0
     return hold
 
 
@@ -80,9 +84,10 @@ def _longest_worthwhile(longest: int, budget: int, weight: int, room: int, step:
     return max(min(longest, budget // weight, (room - held) // step), 0)
 
 
-@kernel(numba.int64(*[_INTS] * 4, _PAIRS, _BOOLS, numba.int64, numba.int64, _INTS))
+@kernel(numba.int64(*[_INTS] * 5, _PAIRS, _BOOLS, numba.int64, numba.int64, _INTS))
 def _search(
     longest: Ints,
+    shortest: Ints,
     weight: Ints,
     step: Ints,
     held: Ints,
@@ -111,7 +116,9 @@ def _search(
             last = _longest_worthwhile(
                 longest[robot], budget - cost[robot], weight[robot], room, step[robot], held[robot]
             )
-            hold = _shortest_hold(robot, first, begin, last, plan, pairs, nearest) if begin <= last else begin
+            hold = begin
+            if begin <= last:
+                hold = _shortest_hold(robot, first, begin, shortest[robot], last, plan, pairs, nearest)
             tried += 1 + max(min(hold, last + 1) - begin, 0)
             if tried > most_tried:
                 return UNKNOWN
@@ -134,14 +141,14 @@ def _search(
     return least
 
 
-@kernel(numba.boolean(*[_INTS] * 2, _PAIRS, _BOOLS, _INTS))
-def _fill_in_order(order: Ints, longest: Ints, pairs: Ints, allowed: Bools, plan: Ints) -> bool:
+@kernel(numba.boolean(*[_INTS] * 3, _PAIRS, _BOOLS, _INTS))
+def _fill_in_order(order: Ints, longest: Ints, shortest: Ints, pairs: Ints, allowed: Bools, plan: Ints) -> bool:
     """Set the shortest hold of each robot, in order, that keeps it apart from those before it; whether all have one."""
     middle = allowed.shape[1] // 2
     plan[:] = -1
     for robot in order:
         for hold in range(longest[robot] + 1):
-            plan[robot], apart = hold, True
+            plan[robot], apart = hold, hold == 0 or hold >= shortest[robot]
             for row in range(len(pairs)):
                 a, b = pairs[row]
                 if (a == robot and plan[b] >= 0) or (b == robot and plan[a] >= 0):
@@ -156,7 +163,9 @@ def _fill_in_order(order: Ints, longest: Ints, pairs: Ints, allowed: Bools, plan
 def plan_in_order(choice: HoldChoice, order: Sequence[int]) -> list[int] | None:
     """The holds if each robot, by row and in this order, waits for those before it; None if one then has no hold."""
     plan = np.empty(len(choice.longest), np.int64)
-    found = _fill_in_order(np.array(order, np.int64), choice.longest, choice.pairs, choice.allowed, plan)
+    found = _fill_in_order(
+        np.array(order, np.int64), choice.longest, choice.shortest, choice.pairs, choice.allowed, plan
+    )
     return plan.tolist() if found else None
 
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from ortools.sat.python import cp_model
 
-from deconflict.advice.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
-from deconflict.advice.hold_problem import HoldProblem, Plan
+from deconflict.advice.holds.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
+from deconflict.advice.holds.hold_problem import HoldProblem, Plan
+from deconflict.advice.holds.hold_windows import SHORTEST_STEPS
 from deconflict.advice.solver import LeanModel, solve
 from ingest.batch import Bools, Ints
 
@@ -121,7 +122,7 @@ class HoldSearch:
         changes = [after * self._change(robot) + most for robot in robots]
         longest, pairs, allowed = hold_constraints(self.problem, robots)
         weight, step, held = np.array([weights, steps, changes], np.int64)
-        return HoldChoice(longest, weight, step, held, pairs, allowed)
+        return HoldChoice(longest, np.full_like(longest, SHORTEST_STEPS), weight, step, held, pairs, allowed)
 
     def _change(self, robot: str) -> int:
         """What holding a robot adds to its cost if it is not held by the advice it has now."""
@@ -140,7 +141,11 @@ def hold_constraints(problem: HoldProblem, robots: Sequence[str]) -> tuple[Ints,
 def hold_model(problem: HoldProblem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:
     """The holds of some robots as variables, and every constraint between them."""
     model, steps = LeanModel(), problem.window.steps
-    holds = {robot: model.new_int_var(0, steps if problem.planned[robot].holdable else 0, robot) for robot in robots}
+    held, free = (cp_model.Domain.from_values(values) for values in ([0, *range(SHORTEST_STEPS, steps + 1)], [0]))
+    holds = {
+        robot: model.new_int_var_from_domain(held if problem.planned[robot].holdable else free, robot)
+        for robot in robots
+    }
     for (a, b), allowed in problem.allowed.items():
         if a in holds and b in holds:
             differences = (np.flatnonzero(allowed) - steps).tolist()

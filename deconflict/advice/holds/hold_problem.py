@@ -1,9 +1,9 @@
 """The question of one group of conflicts: its robots, and at which differences of holds each pair keeps apart."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from deconflict.advice.hold_windows import DelayWindows, HoldWindow, NearbyRobots, PlannedRobot
+from deconflict.advice.holds.hold_windows import DelayWindows, HoldWindow, NearbyRobots, PlannedRobot
 from deconflict.advice.priorities import WEIGHT
 from ingest.batch import Bools, Pair
 
@@ -29,12 +29,16 @@ class HoldProblem:
     planned: PlannedRobots
     window: HoldWindow
     delays: DelayWindows
+    burdens_s: Mapping[str, float] = field(default_factory=dict)
+    """By vendor, how long its robots have waited by advice before."""
     allowed: dict[Pair, Bools] = field(default_factory=dict)
     """(2 steps + 1,) by pair, for each difference of holds in ascending order."""
     hopeless: list[Pair] = field(default_factory=list)
-    """Pairs that no hold keeps apart."""
+    """Pairs that no hold keeps apart, and those of robots that are left out."""
     without_holds_s: dict[Pair, float] = field(default_factory=dict)
     """When the pairs of the robots in `allowed` first come together if nobody is held."""
+    left_out: set[str] = field(default_factory=set)
+    """Robots that the plan does not hold, because they need another route."""
     _examined: set[str] = field(default_factory=set)
     """Robots whose pairs are in `without_holds_s`."""
 
@@ -62,6 +66,42 @@ class HoldProblem:
         if not allowed.any():
             del self.allowed[pair]
             self.hopeless.append(pair)
+
+    def leave_out(self, robot: str, ring: Sequence[str]) -> list[Pair]:
+        """Plan without holds of a robot, and without the pairs that it has with `ring`; returns these pairs."""
+        pairs = [pair for pair in self.allowed if robot in pair and set(ring).issuperset(pair)]
+        for pair in pairs:
+            del self.allowed[pair]
+        for pair, allowed in list(self.allowed.items()):
+            if robot in pair:
+                allowed[self.window.steps + 1 :] &= pair[0] != robot
+                allowed[: self.window.steps] &= pair[1] != robot
+                self._set_allowed(pair, allowed)
+        self.hopeless += pairs
+        self.planned[robot] = self.planned[robot]._replace(holdable=False)
+        self.left_out.add(robot)
+        return pairs
+
+    def first_to_yield(self, robots: Sequence[str]) -> str | None:
+        """Which of some robots should take another route: one that is left out anyway, then the one of the least
+        priority, then of the least burdened vendor.
+
+        None if all of them stand.
+        """
+        movers = [robot for robot in robots if self.planned[robot].holdable or robot in self.left_out]
+        return min(movers, key=self._reluctance, default=None)
+
+    def _reluctance(self, robot: str) -> tuple[bool, int, float, str]:
+        return (
+            robot not in self.left_out,
+            self.weight(robot),
+            self.burdens_s.get(self.planned[robot].vendor, 0.0),
+            robot,
+        )
+
+    def pairs_together(self) -> set[Pair]:
+        """The pairs that come together whatever the plan does."""
+        return self.without_holds_s.keys() | set(self.hopeless)
 
     def robots(self) -> list[str]:
         return sorted({robot for pair in self.allowed for robot in pair})

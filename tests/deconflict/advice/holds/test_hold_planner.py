@@ -11,14 +11,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from deconflict.advice import exhaustive_search, hold_search
-from deconflict.advice.exhaustive_search import UNKNOWN
-from deconflict.advice.hold_planner import advise_holds
-from deconflict.advice.hold_windows import STEP_S, DelayWindows, HoldWindow
+from deconflict.advice.conflict_advice import advise_conflicts
+from deconflict.advice.holds import exhaustive_search, hold_search
+from deconflict.advice.holds.exhaustive_search import UNKNOWN
+from deconflict.advice.holds.hold_windows import SHORTEST_HOLD_S, STEP_S, DelayWindows, HoldWindow
 from deconflict.advisory import Hold, Recommendation
 from deconflict.settings.site import Advice
 from ingest.batch import Pair
-from tests.deconflict.advice.made_near import SeenRobot, near
+from tests.deconflict.advice.made_near import SeenRobot, group_plan, near
 from tests.helpers.made_encounters import NOW_S, robot
 
 WINDOW = HoldWindow(NOW_S, 10.0, 0.3, 6.0)
@@ -63,7 +63,7 @@ def cheapest_s(movers: list[SeenRobot], window: HoldWindow) -> float | None:
     def cost(holds: tuple[float, ...]) -> float:
         return sum(seen_robot.priority * hold_s for seen_robot, hold_s in zip(movers, holds, strict=True))
 
-    grid = [k * STEP_S for k in range(window.steps + 1)]
+    grid = [0.0] + [k * STEP_S for k in range(window.steps + 1) if k * STEP_S >= SHORTEST_HOLD_S]
     choices = sorted(product(*(grid if mover.holdable else [0.0] for mover in movers)), key=cost)
     delays, names = DelayWindows(near(movers), window), [mover.robot for mover in movers]
     return next(
@@ -93,11 +93,11 @@ def test_holds_resolve_the_conflicts_at_the_least_cost(courses: list[tuple[float
         for a, b in combinations(movers, 2)
     )
     assume(apart)
-    advice = advise_holds(near(movers), pairs_of(movers), window)
-    assert advice == advise_holds(near(movers), pairs_of(movers), window)
+    advice = group_plan(near(movers), pairs_of(movers), window)
+    assert advice == group_plan(near(movers), pairs_of(movers), window)
     cheapest = cheapest_s(movers, window)
     if cheapest is None:
-        assert "needs another route" in advice.note
+        assert advice.note
         return
     assert advice.cost_s == cheapest
     assert advice.proven_optimal
@@ -120,7 +120,7 @@ def test_few_robots_get_the_same_plan_as_by_the_solver(monkeypatch: pytest.Monke
             )
             for name in "abcd"[:robots]
         ]
-        question = partial(advise_holds, near(movers), pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
+        question = partial(group_plan, near(movers), pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
         alone = question()
         again = partial(question, standing=alone.model_copy(update={"holds": (Hold(robot="a", hold_s=2.0),)}))
         tried = [plan_key(alone, movers), plan_key(again(), movers)]
@@ -140,11 +140,11 @@ def plan_key(advice: Recommendation, movers: list[SeenRobot]) -> tuple[float, in
 
 def test_the_bound_of_standing_advice_is_the_cost_of_the_cheapest_plan() -> None:
     pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
-    fresh = advise_holds(near(pair), [("a", "b")], WINDOW)
-    kept = advise_holds(near(pair), [("a", "b")], WINDOW, standing=fresh.model_copy(update={"holds": (B_WAITS,)}))
+    fresh = group_plan(near(pair), [("a", "b")], WINDOW)
+    kept = group_plan(near(pair), [("a", "b")], WINDOW, standing=fresh.model_copy(update={"holds": (B_WAITS,)}))
     assert kept.holds == (Hold(robot="b", hold_s=2.5),)
     assert (kept.bound_s, kept.proven_optimal) == (fresh.cost_s, False)
-    same = advise_holds(near(pair), [("a", "b")], WINDOW, standing=fresh)
+    same = group_plan(near(pair), [("a", "b")], WINDOW, standing=fresh)
     assert (same.holds, same.bound_s, same.proven_optimal) == (fresh.holds, fresh.cost_s, True)
 
 
@@ -152,10 +152,10 @@ def test_standing_advice_has_no_bound_if_the_cheapest_plan_takes_too_long_to_fin
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pair, most = [through("a", 0.0, before_m=5.3), through("b", pi / 2)], iter((exhaustive_search.MOST_TRIED, 1))
-    before = advise_holds(near(pair), [("a", "b")], WINDOW)
+    before = group_plan(near(pair), [("a", "b")], WINDOW)
     search = exhaustive_search.cheapest_plan
     monkeypatch.setattr(hold_search, "cheapest_plan", lambda choice, budget: search(choice, budget, next(most)))
-    again = advise_holds(near(pair), [("a", "b")], WINDOW, standing=before)
+    again = group_plan(near(pair), [("a", "b")], WINDOW, standing=before)
     assert again.holds == before.holds
     assert (again.bound_s, again.proven_optimal) == (0.0, False)
 
@@ -174,20 +174,22 @@ def test_allowed_differences_are_those_at_which_the_sweep_finds_no_contact() -> 
 
 def test_a_held_robot_that_stands_in_the_way_is_no_help() -> None:
     ahead, behind = through("ahead", 0.0, before_m=2.0, speed_mps=0.5), through("behind", 0.0, before_m=5.5)
-    advice = advise_holds(near([ahead, behind]), [("ahead", "behind")], WINDOW)
+    advice = group_plan(near([ahead, behind]), [("ahead", "behind")], WINDOW)
     assert {hold.robot for hold in advice.holds} == {"behind"}
 
 
 def test_head_on_in_one_lane_needs_another_route() -> None:
-    advice = advise_holds(near([through("east", 0.0), through("west", pi)]), [("east", "west")], WINDOW)
+    pair = ("east", "west")
+    advice = advise_conflicts(near([through("east", 0.0), through("west", pi, priority=0.5)]), [pair], WINDOW)[pair]
     assert advice.holds == ()
-    assert advice.note == "no hold keeps east and west apart: one of them needs another route"
+    assert advice.note == "no hold keeps east and west apart: west needs another route"
 
 
 def test_a_robot_that_stands_is_not_told_to_wait() -> None:
-    advice = advise_holds(near([standing("parked", 0.0), through("a", 0.0)]), [("a", "parked")], WINDOW)
+    pair = ("a", "parked")
+    advice = advise_conflicts(near([standing("parked", 0.0), through("a", 0.0)]), [pair], WINDOW)[pair]
     assert advice.holds == ()
-    assert "needs another route" in advice.note
+    assert advice.note == "no hold keeps a and parked apart: a needs another route"
 
 
 def test_no_hold_brings_another_pair_together() -> None:
@@ -195,10 +197,10 @@ def test_no_hold_brings_another_pair_together() -> None:
     a, b = through("a", 0.0, vendor="bolt"), through("b", pi / 2)
     tail = SeenRobot("c", robot([0, 10], [-7.0, 3.0], [0.0, 0.0], 0.0, (1.0, 0.6)), holdable=False)
     burdens_s = {"acme": 60.0}
-    alone = advise_holds(near([a, b]), [("a", "b")], WINDOW, burdens_s=burdens_s)
+    alone = group_plan(near([a, b]), [("a", "b")], WINDOW, burdens_s=burdens_s)
     assert [hold.robot for hold in alone.holds] == ["a"]
     movers = [a, b, tail]
-    advice = advise_holds(near(movers), [("a", "b")], WINDOW, burdens_s=burdens_s)
+    advice = group_plan(near(movers), [("a", "b")], WINDOW, burdens_s=burdens_s)
     assert [hold.robot for hold in advice.holds] == ["b"]
     before = met(movers, WINDOW, {})
     assert set(met(movers, WINDOW, held_s(advice))) <= set(before) - {("a", "b")}
@@ -207,13 +209,13 @@ def test_no_hold_brings_another_pair_together() -> None:
 @pytest.mark.parametrize(("burdened", "yields"), [("acme", "b"), ("bolt", "a")])
 def test_in_a_tie_the_least_burdened_vendor_waits(burdened: str, yields: str) -> None:
     pair = [through("a", 0.0, vendor="acme"), through("b", pi / 2, vendor="bolt")]
-    advice = advise_holds(near(pair), [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
+    advice = group_plan(near(pair), [("a", "b")], WINDOW, burdens_s={burdened: 60.0})
     assert [hold.robot for hold in advice.holds] == [yields]
 
 
 def test_another_robot_is_held_only_if_that_saves_enough() -> None:
     pair = [through("a", 0.0, before_m=5.3, vendor="bolt"), through("b", pi / 2)]
-    question = partial(advise_holds, near(pair), [("a", "b")], WINDOW, burdens_s={"bolt": 60.0})
+    question = partial(group_plan, near(pair), [("a", "b")], WINDOW, burdens_s={"bolt": 60.0})
     fresh = question()
     assert fresh.holds == (Hold(robot="a", hold_s=2.0),)
     before = fresh.model_copy(update={"holds": (B_WAITS,)})
@@ -227,22 +229,27 @@ def test_a_ring_without_a_plan_is_named_although_each_of_its_pairs_has_one() -> 
     d only meets a, which both waiting d and waiting a would clear.
     """
     window = replace(WINDOW, longest_hold_s=3.0)
-    ring = [through(name, row * 2 * pi / 3) for row, name in enumerate("abc")]
+    ring = [through(name, row * 2 * pi / 3, vendor="acme" if name == "b" else "bolt") for row, name in enumerate("abc")]
     for two in combinations(ring, 2):
-        alone = advise_holds(near(list(two)), pairs_of(list(two)), window)
+        alone = group_plan(near(list(two)), pairs_of(list(two)), window)
         assert alone.holds, f"{two[0].robot} and {two[1].robot} alone"
     other = SeenRobot("d", robot([0, 10], [-4.0, -4.0], [-6.0, 4.0], pi / 2, (1.0, 0.6)))
     movers = [*ring, other]
     assert cheapest_s(movers, window) is None
     met = [pair for pair in pairs_of(movers) if set(pair) <= set("abc") or pair == ("a", "d")]
-    advice = advise_holds(near(movers), met, window)
-    assert advice.holds == ()
-    assert advice.note == "no hold works for a, b and c: one of them needs another route"
+    advice = advise_conflicts(near(movers), met, window, burdens_s={"acme": 0.0, "bolt": 9.0})
+    assert {pair: advice[pair].note for pair in met} == {
+        ("a", "b"): "no hold works for a, b and c: b needs another route",
+        ("a", "c"): "",
+        ("a", "d"): "",
+        ("b", "c"): "no hold works for a, b and c: b needs another route",
+    }
+    assert advice["a", "c"].holds, "without b the others have a plan"
 
 
 def test_four_ways_at_one_crossing() -> None:
     movers = [through(name, row * pi / 4, before_m=5.0) for row, name in enumerate("abcd")]
-    advice = advise_holds(near(movers), pairs_of(movers), WINDOW)
+    advice = group_plan(near(movers), pairs_of(movers), WINDOW)
     assert advice.proven_optimal
     assert met(movers, WINDOW, held_s(advice)) == {}
     assert advice.first_come_cost_s is not None

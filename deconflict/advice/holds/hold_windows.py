@@ -20,6 +20,9 @@ from ingest.batch import Bools, Floats, Ints, Pair
 
 STEP_S = 0.5
 """Holds are multiples of this."""
+SHORTEST_HOLD_S = 1.0
+"""Nobody is held for a shorter time."""
+SHORTEST_STEPS = round(SHORTEST_HOLD_S / STEP_S)
 SHORT_S = 2.0
 """A forecast that ends no more than this before the horizon is extrapolated; after one that ends sooner, it stands."""
 

@@ -6,7 +6,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from deconflict.advice.hold_windows import SHORT_S, DelayWindows, HoldWindow
+from deconflict.advice.holds.hold_windows import SHORT_S, DelayWindows, HoldWindow
 from deconflict.sweep.geometry.knots import Knots, Robots, delayed
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Forecasts

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.advice.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
+from deconflict.advice.holds.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
 
 BUDGET = 1 << 60
 STEPS = 3
@@ -25,7 +25,13 @@ def choices(draw: st.DrawFn) -> HoldChoice:
     rows = st.lists(st.booleans(), min_size=2 * STEPS + 1, max_size=2 * STEPS + 1)
     allowed = np.array([draw(rows) for _ in pairs], bool).reshape(-1, 2 * STEPS + 1)
     return HoldChoice(
-        each(0, STEPS), each(1, 3), each(1, 3), each(0, 2), np.array(pairs, np.int64).reshape(-1, 2), allowed
+        each(0, STEPS),
+        each(1, 2),
+        each(1, 3),
+        each(1, 3),
+        each(0, 2),
+        np.array(pairs, np.int64).reshape(-1, 2),
+        allowed,
     )
 
 
@@ -47,7 +53,8 @@ def score(choice: HoldChoice, plan: tuple[int, ...]) -> int:
 
 def plans(choice: HoldChoice, budget: int) -> list[tuple[int, tuple[int, ...]]]:
     """The score of each plan, the lowest and then the first in order before others."""
-    every = product(*(range(longest + 1) for longest in choice.longest.tolist()))
+    limits = zip(choice.shortest.tolist(), choice.longest.tolist(), strict=True)
+    every = product(*((0, *range(shortest, longest + 1)) for shortest, longest in limits))
     within = (plan for plan in every if fits(choice, plan) and sum(np.multiply(choice.weight, plan)) <= budget)
     return sorted((score(choice, plan), plan) for plan in within)
 
@@ -71,7 +78,7 @@ def tries(choice: HoldChoice, budget: int) -> int:
             ):
                 return
             held = dict(enumerate([*before, hold], first))
-            if all(
+            if not 0 < hold < choice.shortest[robot] and all(
                 choice.allowed[row, held[a] - held[b] + middle]
                 for row, (a, b) in enumerate(choice.pairs.tolist())
                 if a in held and b == robot
@@ -110,6 +117,8 @@ def test_each_robot_waits_for_those_before_it_in_order(choice: HoldChoice, rando
     plan: dict[int, int] = {}
     for robot in order:
         for hold in range(choice.longest[robot] + 1):
+            if 0 < hold < choice.shortest[robot]:
+                continue
             held = plan | {robot: hold}
             met = [choice.pairs[row].tolist() for row in range(len(choice.pairs))]
             rows = [row for row, pair in enumerate(met) if held.keys() >= set(pair)]

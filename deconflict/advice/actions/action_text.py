@@ -1,0 +1,22 @@
+"""Actions in words."""
+
+from deconflict.advisory import Action
+
+
+def action_text(action: Action) -> str:
+    """What one robot should do, or what a person should look at, for people."""
+    name, where = action.name, f" {action.where}" if action.where else ""
+    seconds = f" for {action.seconds:g} s" if action.seconds else ""
+    match action.action:
+        case "wait":
+            return f"{name} should wait {action.seconds or 0.0:g} s{where}"
+        case "slow_down":
+            return f"{name} should slow down to {action.speed_mps or 0.0:g} m/s{seconds}"
+        case "take_another_route":
+            return f"{name} needs another route{where}"
+        case "back_out":
+            return f"{name} should back out{where}"
+        case "go_first":
+            return f"{name} can go first"
+        case "look":
+            return f"somebody should look at {name}"

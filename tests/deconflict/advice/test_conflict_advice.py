@@ -1,0 +1,82 @@
+"""The advice for one conflict: it names no robots that do not matter to it, and asks no short waits of people."""
+
+from math import pi
+
+from deconflict.advice.conflict_advice import advise_conflicts
+from deconflict.advice.holds.hold_windows import DelayWindows, HoldWindow
+from deconflict.advisory import Recommendation
+from tests.deconflict.advice.made_near import SeenRobot, near
+from tests.helpers.made_encounters import NOW_S, robot
+
+WINDOW = HoldWindow(NOW_S, 10.0, 0.3, 6.0)
+
+
+def eastward(
+    name: str, x_m: float, *, y_m: float = 0.0, holdable: bool = True, speed_mps: float = 1.0, size_m: float = 1.0
+) -> SeenRobot:
+    ends_m = x_m + 10 * speed_mps
+    return SeenRobot(name, robot([0, 10], [x_m, ends_m], [y_m, y_m], 0.0, (size_m, 0.6)), holdable=holdable)
+
+
+def northward(name: str, y_m: float, *, x_m: float = 0.0, priority: float = 1.0) -> SeenRobot:
+    forecast = robot([0, 10], [x_m, x_m], [y_m, y_m + 10], pi / 2, (1.0, 0.6))
+    return SeenRobot(name, forecast, priority=priority)
+
+
+def advised(movers: list[SeenRobot], *pairs: tuple[str, str]) -> list[Recommendation]:
+    advice = advise_conflicts(near(movers), pairs, WINDOW)
+    return [advice[pair] for pair in pairs]
+
+
+def actions(advice: Recommendation) -> list[tuple[str, str, float | None]]:
+    return [(action.robot, action.action, action.seconds) for action in advice.actions]
+
+
+def held_s(advice: Recommendation) -> dict[str, float]:
+    return {hold.robot: hold.hold_s for hold in advice.holds}
+
+
+def test_the_advice_on_a_conflict_leaves_out_the_holds_that_it_does_not_need() -> None:
+    """b crosses a first and c later; only the later conflict needs c to wait."""
+    a, b, c = eastward("a", -4.0), northward("b", -4.0, priority=10.0), eastward("c", -7.0, y_m=3.0)
+    first, second = advised([a, b, c], ("a", "b"), ("b", "c"))
+    assert held_s(first).keys() == {"a"}
+    assert held_s(second).keys() == {"c"}
+    assert first.proven_optimal
+    assert first.cost_s == sum(held_s(first).values())
+
+
+def test_the_advice_on_a_conflict_holds_who_would_run_into_its_robots() -> None:
+    a, b, behind = eastward("a", -5.0), northward("b", -5.0, priority=10.0), eastward("c", -6.8)
+    (advice,) = advised([a, b, behind], ("a", "b"))
+    assert held_s(advice).keys() == {"a", "c"}
+    assert actions(advice) == [("a", "wait", 3.0), ("c", "wait", 3.0), ("b", "go_first", None)]
+    assert [action.reason for action in advice.actions] == [
+        "",
+        "it would come too near to a otherwise",
+        "a waits for it",
+    ]
+
+
+def test_a_wait_that_is_too_short_for_people_is_made_longer_if_that_is_proven() -> None:
+    (advice,) = advised([eastward("a", -5.0), northward("b", -5.0, priority=10.0)], ("a", "b"))
+    assert held_s(advice) == {"a": 2.5}
+    assert actions(advice) == [("a", "wait", 3.0), ("b", "go_first", None)]
+
+
+def test_nobody_is_asked_to_have_a_robot_wait_if_only_a_short_hold_works() -> None:
+    """c would come too near to a if that waited 3 s."""
+    a, b, behind = eastward("a", -5.0), northward("b", -5.0, priority=10.0), eastward("c", -9.0, holdable=False)
+    (advice,) = advised([a, b, behind], ("a", "b"))
+    assert held_s(advice) == {"a": 2.5}
+    assert not any(action.action == "wait" for action in advice.actions)
+
+
+def test_no_hold_is_shorter_than_a_second() -> None:
+    """b is nearly through: half a second would do."""
+    a, b = eastward("a", -5.0), northward("b", -3.3, priority=10.0)
+    delays = DelayWindows(near([a, b]), WINDOW)
+    assert delays.contacts_s({}, "ab")
+    assert not delays.contacts_s({"a": 0.5}, "ab")
+    (advice,) = advised([a, b], ("a", "b"))
+    assert held_s(advice) == {"a": 1.0}
