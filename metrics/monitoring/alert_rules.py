@@ -11,6 +11,8 @@ OBJECTIVE_S = 0.25
 """The objective: a valid status is reflected in the advisories within this time (`docs/metrics.md`)."""
 OBJECTIVE_SHARE = 0.99
 """Share of valid statuses for which this must hold, over 30 days."""
+MOST_SITUATIONS = 8
+"""More open situations at once nobody can follow."""
 RUNBOOK = "docs/runbook.md"
 
 VENDOR = ["vendor"]
@@ -194,6 +196,42 @@ ALERTING_RULES = (
         "ticket",
         "The outlet {{ $labels.outlet }} accepts no advisories",
         "Nothing has been delivered to {{ $labels.outlet }} for five minutes and attempts fail; advisories wait.",
+    ),
+    AlertingRule(
+        "DeconflictRevisionSetAside",
+        f"{increase('deconflict_advisories_set_aside_total', '15m', ['reason'])} > 0",
+        "0s",
+        "ticket",
+        "Revisions of advisories are set aside",
+        '{{ printf "%.0f" $value }} revisions of advisories or situations were set aside in the last 15 minutes '
+        "({{ $labels.reason }}). Nobody receives them. The log of the role names each, with the reason.",
+    ),
+    AlertingRule(
+        "DeconflictAdvisoriesPrunedForSize",
+        f"{increase('deconflict_advisories_pruned_total', '1h', where={'reason': 'size'})} > 0",
+        "0s",
+        "ticket",
+        "The database of advisories is full",
+        '{{ printf "%.0f" $value }} cleared advisories were removed in the last hour to keep the database within '
+        "store.advisories_bytes. They are younger than store.keep_days.",
+    ),
+    AlertingRule(
+        "DeconflictSituationCritical",
+        f"{level('deconflict_situations_open', where={'severity': 'critical'})} > 0",
+        "2m",
+        "page",
+        "A situation on the floor stays critical",
+        "For two minutes situations have been critical, now {{ $value }}. GET /situations?severity=critical says what "
+        "goes on, and what to do first.",
+    ),
+    AlertingRule(
+        "DeconflictManySituations",
+        f"{level('deconflict_situations_open')} > {MOST_SITUATIONS}",
+        "5m",
+        "ticket",
+        "More situations are open than people can follow",
+        f"For five minutes more than {MOST_SITUATIONS} situations were open, now {{{{ $value }}}}. "
+        "GET /situations lists them, the newest first.",
     ),
     AlertingRule(
         "DeconflictDeadlockAhead",

@@ -112,6 +112,10 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_message_to_advisory_seconds": histogram(
         "Time from the arrival of a valid status to the publication of the advisories that reflect it.", "vendor"
     ),
+    "deconflict_situations_open": gauge("Open situations: raised and not yet cleared.", "kind", "severity"),
+    "deconflict_situations_total": counter(
+        "Revisions of situations, by event: raised, updated or cleared.", "kind", "event"
+    ),
     "deconflict_advisories_open": gauge("Open advisories: raised and not yet cleared.", "kind", "severity"),
     "deconflict_advisories_total": counter(
         "Revisions of advisories, by event: raised, updated or cleared.", "kind", "event"

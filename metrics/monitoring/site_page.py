@@ -5,7 +5,7 @@ from metrics.monitoring.panels import Dashboard, Query, panel, row
 from metrics.monitoring.promql import level, or_zero, share_within
 from metrics.monitoring.queries import STATUS_WAIT, VENDOR, WINDOW, each, measured, number, rated, zero_if_absent
 
-_OPEN = "deconflict_advisories_open"
+_OPEN, _SITUATIONS = "deconflict_advisories_open", "deconflict_situations_open"
 _DOWN = f"count ({level('deconflict_role_up', ['role'], over='min')} == 0)"
 
 SITE = Dashboard(
@@ -29,6 +29,28 @@ SITE = Dashboard(
                 "percentunit",
                 Query(share_within(OBJECTIVE_S, STATUS_WAIT, WINDOW)),
                 warn_below=OBJECTIVE_SHARE,
+            ),
+        ),
+        row(
+            "Situations",
+            number("Open situations", "short", zero_if_absent(measured(_SITUATIONS, legend="open"))),
+            number(
+                "Critical situations",
+                "short",
+                zero_if_absent(measured(_SITUATIONS, where={"severity": "critical"})),
+                warn_above=1,
+            ),
+            panel(
+                "Open situations by kind and severity",
+                "short",
+                zero_if_absent(measured(_SITUATIONS, ["kind", "severity"])),
+                columns=8,
+            ),
+            panel(
+                "Situations raised, updated and cleared",
+                "ops",
+                zero_if_absent(rated("deconflict_situations_total", ["kind", "event"])),
+                columns=8,
             ),
         ),
         row(

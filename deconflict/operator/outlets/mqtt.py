@@ -14,7 +14,7 @@ from typing import NamedTuple
 from aiomqtt import Client, MqttError, Will
 
 from deconflict.advisories.situations.situation import REVISION
-from deconflict.advisory import SITUATION, AdvisoryState
+from deconflict.advisory import EVERY_KIND, SITUATION, AdvisoryState
 from deconflict.operator.outlets.store_cursor import StoreCursor, is_being_cancelled
 from deconflict.operator.store.publisher import PublishedLine
 from deconflict.operator.store.store import Store, StoreError
@@ -46,7 +46,7 @@ class MqttOutlet:
         self._settings, self._cursor, self._store = settings, cursor, store
         self._password = secret(settings.password) if settings.password else None
         self._are_others_removed = False
-        """Whether the open ones of other kinds have been removed, which earlier settings may have sent."""
+        """Whether the topics of other kinds have been emptied."""
 
     def refresh(self) -> None:
         """Read the password again; the next connection uses it."""
@@ -93,19 +93,28 @@ class MqttOutlet:
 
     async def _send_revisions(self, client: Client) -> None:
         """Send what is open up to the position, in case the broker has lost it, then all that follows."""
+        if not self._are_others_removed:
+            await self._remove_others(client)
+            self._are_others_removed = True
         until = self._cursor.seq
         async for document in self._open_documents():
-            topic = topic_of(self._settings.topic, document.kind, document.id)
-            is_own = document.kind in self._cursor.kinds
-            if is_own and document.seq <= until:
+            if document.kind in self._cursor.kinds and document.seq <= until:
+                topic = topic_of(self._settings.topic, document.kind, document.id)
                 await self._send(client, MqttMessage(topic, document.text, True))
-            elif not is_own and not self._are_others_removed:
-                await self._send(client, MqttMessage(topic, None, True))
-        self._are_others_removed = True
         async for line in self._cursor.lines():
             for message in messages_of(self._settings.topic, line):
                 await self._send(client, message)
             self._cursor.delivered(line)
+
+    async def _remove_others(self, client: Client) -> None:
+        """Empty the topics of other kinds. Earlier settings may have sent them until the outlet's position."""
+        others, seq = EVERY_KIND - self._cursor.kinds, self._cursor.seq
+        removed = [(each.kind, each.id) async for each in self._open_documents() if each.kind in others]
+        while (page := await asyncio.to_thread(self._store.page_after, seq, others, MOST_AT_ONCE)).last > seq:
+            removed += [(each.kind, each.id) for each in page.revisions if each.state is AdvisoryState.CLEARED]
+            seq = page.last
+        for kind, revision_id in removed:
+            await self._send(client, MqttMessage(topic_of(self._settings.topic, kind, revision_id), None, True))
 
     async def _open_documents(self) -> AsyncIterator[StoredDocument]:
         last = 0

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisory import ConflictAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.roles import restoration
@@ -19,7 +20,7 @@ from deconflict.runtime.set_asides import SET_ASIDE, SetAsides
 from deconflict.settings.site import Operator, Site
 from ingest.measures.measures import Measures
 from metrics.monitoring.exposition import render
-from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 
 
 def crowd(count: int) -> list[ConflictAdvisory]:
@@ -55,7 +56,7 @@ async def slowest_turn_s() -> float:
         return slowest_s
 
 
-def stored(data: Path, *revisions: ConflictAdvisory) -> None:
+def stored(data: Path, *revisions: AnyRevision) -> None:
     store = Store(data)
     store.append(revisions)
     store.close()
@@ -99,3 +100,14 @@ async def test_thousands_of_open_advisories_are_restored_without_keeping_the_eve
         turning.cancel()
         assert await turning < (time.perf_counter() - began_s) / 4, "the loop turns between the pages"
     assert len(state.open) == len(state.encounters) == 3_000
+
+
+async def test_an_engine_resumes_with_open_situations_beside_its_advisories(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(restoration, "MOST_ADVISORIES", 2)
+    stored(tmp_path, situation(1), made(1), situation(2), situation(3), cleared_situation(2), made(2), situation(1, 2))
+    async with serving(tmp_path) as (_, caller):
+        state = await asyncio.to_thread(stored_state, caller, SetAsides(Measures()))
+    assert [advisory.id for advisory in state.open] == ["advisory-1", "advisory-2"]
+    assert [(each.id, each.revision) for each in state.situations] == [("situation-3", 1), ("situation-1", 2)]

@@ -47,6 +47,9 @@ DEADLOCK = 'deconflict_advisories_open{kind="deadlock",severity="warning"}'
 FOREIGN = 'deconflict_advisories_open{kind="foreign_claim",severity="warning"}'
 TWO_PLACES = 'deconflict_advisories_open{kind="two_places",severity="warning"}'
 CROWD = 'deconflict_advisories_open{kind="crowd",severity="warning"}'
+SITUATIONS = 'deconflict_situations_open{{kind="knot",severity="{}"}}'
+ASIDE = 'deconflict_advisories_set_aside_total{reason="invalid"}'
+PRUNED = 'deconflict_advisories_pruned_total{{reason="{}"}}'
 CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
 
 CASES = [
@@ -81,6 +84,24 @@ CASES = [
     Case("DeconflictOutletStuck", 20, {"outlet": "mes"}, {DELIVERED: "0+3x5 15x20", FAILED: "0x5 0+1x20"}),
     Case("DeconflictOutletStuck", 20, None, {DELIVERED: "0+3x30", FAILED: "0+1x30"}),
     Case("DeconflictOutletStuck", 20, None, {DELIVERED: "0x30", FAILED: "0x30"}),
+    Case("DeconflictRevisionSetAside", 20, {"reason": "invalid"}, {ASIDE: "0x15 1x10"}),
+    Case("DeconflictRevisionSetAside", 40, None, {ASIDE: "0x15 1x30"}),
+    Case("DeconflictAdvisoriesPrunedForSize", 90, {}, {PRUNED.format("size"): "0x60 0+500x40"}),
+    Case(
+        "DeconflictAdvisoriesPrunedForSize", 90, None, {PRUNED.format("size"): "0x100", PRUNED.format("age"): "0+9x100"}
+    ),
+    Case("DeconflictSituationCritical", 8, {}, {SITUATIONS.format("critical"): "0x3 1x9"}),
+    Case("DeconflictSituationCritical", 8, None, {SITUATIONS.format("critical"): "0 0 1 1 0 0 0 1 1"}),
+    Case("DeconflictSituationCritical", 8, None, {SITUATIONS.format("warning"): "5x9"}),
+    Case(
+        "DeconflictManySituations", 20, {}, {SITUATIONS.format("caution"): "6x30", SITUATIONS.format("warning"): "3x30"}
+    ),
+    Case(
+        "DeconflictManySituations",
+        20,
+        None,
+        {SITUATIONS.format("caution"): "6x30", SITUATIONS.format("warning"): "2x30"},
+    ),
     Case("DeconflictDeadlockAhead", 5, {}, {DEADLOCK: "0x3 1x7"}),
     Case("DeconflictDeadlockAhead", 5, None, {CONFLICT: "4x10"}),
     Case("DeconflictForeignClaim", 5, {}, {FOREIGN: "0x3 1x7"}),

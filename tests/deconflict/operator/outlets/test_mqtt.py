@@ -4,6 +4,8 @@ import asyncio
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
+from deconflict.advisories.situations.situation import REVISION
+from deconflict.advisory import KindChoice
 from deconflict.operator.outlets.mqtt import MqttOutlet, messages_of
 from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.store.publisher import PublishedLine, Publisher
@@ -12,15 +14,17 @@ from deconflict.settings.outlet_settings import Mqtt
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.outlets.made_outlets import broker, kept, needs_mosquitto, retained, working
 from tests.deconflict.roles.made_service import free_ports
-from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 from tests.helpers.patience import PATIENCE_S
 
 pytestmark = needs_mosquitto
 
 
-def feeding(port: int, store: Store, publisher: Publisher) -> AbstractAsyncContextManager[None]:
-    settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2), kinds=("advisory",))
-    return working(MqttOutlet(settings, StoreCursor("mqtt", ["advisory"], store, publisher), store).run(), publisher)
+def feeding(
+    port: int, store: Store, publisher: Publisher, kinds: tuple[KindChoice, ...] = ("advisory",)
+) -> AbstractAsyncContextManager[None]:
+    settings = Mqtt(host="127.0.0.1", port=port, retry_s=(0.05, 0.2), kinds=kinds)
+    return working(MqttOutlet(settings, StoreCursor("mqtt", kinds, store, publisher), store).run(), publisher)
 
 
 async def test_the_broker_retains_open_advisories_and_forgets_cleared_ones(tmp_path: Path) -> None:
@@ -56,6 +60,20 @@ async def test_revisions_missed_while_broker_or_service_was_down_are_sent_later(
             with kept(tmp_path) as (store, publisher):
                 async with feeding(port, store, publisher):
                     await retained(port, {"service", "advisories/advisory-3"})
+
+
+async def test_the_broker_retains_open_situations_and_forgets_the_kinds_of_earlier_settings(tmp_path: Path) -> None:
+    async with broker() as port, asyncio.timeout(PATIENCE_S):
+        with kept(tmp_path) as (store, publisher):
+            async with feeding(port, store, publisher):
+                await publisher.publish([made(1), situation(1), made(2)])
+                await retained(port, {"service", "advisories/advisory-1", "advisories/advisory-2"})
+            async with feeding(port, store, publisher, Mqtt(host="").kinds):
+                await publisher.publish([made(3), situation(2), cleared(1)])
+                held = await retained(port, {"service", "situations/situation-1", "situations/situation-2"})
+                assert REVISION.validate_json(held["deconflict/situations/situation-2"]).seq == 5
+                await publisher.publish([cleared_situation(2)])
+                await retained(port, {"service", "situations/situation-1"})
 
 
 def test_a_clearing_revision_is_sent_and_then_the_topic_is_emptied() -> None:

@@ -10,7 +10,7 @@ from deconflict.settings.outlet_settings import Webhook
 from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing, kept, numbers, posting, working
-from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 
 
 async def test_each_revision_is_posted_signed_and_in_order(tmp_path: Path) -> None:
@@ -93,3 +93,36 @@ def test_a_missing_secret_is_named(tmp_path: Path) -> None:
         settings = Webhook(name="mes", url="http://127.0.0.1/", secret=f"file:{tmp_path / 'nothing'}")
         with pytest.raises(SecretError, match="nothing: FileNotFoundError"):
             WebhookOutlet(settings, StoreCursor("mes", ["advisory"], store, publisher))
+
+
+async def test_a_webhook_receives_situations_unless_it_asks_for_other_kinds(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text(SECRET)
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        settings = Webhook(name="mes", url=other.url, secret=f"file:{tmp_path / 'secret'}")
+        outlet = WebhookOutlet(settings, StoreCursor("mes", settings.kinds, store, publisher))
+        async with working(outlet.run(), publisher):
+            await publisher.publish([made(1), situation(1), made(2), cleared_situation(1), cleared(1)])
+            waiting = publisher.measures.values["deconflict_outlet_waiting"]
+            await until(lambda: len(other.heard) == 2 and waiting["mes",] == 0)
+        assert [headers["webhook-id"] for headers, _ in other.heard] == ["situation-2", "situation-4"]
+        revisions = [
+            verified(headers, body, SECRET, float(headers["webhook-timestamp"])) for headers, body in other.heard
+        ]
+        assert [(revision.id, revision.state) for revision in revisions] == [
+            ("situation-1", "raised"),
+            ("situation-1", "cleared"),
+        ]
+        assert store.position("mes") == 5, "what it does not receive is not gone through again"
+
+
+async def test_an_outlet_with_other_kinds_continues_from_its_position(tmp_path: Path) -> None:
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        async with posting(other.url, store, publisher, tmp_path):
+            await publisher.publish([made(1), situation(1)])
+            await until(lambda: store.position("mes") == 2)
+        await publisher.publish([situation(2), made(2), situation(1, 2)])
+        settings = Webhook(name="mes", url=other.url, secret=f"file:{tmp_path / 'secret'}")
+        outlet = WebhookOutlet(settings, StoreCursor("mes", settings.kinds, store, publisher))
+        async with working(outlet.run(), publisher):
+            await until(lambda: len(other.heard) == 3)
+        assert [headers["webhook-id"] for headers, _ in other.heard] == ["advisory-1", "situation-3", "situation-5"]
