@@ -127,6 +127,10 @@ class FindingLifecycle:
         """The newest revision of every open advisory."""
         return [watched.advisory for watched in self._watched.values() if watched.advisory]
 
+    def is_open(self, key: str) -> bool:
+        """Whether there is an open advisory on the finding with this key."""
+        return key in self._watched and self._watched[key].advisory is not None
+
     def adopt(self, revision: FindingAdvisory) -> None:
         """Continue from a revision that another process made."""
         watched = self._watched.setdefault(finding_key(revision), _WatchedFinding())

@@ -9,6 +9,8 @@ from math import inf
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle
 from deconflict.contention import findings
+from deconflict.contention.ordinary.ordinary_blockages import OrdinaryBlockages
+from deconflict.contention.ordinary.ordinary_queues import OrdinaryQueues
 from deconflict.contention.queues.charger_forecast import (
     ChargerShortage,
     ChargingNeed,
@@ -69,6 +71,12 @@ class Contention:
         self._dwells = {resource.id: DwellTimes(resource) for resource in self.geometry.resources.values()}
         self._flows = ZoneFlows({zone.id: zone.capacity for zone in self.geometry.zones.values()})
         self._entries = QueueEntries(self.geometry, self.robots, self._dwells, self._flows)
+        self._ordinary_queues = OrdinaryQueues(site.contention.fleet_wait_s, measures)
+        self._ordinary_blockages = OrdinaryBlockages(site.contention, site.reading.quiet_after_s, measures)
+        self._usual_durations = {
+            **self._ordinary_blockages.usual_durations,
+            "queues_of_fleet": self._ordinary_queues.usual_durations,
+        }
         self._looked_s = self._needs_s = -inf
         """When the last look was, and the last forecast of who will need a charger."""
         self._queues: dict[str, QueueForecast] = {}
@@ -96,7 +104,7 @@ class Contention:
         self._lifecycle.adopt(revision)
 
     def learned(self) -> dict[str, Part]:
-        """What is worth keeping over a restart: errors of arrival times, dwells and batteries."""
+        """What is worth keeping over a restart: errors of arrival times, dwells, batteries and usual waits."""
         arrivals = self.robots.arrivals
         return {
             "arrivals": arrivals.learned(),
@@ -104,6 +112,7 @@ class Contention:
             "overdue": arrivals.overdue.learned(),
             "stays": {resource: dwells.learned() for resource, dwells in self._dwells.items()},
             "batteries": self.robots.batteries.learned(),
+            **{name: durations.learned() for name, durations in self._usual_durations.items()},
         }
 
     def resume(self, parts: Mapping[str, Part]) -> None:
@@ -112,6 +121,8 @@ class Contention:
         self.robots.arrivals.lateness.resume(parts.get("lateness", {}))
         self.robots.arrivals.overdue.resume(parts.get("overdue", {}))
         self.robots.batteries.resume(parts.get("batteries", {}))
+        for name, durations in self._usual_durations.items():
+            durations.resume(parts.get(name, {}))
         stays = parts.get("stays", {})
         for resource in stays.keys() & self._dwells.keys():
             self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
@@ -147,8 +158,12 @@ class Contention:
     def _long_waits(self, now_s: float) -> Iterable[Finding]:
         """Places where a robot will wait long, with the slots that cost least."""
         self._advice.begin_look(now_s)
+        published = [place for place in self._queues if self._lifecycle.is_open(f"contention {place}")]
+        self._ordinary_queues.add_look(self._queues, published, self.robots, now_s)
         for place, queue in self._queues.items():
-            if queue.longest_wait_s >= self._settings.least_wait_s:
+            if queue.longest_wait_s < self._settings.least_wait_s:
+                continue
+            if place in published or not self._ordinary_queues.is_ordinary(place, queue, self.robots, now_s):
                 advice = self._advice.slots(place, self._queues, self.robots, now_s)
                 yield findings.contention(self.geometry, place, queue, advice, self.robots, now_s)
 
@@ -196,8 +211,13 @@ class Contention:
         for ring in self._rings:
             advice = self._advice.way_out(ring, self.robots, refuges, now_s)
             yield findings.deadlock(self.geometry, ring, advice, self.robots, now_s)
-        for blockage in blockages(in_way, self.robots, now_s, self._settings.stand_s):
+        found = blockages(in_way, self.robots)
+        for blockage in self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s):
             yield findings.blockage(blockage, self.robots, self._reading.quiet_after_s, now_s)
+
+    def _is_published(self, blocker: str) -> bool:
+        """Whether there is an open advisory on a robot that stands in the way."""
+        return self._lifecycle.is_open(f"blockage {blocker}")
 
     def _refuges(self) -> list[Refuge]:
         """Resources with room left, where a robot is in nobody's way."""
@@ -218,6 +238,10 @@ class Contention:
             "deconflict_resource_occupancy": {place: queue.inside for place, queue in queues.items()},
             "deconflict_resource_wait_seconds": {place: queue.longest_wait_s for place, queue in queues.items()},
             "deconflict_resource_expected_demand": self._expected_demand(),
+            "deconflict_usual_places": {name: len(usual) for name, usual in self._usual_durations.items()},
+            "deconflict_usual_places_dropped_total": {
+                name: usual.dropped for name, usual in self._usual_durations.items()
+            },
             "deconflict_zone_flow_per_second": {zone: flow.flow_per_s for zone, flow in flows.items()},
             "deconflict_zone_saturation_ratio": {zone: flow.saturation for zone, flow in flows.items()},
             "deconflict_arrival_time_ratio": {vendor: arrivals.quantiles(vendor)[1] for vendor in arrivals.counts()},

@@ -198,13 +198,13 @@ def _state_phrase(robot: RobotView, quiet_after_s: float, now_s: float) -> str:
 def blockage(blocked: Blockage, robots: Mapping[str, RobotView], quiet_after_s: float, now_s: float) -> Finding:
     """A robot that stands where others will pass."""
     robot = robots[blocked.blocker]
-    state = _state_phrase(robot, quiet_after_s, now_s)
+    state, first_s = _state_phrase(robot, quiet_after_s, now_s), max(min(blocked.from_s), now_s)
     return Finding(
         kind="blockage",
         about=blocked.blocker,
-        severity=severity_of_finding(blocked.from_s - now_s),
+        severity=severity_of_finding(first_s - now_s),
         robots=tuple(sorted((blocked.blocker, *blocked.holds_up))),
-        predicted_s=max(blocked.from_s, now_s),
+        predicted_s=first_s,
         location=Location(datum=robot.datum, x=round(robot.x_m, 3), y=round(robot.y_m, 3)),
         summary=lambda: (
             f"{robot.name} has stood for {now_s - blocked.since_s:.0f} s ({state}) in the way of "

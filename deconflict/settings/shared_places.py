@@ -69,7 +69,10 @@ class ContentionSettings(Section):
     """When queues, deadlocks and blockages are published."""
 
     least_wait_s: Seconds = 10.0
-    """A queue with a shorter longest wait raises no advisory. If too short, every crossing raises one."""
+    """A queue or blockage with a shorter longest wait raises no advisory. If too short, every crossing raises one."""
+    fleet_wait_s: Seconds = 30.0
+    """Robots of one vendor may wait so long for each other without an advisory, or as long as is usual at the place and
+    hour. If too short, a fleet's own order is reported."""
     stand_s: Seconds = 5.0
     """A robot that stands this long in the way of others is a blockage. If too short, pausing robots are reported."""
     clear_after_s: Seconds = 3.0

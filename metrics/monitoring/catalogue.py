@@ -181,6 +181,16 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Longest expected wait at a resource or zone within 15 minutes.", "resource"
     ),
     "deconflict_zone_flow_per_second": gauge("Robots that leave a zone per second, averaged over minutes.", "zone"),
+    "deconflict_ordinary_waits_total": counter(
+        "Waits of robots for a blocker (blockage) or for a place (contention) without an advisory, because they were "
+        "short, or usual in one vendor's fleet at that place and hour.",
+        "kind",
+    ),
+    "deconflict_ordinary_wait_seconds_total": counter("Duration of these waits.", "kind"),
+    "deconflict_usual_places": gauge("Places at which it is learned how long waits usually are.", "waits"),
+    "deconflict_usual_places_dropped_total": counter(
+        "Places whose usual waits were forgotten, because there were too many places.", "waits"
+    ),
     "deconflict_zone_saturation_ratio": gauge(
         "Mean number of robots in a zone, divided by the number at which its flow is greatest.", "zone"
     ),

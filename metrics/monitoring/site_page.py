@@ -78,6 +78,11 @@ SITE = Dashboard(
             each("Longest expected wait", "s", "deconflict_resource_wait_seconds", "resource"),
             each("Robots that leave a zone", "ops", "deconflict_zone_flow_per_second", "zone"),
             each("Saturation of zones", "percentunit", "deconflict_zone_saturation_ratio", "zone", warn_above=1.0),
+            panel(
+                "Robots in ordinary waits, without an advisory",
+                "short",
+                rated("deconflict_ordinary_wait_seconds_total", ["kind"]),
+            ),
             panel("Deadlocks ahead", "short", measured("deconflict_deadlocks_ahead", legend="rings"), warn_above=1),
         ),
     ),

@@ -14,16 +14,14 @@ class Blockage:
     blocker: str
     since_s: float
     """Since when it stands."""
-    from_s: float
-    """When the first robot gets there."""
     holds_up: tuple[str, ...]
     """The soonest first, with robots behind them."""
+    from_s: tuple[float, ...]
+    """Since when each of them waits, or from when it will."""
 
 
-def blockages(
-    in_way: Iterable[Hindrance], robots: Mapping[str, RobotView], now_s: float, stand_s: float
-) -> list[Blockage]:
-    """Robots in the way of others that have stood for `stand_s` outside every resource and wait for nobody."""
+def blockages(in_way: Iterable[Hindrance], robots: Mapping[str, RobotView]) -> list[Blockage]:
+    """Robots in the way of others that stand outside every resource and wait for nobody."""
     behind: dict[str, list[Hindrance]] = {}
     waits = set()
     for hindrance in in_way:
@@ -32,21 +30,21 @@ def blockages(
     found = []
     for blocker in sorted(behind.keys() - waits):
         robot = robots[blocker]
-        if robot.here is None and now_s - robot.stood_s >= stand_s:
+        if robot.here is None:
             from_s = _held_up_s(blocker, behind)
             holds_up = tuple(sorted(from_s, key=from_s.__getitem__))
-            found.append(Blockage(blocker, robot.stood_s, min(from_s.values()), holds_up))
+            found.append(Blockage(blocker, robot.stood_s, holds_up, tuple(map(from_s.__getitem__, holds_up))))
     return found
 
 
 def _held_up_s(blocker: str, behind: Mapping[str, list[Hindrance]]) -> dict[str, float]:
-    """All robots that wait for the blocker, directly or through others, and from when."""
+    """All robots that wait for the blocker, directly or through others, and since when or from when."""
     held_up_s: dict[str, float] = {}
     queue = [(blocker, 0.0)]
     while queue:
         holder, after_s = queue.pop(0)
         for hindrance in behind.get(holder, ()):
-            waiter, from_s = hindrance.waiter, max(hindrance.from_s, after_s)
+            waiter, from_s = hindrance.waiter, max(hindrance.since_s, after_s)
             if waiter != blocker and from_s < held_up_s.get(waiter, float("inf")):
                 held_up_s[waiter] = from_s
                 queue.append((waiter, from_s))

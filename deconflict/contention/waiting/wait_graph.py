@@ -190,7 +190,9 @@ class Hindrance:
     waiter: str
     blocker: str
     from_s: float
-    """When the waiter gets there."""
+    """When the waiter gets there, or now."""
+    since_s: float
+    """Since when it waits there; if it does not yet, `from_s`."""
 
 
 def hindrances(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Hindrance]:
@@ -218,8 +220,9 @@ def _hindrance(waiter: RobotView, blocker: RobotView, along_m: float, now_s: flo
     """A blocker that is `along_m` ahead on the waiter's path: from when the waiter comes to where it has to stop."""
     to_go_m = along_m - (waiter.length_m + min(blocker.length_m, blocker.width_m)) / 2
     is_there = waiter.stands and to_go_m < WAY_M
-    from_s = waiter.stood_s if is_there else now_s + max(to_go_m, 0.0) / waiter.speed_mps
-    return Hindrance(waiter.uuid, blocker.uuid, max(from_s, now_s))
+    from_s = now_s if is_there else now_s + max(to_go_m, 0.0) / waiter.speed_mps
+    since_s = max(waiter.stood_s, blocker.stood_s) if is_there else from_s
+    return Hindrance(waiter.uuid, blocker.uuid, from_s, since_s)
 
 
 def way_wants(in_way: Iterable[Hindrance]) -> list[Want]:

@@ -23,7 +23,7 @@ def told(kind: str, until_s: float, robots: dict[str, Script], *places: Resource
 def test_a_robot_that_stands_below_another_is_no_blockage(z_m: float, met: bool) -> None:
     robots = {
         "A": Script([(0, 0, 0)], state=lambda _: "idle"),
-        "B": Script([(0, -15, 0), (13, -2, 0), (60, -2, 0)], means=[(0, -15, 0), (20, 5, 0)], z_m=z_m),
+        "B": Script([(0, -15, 0), (13, -2, 0), (60, -2, 0)], means=[(0, -15, 0), (20, 5, 0)], vendor="Corvid", z_m=z_m),
     }
     assert bool(told("blockage", 14, robots)) is met
 

@@ -279,7 +279,7 @@ def test_four_vendors_at_a_crossing_make_a_queue() -> None:
 def test_a_blockage_names_the_blocker_and_all_robots_it_holds_up() -> None:
     robots = {
         "A": Script([(0, 0, 0)], state=lambda _: "waitingHumanEvent"),
-        "B": Script([(0, -30, 0), (28, -2, 0)], means=[(0, -30, 0), (60, 30, 0)]),
+        "B": Script([(0, -30, 0), (28, -2, 0)], means=[(0, -30, 0), (60, 30, 0)], vendor="Corvid"),
         "C": Script([(0, -34, 0), (30, -4, 0)], means=[(0, -34, 0), (60, 26, 0)]),
     }
     advisories = Scene(site(), robots).run(40)
@@ -297,7 +297,7 @@ def test_a_robot_without_a_path_is_held_up_only_by_what_is_just_ahead() -> None:
     def walks(_: float) -> str:
         return "manualOverride"
 
-    robots = {"A": standing(0, 0), "B": Script([(0, -14, 0), (14, -1, 0)], state=walks)}
+    robots = {"A": standing(0, 0), "B": Script([(0, -14, 0), (14, -1, 0)], state=walks, vendor="Corvid")}
     (advisory,) = raised(Scene(site(), robots).run(16), "blockage")
     assert after_s(advisory) > 10
     assert "waits for something around it" in advisory.summary

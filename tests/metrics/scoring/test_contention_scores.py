@@ -20,7 +20,7 @@ CHARGER = resource("c1", 0, 0, kind="charger", service_s=100.0)
 
 
 def log_of(path: Path, robots: dict[str, Script], until_s: int) -> Path:
-    raws = [(0.0, identity(name, NOW_S)) for name in robots]
+    raws = [(0.0, identity(name, NOW_S, manufacturerName=script.vendor)) for name, script in robots.items()]
     raws += [(float(t), script.says(name, t)) for t in range(until_s) for name, script in robots.items()]
     path.write_text(
         "".join(f'{{"received":"{timestamps.write(NOW_S + t + 0.05)}","message":{raw.decode()}}}\n' for t, raw in raws)
@@ -111,11 +111,11 @@ def test_two_robots_face_to_face_in_a_lane_are_a_predicted_deadlock(tmp_path: Pa
 
 def test_a_robot_that_is_held_up_stands_behind_the_blocker(tmp_path: Path) -> None:
     blocker = Script([(0.0, 0.0, 0.0)], state=lambda _: "idle")
-    way = [(0.0, -15.0, 0.0), (20.0, 5.0, 0.0)]
-    held = Script([(0.0, -15.0, 0.0), (13.0, -2.0, 0.0), (60.0, -2.0, 0.0)], means=way)
-    passing = Script([*way[:1], (13.0, -2.0, 0.0), (15.0, -2.0, 3.0), (30.0, 15.0, 3.0)], means=way)
-    assert scored(tmp_path, {"A": blocker, "B": held}, 90)["blockage"]["precision"] == 1.0
-    assert scored(tmp_path, {"A": blocker, "B": passing}, 90)["blockage"]["precision"] == 0.0
+    way = [(0.0, -15.0, 0.0), (30.0, -15.0, 0.0), (50.0, 5.0, 0.0)]
+    held = Script([*way[:2], (43.0, -2.0, 0.0), (90.0, -2.0, 0.0)], means=way, vendor="Corvid")
+    passing = Script([*way[:2], (43.0, -2.0, 0.0), (45.0, -2.0, 3.0), (60.0, 15.0, 3.0)], means=way, vendor="Corvid")
+    assert scored(tmp_path, {"A": blocker, "B": held}, 120)["blockage"]["precision"] == 1.0
+    assert scored(tmp_path, {"A": blocker, "B": passing}, 120)["blockage"]["precision"] == 0.0
 
 
 @pytest.mark.parametrize(("z_m", "waits", "crowds"), [(0.0, 1, 1), (5.0, 0, 0)])

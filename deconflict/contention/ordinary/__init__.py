@@ -1,0 +1,1 @@
+"""What is ordinary work at a place and hour: learned, counted, and not published."""
