@@ -69,8 +69,7 @@ class Engine:
         bounds, crowds = (conflict.clearance_m, conflict.apart_m, conflict.horizon_s), self._crowds.numbers
         self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds)
         self._sweep = RobotSweep(site, self.live, self.measures, crowds)
-        place_names = PlaceNames(site.datums, (*site.resources, *site.zones))
-        self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, place_names)
+        self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, PlaceNames.of(site))
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
         self._conflicts.restore(advisory for advisory in restored if isinstance(advisory, ConflictAdvisory))
         self._advice = EngineAdvice(site, self.live, self._sweep.sweeper, self.measures, submit, burdens_s, crowds)

@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from deconflict.settings.shared_places import Place, Resource, outlines
+from deconflict.settings.site import Site
 from ingest.batch import FloorPoint
 from ingest.settings import Datum
 
@@ -51,6 +52,10 @@ class PlaceNames:
             for datum_id, named in inside.items()
         }
         """By floor, what a point can be inside of, the smallest first."""
+
+    @classmethod
+    def of(cls, site: Site) -> Self:
+        return cls(site.datums, (*site.resources, *site.zones))
 
     def describe(self, points: Sequence[FloorPoint]) -> list[str]:
         """Where each point is, such as "3 m from Column C3 on Ground hall".

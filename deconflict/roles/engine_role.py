@@ -10,10 +10,14 @@ from functools import partial
 from pathlib import Path
 
 from deconflict.advice.deferred_answers import Answer
+from deconflict.advisories.situations.situation import situations_of
+from deconflict.advisories.situations.situation_counts import count_situations, set_open_situations
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
+from deconflict.engine.place_names import PlaceNames
 from deconflict.roles.delivery import RETRY_S, Delivery
 from deconflict.roles.restoration import StoredState, stored_state
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
@@ -51,6 +55,7 @@ class EngineRole:
         """Errors of solves since the last pass. Any thread appends."""
         self._kept_s = time.monotonic()
         self._load = LoadShedder(site.engine.deadline_s)
+        self._situations = SituationLifecycle(PlaceNames.of(site).describe)
 
     def run(self, stop: threading.Event, beat: Callable[[int], object] = lambda _: None) -> None:
         """Run until `stop` is set. Calls `beat` with the number of seconds that this may be silent from now."""
@@ -85,6 +90,7 @@ class EngineRole:
             request = b"changes"
             if changed := self._current_site.changed():
                 engine, request = engine.renewed(changed), EVERYTHING
+                self._situations.describe = PlaceNames.of(changed).describe
                 self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
         self._delivery.keep(engine.learned())
 
@@ -107,7 +113,7 @@ class EngineRole:
 
     def _engine(self, stored: StoredState, learned: dict[str, Part] | None) -> Engine:
         """An engine with the stored advisories and the learned state."""
-        return Engine(
+        engine = Engine(
             self._site,
             stored.open,
             stored.encounters,
@@ -115,6 +121,8 @@ class EngineRole:
             stored.burdens_s,
             learned,
         )
+        self._situations.restore(stored.situations, stored.open)
+        return engine
 
     def _timed(self, work: Callable[[], Answer]) -> Answer:
         began_s = time.perf_counter()
@@ -132,8 +140,11 @@ class EngineRole:
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s, self._load.effort, pending)
+        published = self._situations.published(batch.now_s, revisions)
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
+        count_situations(engine.measures, situations_of(published))
+        set_open_situations(engine.measures, self._situations.open())
         if timed:
             self._adapt_effort(engine.measures, took_s)
         failed = [self._failed.popleft() for _ in range(len(self._failed))]
@@ -143,7 +154,7 @@ class EngineRole:
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         presence = partial(engine.presence.document, batch.now_s)
-        self._delivery.add_pass(revisions, arrivals_s(batch, time.time()), engine.measures, near, presence)
+        self._delivery.add_pass(published, arrivals_s(batch, time.time()), engine.measures, near, presence)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})

@@ -51,7 +51,8 @@ class SituationLifecycle:
     """Every situation."""
 
     def __init__(self, describe: Describe) -> None:
-        self._describe = describe
+        self.describe = describe
+        """Renewed when the site changes."""
         self._advisories: dict[str, AnyAdvisory] = {}
         """The newest revision of each open advisory, by id."""
         self._grouping = Grouping()
@@ -157,7 +158,7 @@ class SituationLifecycle:
             return ""
         box = group.box
         centre = FloorPoint(group.datum, (box.west_m + box.east_m) / 2, (box.south_m + box.north_m) / 2)
-        return self._describe([centre])[0]
+        return self.describe([centre])[0]
 
     def _ended(self, watched: _Watched, before: Situation, now_s: float) -> Situation:
         """The last revision. Advisories that are still open make another group, which may become worth a reaction."""

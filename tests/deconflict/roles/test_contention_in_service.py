@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 from websockets.asyncio.client import connect
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.roles.service import run_in_one_process
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_queues import SITE, scripts
@@ -54,6 +54,16 @@ async def until(url: str, *kinds: str) -> dict[str, Any]:
             await asyncio.sleep(0.1)
 
 
+async def situations(url: str, advisory_id: str) -> list[dict[str, Any]]:
+    """The open situations that an advisory is in, once there is one."""
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
+        while True:
+            listed = (await client.get(f"{url}/situations")).json()["situations"]
+            if found := [situation for situation in listed if advisory_id in situation["advisories"]]:
+                return found
+            await asyncio.sleep(0.1)
+
+
 async def revisions(url: str, *ids: str) -> list[dict[str, Any]]:
     """Every revision of some advisories."""
     async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
@@ -81,7 +91,7 @@ async def told_in_metrics(url: str) -> None:
     assert 100 < wait_s < 160, "one robot stays for 100 s before the other one's turn"
 
 
-def by_revision(advisories: list[AnyAdvisory]) -> dict[tuple[str, int], dict[str, Any]]:
+def by_revision(advisories: list[AnyRevision]) -> dict[tuple[str, int], dict[str, Any]]:
     return {(advisory.id, advisory.revision): json.loads(advisory.model_dump_json()) for advisory in advisories}
 
 
@@ -96,6 +106,8 @@ async def test_a_deadlock_and_a_queue_are_predicted_and_keep_their_ids_over_a_re
         assert (found["contention"]["resource"], found["contention"]["queue_length"]) == ("c1", 2)
         assert found["contention"]["recommendation"]["slots"]
         await told_in_metrics(operator)
+        (situation,) = await situations(operator, found["deadlock"]["id"])
+        assert situation["situation_kind"] == "deadlock"
         driving.cancel()
         live = await revisions(operator, found["deadlock"]["id"], found["contention"]["id"])
     documents = by_revision(replayed(tmp_path / "log", SITE))
@@ -108,4 +120,6 @@ async def test_a_deadlock_and_a_queue_are_predicted_and_keep_their_ids_over_a_re
         assert {kind: again[kind]["id"] for kind in found} == {kind: found[kind]["id"] for kind in found} | {
             kind: again[kind]["id"] for kind in found if kind == "conflict"
         }
+        (restored,) = await situations(operator, found["deadlock"]["id"])
+        assert restored["id"] == situation["id"]
         driving.cancel()
