@@ -88,9 +88,10 @@ class Recorded(BaseModel):
 
 
 class PastFloor(BaseModel):
-    """The floor and the open advisories at one moment."""
+    """The floor, the open situations and the open advisories at one moment."""
 
     floor: dict[str, Any] = Field(description="a frame as `/live` sends it")
+    situations: list[Situation]
     advisories: list[AnyAdvisory]
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from fastapi import FastAPI, HTTPException, Query, Response, WebSocket
 from pydantic_core import to_json
 
+from deconflict.advisories.situations.situation import advisories_of, situations_of
 from deconflict.operator.http.api_models import Heat, PastFloor, Recorded, StillThere
 from deconflict.operator.http.api_sources import FloorSource
 from deconflict.operator.live.live_socket import LiveSocket
@@ -74,12 +75,12 @@ class PageRoutes:
     async def past(
         self, at_s: Annotated[float, Query(ge=0, allow_inf_nan=False, description="seconds since the epoch")]
     ) -> Response:
-        """The floor and the open advisories at a time, from the recording and the store."""
+        """The floor, the open situations and the open advisories at a time, from the recording and the store."""
         frame = await self._source.floor_at(at_s)
-        advisories = await asyncio.to_thread(lambda: to_json(self._store.open_at(at_s)))
-        return Response(
-            b'{"floor": %b, "advisories": %b}' % (frame.encode(), advisories), media_type="application/json"
-        )
+        revisions = await asyncio.to_thread(self._store.open_at, at_s)
+        situations, advisories = to_json(situations_of(revisions)), to_json(advisories_of(revisions))
+        body = b'{"floor": %b, "situations": %b, "advisories": %b}' % (frame.encode(), situations, advisories)
+        return Response(body, media_type="application/json")
 
     def heat(
         self,

@@ -1,31 +1,37 @@
 // Puts the page together: shows the live floor, or the recorded floor if the slider is at a time in the past.
 
-import { Advisories, List } from "./advisories.js";
+import { askAndAcknowledge, remember, remembered } from "./acknowledge.js";
 import { Camera } from "./camera.js";
+import { Cards, lines, setText } from "./cards.js";
+import { Feed } from "./feed.js";
 import { Live } from "./live.js";
 import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
 import { Vendors } from "./vendors.js";
-import { ago, clock, countdown, likely, short, urgency, what } from "./texts.js";
+import { KINDS, ago, clock, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
 
 const STALE_S = 4;
 const LISTED = 200;
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
 const FRAME_MS = 30;
+const FLASH_MS = 3000;
+const NEWS_S = 5; // an older revision is not announced: the stream sends it again after a gap
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
 
 const vendors = new Vendors();
 const live = new Live(() => {});
-const advisories = new Advisories(announce);
+const feed = new Feed(announce);
 const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), live: $("live"), shown: $("shown") }, () => live.nowS(), () => list());
 let moved = false;
 const camera = new Camera($("map"), (byHand) => { moved ||= byHand === true; }, press);
 const map = new FloorMap($("map"), camera, vendors);
-const cards = new List($("advisories"), { choose, acknowledge });
+const cards = new Cards($("situations"), $("more"), { choose, acknowledge, point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
 let floor = null, chosen = null, robotShown = null, heat = null, exits = [], framesDrawn = 0, drawn = 0;
+let pointed = { situation: null, robot: null }; // what the pointer or the focus is on in the list
+const flashed = new Set(); // situations that others became part of just now
 
 // The site's floors, then any others with robots.
 function floors() {
@@ -35,16 +41,17 @@ function floors() {
 }
 
 function robots() { return past.floor ? past.floor.robots : live.robots; }
-function open() { return past.atS === null ? [...advisories.open.values()] : past.floor?.advisories ?? []; }
+function open() { return past.atS === null ? [...feed.situations.values()] : past.floor?.situations ?? []; }
+function ended() { return past.atS === null ? [...feed.ended.values()] : []; }
+function advisories() { return past.atS === null ? [...feed.advisories.values()] : past.floor?.advisories ?? []; }
 function nowS() { return past.floor ? past.floor.atS : frozenS() ?? live.nowS(); }
 function frozenS() { return root.dataset.state === "lost" || root.dataset.state === "stale" ? live.tickS : null; }
 function floorName(id) { return floors().find((known) => known.id === id)?.name ?? id; }
 
-function nameOf(uuid) {
-  const known = robots().get(uuid);
-  if (known) return known.name;
-  const advisory = open().find((each) => each.robots.includes(uuid));
-  return advisory ? advisory.names[advisory.robots.indexOf(uuid)] : uuid.slice(0, 8);
+// The open advisories by the id of their situation; null for those that are part of none.
+function advisoriesBySituation() {
+  const ids = new Set(open().map(({ id }) => id)), partOf = new Map(open().flatMap((situation) => situation.advisories.map((id) => [id, situation.id])));
+  return Map.groupBy(advisories(), ({ id, situation_id: named }) => partOf.get(id) ?? (ids.has(named) ? named : null));
 }
 
 function state() {
@@ -77,14 +84,16 @@ function scene() {
   const atS = nowS(), unidentified = new Set(past.floor ? [] : live.health.unidentified ?? []);
   const here = onFloor().filter((robot) => !isTakenOff(robot));
   for (const robot of here) setPresence(robot, atS, unidentified);
-  const listed = open().filter((advisory) => advisory.location?.datum === floor).sort(urgency), involved = new Map(), contended = new Map();
-  for (const advisory of [...listed].reverse()) {
-    for (const uuid of advisory.robots) involved.set(uuid, advisory.severity);
-    if (advisory.resource) contended.set(advisory.resource, advisory);
+  const situations = [...open().sort(urgency), ...ended()].filter((situation) => situation.location?.datum === floor);
+  const involved = new Map(), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
+  for (const { id, severity, robots, advice } of situations.filter(({ endedMs }) => !endedMs).reverse()) {
+    for (const uuid of robots) involved.set(uuid, severity);
+    for (const { robot, action } of advice?.actions ?? []) advised.set(robot, action);
+    for (const advisory of grouped.get(id) ?? []) if (advisory.resource) contended.set(advisory.resource, { ...advisory, severity });
   }
   const known = floors().find((each) => each.id === floor);
   return {
-    floor, theme: root.dataset.theme, nowS: atS, robots: here, advisories: listed, involved, contended, chosen, robot: robotShown, horizonS: site.horizon_s,
+    floor, theme: root.dataset.theme, nowS: atS, robots: here, situations, involved, advised, contended, chosen, pointed: pointed.situation, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
     places: site.places.filter((place) => place.floor === floor), marks: known?.marks ?? [],
     exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),
@@ -130,7 +139,7 @@ function tabs() {
     tab.setAttribute("aria-selected", String(id === floor));
     tab.tabIndex = id === floor ? 0 : -1;
     tab.append(name);
-    if (count) tab.append(Object.assign(document.createElement("span"), { className: "open", textContent: count, ariaLabel: `${count} open advisories` }));
+    if (count) tab.append(Object.assign(document.createElement("span"), { className: "open", textContent: count, ariaLabel: plural(count, "situation") }));
     tab.onclick = () => show(id);
     return tab;
   }));
@@ -144,18 +153,24 @@ function show(id) {
 }
 
 function list() {
-  const listed = open(), inPast = past.atS !== null;
+  const listed = open(), inPast = past.atS !== null, grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
-  cards.show(listed, { nowS: nowS(), chosen, nameOf, floorName, past: inPast });
-  $("count").textContent = listed.length ? `(${listed.length})` : "";
+  cards.show(listed, ended(), {
+    nowS: nowS(), chosen, flashed, floorName, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
+    colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
+  });
+  setText($("count"), listed.length ? `(${listed.length})` : "");
   $("none").hidden = listed.length > 0;
-  $("none").textContent = inPast ? "Nothing was predicted at that moment." : advisories.loaded ? "Nothing is predicted." : "Loading…";
+  setText($("none"), inPast ? "Nothing needed anybody at that moment." : feed.loaded ? "Nothing needs you." : "Loading…");
+  $("machines").hidden = !others.length;
+  setText($("machines-count"), `${plural(others.length, "warning")} for machines: they pass by themselves`);
+  if ($("machines").open) lines($("machines-lines"), others);
   const known = [...robots().values()], here = onFloor();
   for (const robot of known) vendors.indexOf(robot.vendor);
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
-  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${listed.filter((advisory) => advisory.location?.datum === floor).length} open advisories. Arrow keys move, plus and minus zoom, 0 shows all.`);
+  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${listed.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
   vendors.table($("vendors").tBodies[0], live.health);
   if ($("robots").open) table(here);
@@ -196,75 +211,64 @@ function detail() {
   $("detail").replaceChildren(title, facts);
 }
 
-function announce(advisory) {
-  if (advisory && advisory.state === "raised" && advisory.severity !== "caution" && !advisory.acknowledgement && past.atS === null) {
-    $("say").textContent = `${what(advisory)}, in ${countdown(advisory, nowS())}`;
+// New situations are announced politely, critical ones at once. `before` is the revision before, if it was open.
+function announce(situation, before) {
+  if (situation?.state === "cleared") ends(situation);
+  else if (situation && past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !situation.acknowledgement) {
+    const { first, then } = toDo(situation), isCritical = situation.severity === "critical";
+    const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
+    if (isCritical && before?.severity !== "critical") $("say").textContent = text;
+    else if (!before) $("say-politely").textContent = text;
   }
   list();
 }
 
+function ends({ id, joined_into: into }) {
+  if (chosen === id) chosen = into;
+  if (!into) return;
+  flashed.add(into);
+  setTimeout(() => { flashed.delete(into); list(); }, FLASH_MS);
+}
+
 function choose(id) {
+  const situation = open().find((each) => each.id === id);
+  chosen = situation ? id : null;
+  if (!situation) return;
+  if (situation.location) lookAt(situation.location);
+  $("map").scrollIntoView({ block: "nearest" });
+  list();
+}
+
+function lookAt({ datum, x, y }) {
+  floor = datum;
+  moved = true;
+  camera.scale = Math.max(camera.scale, 28);
+  camera.centreOn(x, y);
+}
+
+function point(situation, robot) {
+  pointed = { situation, robot };
+}
+
+function showRobot(id, uuid) {
+  const robot = robots().get(uuid);
   chosen = id;
-  const advisory = open().find((each) => each.id === id);
-  if (!advisory) return;
-  if (advisory.location) {
-    floor = advisory.location.datum;
-    moved = true;
-    camera.scale = Math.max(camera.scale, 28);
-    camera.centreOn(advisory.location.x, advisory.location.y);
-  }
+  robotShown = uuid;
+  if (robot?.floor) lookAt({ datum: robot.floor, x: robot.knots[1], y: robot.knots[2] });
   $("map").scrollIntoView({ block: "nearest" });
   list();
 }
 
 function press(px, py) {
   const [x, y] = camera.metres(px, py), shown = scene();
-  const pointed = shown.advisories.find(({ location }) => Math.hypot(camera.px(location.x) - px, camera.py(location.y) - py) < 14);
-  if (pointed) {
-    chosen = pointed.id;
-    list();
-    document.querySelector("#advisories .chosen").scrollIntoView({ block: "nearest" });
-    return;
-  }
   const near = shown.robots.map((robot) => [Math.hypot(robot.x - x, robot.y - y), robot.uuid]).sort((a, b) => a[0] - b[0])[0];
   robotShown = near && near[0] < Math.max(1.5, 16 / camera.scale) ? near[1] : null;
+  chosen = map.situations.at(px, py, shown) ?? null;
   list();
+  document.querySelector("#situations .chosen")?.scrollIntoView({ block: "nearest" });
 }
 
-function acknowledge(id) {
-  const advisory = open().find((each) => each.id === id), dialog = $("acknowledge");
-  $("acknowledge-what").textContent = advisory.summary;
-  $("refused").textContent = "";
-  $("why").value = "";
-  $("who").required = !site.sign_in;
-  $("who").closest("label").hidden = site.sign_in;
-  $("who").value ||= remembered("name") ?? "";
-  dialog.returnValue = "";
-  dialog.querySelector("form").onsubmit = (event) => {
-    if (event.submitter?.value !== "send") return;
-    event.preventDefault();
-    send(id, $("who").value, $("why").value);
-  };
-  dialog.showModal();
-}
-
-async function send(id, name, reason) {
-  try {
-    const answer = await fetch(`advisories/${encodeURIComponent(id)}/acknowledgement`, {
-      method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ name, reason }),
-    });
-    if (!answer.ok) throw new Error(problem((await answer.json()).detail));
-    remember("name", name);
-    $("acknowledge").close();
-  } catch (error) {
-    $("refused").textContent = `Not stored: ${error.message}`;
-  }
-}
-
-function problem(detail) { return Array.isArray(detail) ? detail.map((error) => error.msg).join("; ") : String(detail); }
-
-function remembered(key) { try { return localStorage.getItem(key); } catch { return null; } }
-function remember(key, value) { try { localStorage.setItem(key, value); } catch { /* a private window stores nothing */ } }
+function acknowledge(id) { askAndAcknowledge(open().find((each) => each.id === id), site.sign_in); }
 
 function setTheme(theme) {
   root.dataset.theme = theme;

@@ -1,15 +1,15 @@
-// Draws one floor: marks, places, heat map, ribbons of motion, robots, and the places of the advisories.
+// Draws one floor: marks, places, heat map, ribbons of motion, robots and situations.
 
 import { exits } from "./exits.js";
 import { envelope, movesFor, poseAt } from "./motion.js";
 import { holds } from "./places.js";
-import { SIGNS, countdown, likely, short } from "./texts.js";
+import { SituationLayer } from "./situation_layer.js";
+import { ACTIONS, likely, short } from "./texts.js";
 
 const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
 const MOST_EXACT = 100; // with more robots, ribbons are drawn as lines of the robot's width
 const MOST_LABELLED = 120; // with more robots, only involved and chosen robots have a label
-const MOST_MOVES = 2; // a label that would have to move up more often is left out if it is not urgent
 const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
 const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
 const SPECK_PX = 5;
@@ -22,6 +22,7 @@ export class FloorMap {
     this.vendors = vendors;
     this.pose = [0, 0, 0];
     this.images = new Map();
+    this.situations = new SituationLayer(this);
   }
 
   colours() {
@@ -36,7 +37,6 @@ export class FloorMap {
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     pen.setTransform(dense, 0, 0, dense, 0, 0);
     this.unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
-    this.pills = []; // the labels drawn in this frame
     if (this.theme !== scene.theme) [this.theme, this.ink] = [scene.theme, this.colours()];
     pen.fillStyle = this.ink.floor;
     pen.fillRect(0, 0, camera.width, camera.height);
@@ -48,9 +48,8 @@ export class FloorMap {
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
     if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
-    this.links(scene);
     this.robots(robots, scene);
-    for (const advisory of scene.advisories) this.advisory(advisory, scene);
+    this.situations.draw(scene);
     return robots.length;
   }
 
@@ -247,61 +246,10 @@ export class FloorMap {
     }
     if (!(labelled || involved || chosen) || camera.scale < 3) return;
     const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s${likely(robot)}` : "";
-    const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}`;
+    const advised = scene.advised.has(robot.uuid) ? `: ${ACTIONS[scene.advised.get(robot.uuid)]}` : "";
+    const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${advised}`;
     const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * this.unit;
     this.text(name, camera.px(robot.x), camera.py(robot.y) + below, involved ? 13 : 11, involved ? ink.ink : ink.faint, involved ? "600 " : "");
-  }
-
-  links(scene) {
-    const { pen, camera, ink } = this, here = new Map(scene.robots.map((robot) => [robot.uuid, robot]));
-    for (const { id, severity, robots, location } of scene.advisories) {
-      if (severity === "caution" && id !== scene.chosen) continue;
-      pen.strokeStyle = ink[severity];
-      pen.lineWidth = id === scene.chosen ? 2.5 : 1.2;
-      pen.setLineDash([6, 4]);
-      for (const robot of robots.map((uuid) => here.get(uuid)).filter(Boolean)) {
-        pen.beginPath();
-        line(pen, camera.px(robot.x), camera.py(robot.y), camera.px(location.x), camera.py(location.y));
-        pen.stroke();
-      }
-      pen.setLineDash([]);
-    }
-  }
-
-  advisory(advisory, scene) {
-    const { pen, camera, ink } = this, { severity, location, acknowledgement } = advisory, chosen = advisory.id === scene.chosen;
-    const x = camera.px(location.x), y = camera.py(location.y), r = (chosen ? 15 : 11) * this.unit;
-    pen.beginPath();
-    pen.arc(x, y, r, 0, 2 * Math.PI);
-    pen.lineWidth = chosen ? 5 : 3;
-    pen.strokeStyle = ink[severity];
-    pen.globalAlpha = acknowledgement ? 0.6 : 1;
-    pen.stroke();
-    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${countdown(advisory, scene.nowS)}`;
-    this.pill(text, x, y - r - 15 * this.unit, ink[severity], severity !== "caution" || chosen);
-    pen.globalAlpha = 1;
-  }
-
-  // A filled or outlined pill with text, moved up until it overlaps no other.
-  pill(text, x, y, colour, filled) {
-    const { pen, ink, unit } = this, high = 20 * unit;
-    pen.font = `700 ${13 * unit}px system-ui, sans-serif`;
-    const wide = pen.measureText(text).width + 12 * unit;
-    const hidden = () => this.pills.find((pill) => Math.abs(pill.x - x) < (pill.wide + wide) / 2 && Math.abs(pill.y - y) < high);
-    let moves = 0;
-    for (let pill = hidden(); pill; pill = hidden()) [y, moves] = [pill.y - high - 2, moves + 1];
-    if (!filled && moves > MOST_MOVES) return; // in a crowd, an advisory that is not urgent has only its ring and its list entry
-    this.pills.push({ x, y, wide });
-    pen.beginPath();
-    pen.roundRect(x - wide / 2, y - high / 2, wide, high, 6 * unit);
-    pen.fillStyle = filled ? colour : ink.halo;
-    pen.fill();
-    pen.strokeStyle = colour;
-    pen.lineWidth = 1.5;
-    pen.stroke();
-    pen.fillStyle = filled ? ink.halo : colour;
-    pen.textAlign = "center";
-    pen.fillText(text, x, y + 4.5 * unit);
   }
 
   text(text, x, y, size, colour, weight = "") {

@@ -55,8 +55,8 @@ export class Past {
       try {
         const answer = await fetch(`past?at_s=${atS}`);
         if (!answer.ok) throw new Error((await answer.json()).detail);
-        const { floor, advisories } = await answer.json();
-        this.floor = { atS, robots: robotsOf(floor), advisories };
+        const { floor, situations, advisories } = await answer.json();
+        this.floor = { atS, robots: robotsOf(floor), situations, advisories };
         this.problem = "";
       } catch (error) {
         this.problem = error.message;

@@ -30,7 +30,7 @@ function side([ax, ay], [bx, by], [x, y]) {
   return (bx - ax) * (y - ay) - (by - ay) * (x - ax);
 }
 
-function inside(polygon, x, y) {
+export function inside(polygon, x, y) {
   let within = false;
   for (let i = 0, j = polygon.length - 1; i < polygon.length; j = i, i += 1) {
     const [ax, ay] = polygon[i], [bx, by] = polygon[j];

@@ -1,29 +1,65 @@
-// Texts for people: times, names, severities, advice.
+// Texts for people: times, names, severities, kinds of situations, advice.
 
 export const SEVERITIES = ["critical", "warning", "caution"];
 export const SIGNS = { critical: "▲", warning: "◆", caution: "●" };
+const SEVERITY = { critical: "Critical", warning: "Warning", caution: "Caution" };
+export const KINDS = {
+  meeting: "Two robots meet", head_on: "Head-on in a lane", knot: "Knot of robots", queue: "Queue", crowd: "Many robots at one point",
+  blocked_aisle: "Way blocked", obstacle: "Robot in the way", silent_robot: "Silent robot", deadlock: "Waiting for each other", identity: "Who is this robot?",
+};
+export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };
+const CHANGED_S = 15; // advice is new for so long
 
 export function clock(atS) {
   return new Date(atS * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
 }
 
+export function span(s) {
+  return s < 120 ? `${Math.max(Math.round(s), 0)} s` : s < 7200 ? `${Math.round(s / 60)} min` : `${Math.round(s / 3600)} h`;
+}
+
 export function ago(s) {
-  if (s < 1.5) return "just now";
-  return s < 120 ? `${Math.round(s)} s ago` : `${Math.round(s / 60)} min ago`;
+  return s < 1.5 ? "just now" : `${span(s)} ago`;
 }
 
-export function countdown(advisory, nowS) {
-  const left = Date.parse(advisory.predicted_at) / 1000 - nowS;
-  return left < 0.5 ? "now" : `${Math.ceil(left)} s`;
+export function countdown(situation, nowS) {
+  const left = seconds(situation.predicted_at) - nowS;
+  return left < 0.5 ? "now" : `in ${span(Math.ceil(left))}`;
 }
 
-// The summary, without its number of seconds, which only was right when it was written (the countdown beside it is current),
-// and without the advice at its end, which has a line of its own.
-export function what(advisory) {
-  const note = advisory.recommendation?.note;
-  const parts = advisory.summary.replace(/,? in \d+ s\b/, "").split("; ");
-  return parts.filter((part, i) => i === 0 || !(part.includes(" should wait ") || note?.split("; ").includes(part))).join("; ");
+export function seconds(at) { return Date.parse(at) / 1000; }
+
+// The summary, without its number of seconds, which only was right when it was written (the countdown beside it is current).
+export function what(revision) {
+  return revision.summary.replace(/,? in \d+ s\b/, "");
 }
+
+export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
+
+// What to do: the first thing, and the other things after it. Without advice, how it ends.
+export function toDo({ advice, ends }) {
+  if (advice) {
+    const [first, ...then] = advice.text.split(", then ");
+    return { first: sentence(first), then: then.map((step) => `then ${step}`).join(", ") };
+  }
+  return ends.startsWith("not by itself") ? { first: "", then: `No advice. It does not end by itself${ends.slice("not by itself".length)}.` }
+    : { first: "", then: `Nothing to do: it ends ${ends}.` };
+}
+
+// Why the advice has changed, as long as that is news.
+export function change({ advice }, nowS) {
+  const forS = advice ? nowS - seconds(advice.since_at) : Infinity;
+  return advice?.changed_because && forS < CHANGED_S ? `New advice, ${ago(forS)}: ${advice.changed_because}` : "";
+}
+
+export function since(situation, nowS) {
+  const sinceS = seconds(situation.since_at);
+  return `since ${clock(sinceS)}, ${span(nowS - sinceS)}`;
+}
+
+export function sentence(text) { return text.charAt(0).toUpperCase() + text.slice(1); }
+
+export function plural(count, noun) { return `${count} ${noun}${count === 1 ? "" : "s"}`; }
 
 // The probability that a silent robot is still there; empty if it is certain.
 export function likely(robot) {
@@ -35,16 +71,7 @@ export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }
 
-export function advice(advisory, nameOf) {
-  const { recommendation } = advisory;
-  if (!recommendation) return "";
-  const holds = recommendation.holds.map((hold) => `${nameOf(hold.robot)} should wait ${+hold.hold_s.toFixed(1)} s`);
-  const slots = recommendation.slots.map((slot, i) => `${i + 1}. ${nameOf(slot.robot)}${slot.wait_s >= 1 ? ` (waits ${Math.round(slot.wait_s)} s)` : ""}`);
-  const order = slots.length ? [`order: ${slots.join(", ")}`] : [];
-  return [...holds, ...order, ...(recommendation.note ? [recommendation.note] : [])].join("; ");
-}
-
 export function urgency(a, b) {
   const rank = SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity);
-  return rank || Date.parse(a.predicted_at) - Date.parse(b.predicted_at) || (a.id < b.id ? -1 : 1);
+  return rank || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
 }

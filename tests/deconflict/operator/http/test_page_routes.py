@@ -19,7 +19,7 @@ from deconflict.settings.site_file import load
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
-from tests.helpers.made_advisories import START, cleared, made
+from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import robot, status
 
@@ -80,11 +80,12 @@ async def test_the_heat_map_counts_advisories_raised_in_the_hour_before(
     assert (await client.get("/heat")).json()["floors"] == {}
 
 
-async def test_the_past_has_the_advisories_that_were_open_then(face: Served, client: httpx.AsyncClient) -> None:
-    await face.publish(made(1), cleared(1), made(2))
+async def test_the_past_has_what_was_open_then(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(made(1), situation(1), cleared(1), cleared_situation(1), made(2), situation(2))
     at_s = (START + timedelta(minutes=1)).timestamp()
     past = (await client.get(f"/past?at_s={at_s}")).json()
     assert [advisory["id"] for advisory in past["advisories"]] == ["advisory-1"]
+    assert [each["id"] for each in past["situations"]] == ["situation-1"]
     assert past["floor"]["now_s"] == at_s
     assert (await client.get("/past?at_s=nan")).status_code == 422
     face.sources.down.add("recording")

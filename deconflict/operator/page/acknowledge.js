@@ -1,0 +1,37 @@
+// The dialog in which a person acknowledges a situation.
+
+const dialog = document.getElementById("acknowledge");
+const [about, refused, who, why] = ["acknowledge-what", "refused", "who", "why"].map((id) => document.getElementById(id));
+
+export function askAndAcknowledge({ id, summary }, signedIn) {
+  about.textContent = summary;
+  refused.textContent = why.value = "";
+  who.required = !signedIn;
+  who.closest("label").hidden = signedIn;
+  who.value ||= remembered("name") ?? "";
+  dialog.returnValue = "";
+  dialog.querySelector("form").onsubmit = (event) => {
+    if (event.submitter?.value !== "send") return;
+    event.preventDefault();
+    send(id, who.value, why.value);
+  };
+  dialog.showModal();
+}
+
+async function send(id, name, reason) {
+  try {
+    const answer = await fetch(`situations/${encodeURIComponent(id)}/acknowledgement`, {
+      method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ name, reason }),
+    });
+    if (!answer.ok) throw new Error(problem((await answer.json()).detail));
+    remember("name", name);
+    dialog.close();
+  } catch (error) {
+    refused.textContent = `Not stored: ${error.message}`;
+  }
+}
+
+function problem(detail) { return Array.isArray(detail) ? detail.map((error) => error.msg).join("; ") : String(detail); }
+
+export function remembered(key) { try { return localStorage.getItem(key); } catch { return null; } }
+export function remember(key, value) { try { localStorage.setItem(key, value); } catch { /* a private window stores nothing */ } }

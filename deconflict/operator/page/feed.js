@@ -1,0 +1,66 @@
+// The open situations and advisories, read once and then kept up to date by the stream.
+
+const RETRY_MS = 1000;
+const FADE_MS = 8000;
+
+export class Feed {
+  constructor(changed) {
+    this.changed = changed;
+    this.advisories = new Map();
+    this.situations = new Map();
+    this.ended = new Map(); // situations that were cleared in the last `FADE_MS`
+    this.loaded = false;
+    this.start();
+  }
+
+  async start() {
+    try {
+      const [situations, advisories] = await Promise.all([read("situations?limit=1000"), read("advisories?limit=1000")]);
+      this.situations = byId(situations.situations);
+      this.advisories = byId(advisories.advisories);
+      this.loaded = true;
+      this.changed();
+      this.follow(Math.min(situations.seq, advisories.seq));
+    } catch {
+      setTimeout(() => this.start(), RETRY_MS);
+    }
+  }
+
+  follow(seq) {
+    const address = new URL(`advisories/stream?after=${seq}&kinds=situation,advisory`, location.href);
+    address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(address);
+    socket.onmessage = (message) => {
+      const revision = JSON.parse(message.data);
+      seq = revision.seq;
+      this.take(revision);
+    };
+    socket.onclose = (end) => setTimeout(() => (end.code === 4416 ? this.start() : this.follow(seq)), RETRY_MS);
+  }
+
+  take(revision) {
+    const open = revision.kind === "situation" ? this.situations : this.advisories, before = open.get(revision.id);
+    if (before?.seq >= revision.seq) return; // the two lists were read one after the other
+    if (revision.state === "cleared") open.delete(revision.id);
+    else open.set(revision.id, revision);
+    if (revision.kind === "situation") {
+      if (before && revision.state === "cleared") this.fade(before, revision);
+      this.changed(revision, before);
+    } else this.changed();
+  }
+
+  fade(before, cleared) {
+    this.ended.set(before.id, { ...before, ...cleared, outline: before.outline, endedMs: Date.now() });
+    setTimeout(() => { this.ended.delete(before.id); this.changed(); }, FADE_MS);
+  }
+}
+
+async function read(address) {
+  const answer = await fetch(address);
+  if (!answer.ok) throw new Error(answer.statusText);
+  return answer.json();
+}
+
+function byId(revisions) {
+  return new Map(revisions.map((revision) => [revision.id, revision]));
+}

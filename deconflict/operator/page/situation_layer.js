@@ -1,0 +1,113 @@
+// Draws the situations on the map: the outline of each, its label, and the lines to the robots of the selected one.
+
+import { inside } from "./places.js";
+import { KINDS, SIGNS, countdown } from "./texts.js";
+
+const FADE_MS = 8000;
+const MARGIN_PX = 8; // of labels from outlines
+const SMALLEST_PX = 22; // an outline that would be smaller is drawn as a circle
+
+export class SituationLayer {
+  constructor(map) {
+    this.map = map;
+    this.labels = []; // those of this frame, with their boxes in pixels
+  }
+
+  // `scene.situations` are in the order of urgency: the first has the best place for its label.
+  draw(scene) {
+    this.labels = [];
+    const isPicked = ({ id }) => id === scene.pointed || id === scene.chosen;
+    for (const situation of scene.situations) if (isPicked(situation)) this.links(situation, scene);
+    for (const situation of [...scene.situations].reverse()) this.outline(situation, isPicked(situation));
+    for (const situation of scene.situations) this.label(situation, isPicked(situation), scene.nowS);
+    this.map.pen.globalAlpha = 1;
+  }
+
+  // The id of the situation at a point of the canvas: its label, or else its outline.
+  at(px, py, scene) {
+    const label = this.labels.find(({ left, top, wide, high }) => px >= left && px <= left + wide && py >= top && py <= top + high);
+    const [x, y] = this.map.camera.metres(px, py);
+    return label?.id ?? scene.situations.find((situation) => !situation.endedMs && inside(situation.outline, x, y))?.id;
+  }
+
+  shape({ outline, location }) {
+    const { camera, unit } = this.map, path = new Path2D(), [xs, ys] = [outline.map(([x]) => camera.px(x)), outline.map(([, y]) => camera.py(y))];
+    let box = { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
+    const r = (SMALLEST_PX * unit) / 2;
+    if (!outline.length || box.right - box.left < 2 * r) {
+      const [x, y] = [camera.px(location.x), camera.py(location.y)];
+      path.arc(x, y, r, 0, 2 * Math.PI);
+      box = { left: x - r, right: x + r, top: y - r, bottom: y + r };
+    } else {
+      outline.forEach((_, i) => path.lineTo(xs[i], ys[i]));
+      path.closePath();
+    }
+    return { path, box };
+  }
+
+  outline(situation, picked) {
+    const { pen, ink } = this.map, { path } = this.shape(situation), colour = ink[situation.severity], strength = strengthOf(situation);
+    pen.fillStyle = pen.strokeStyle = colour;
+    pen.globalAlpha = (picked ? 0.2 : 0.09) * strength;
+    pen.fill(path);
+    pen.globalAlpha = strength;
+    pen.lineWidth = picked ? 4 : 2;
+    pen.lineJoin = "round";
+    pen.setLineDash(situation.acknowledgement ? [6, 5] : []);
+    pen.stroke(path);
+    pen.setLineDash([]);
+  }
+
+  links({ severity, robots, location }, scene) {
+    const { pen, camera, ink } = this.map, here = new Map(scene.robots.map((robot) => [robot.uuid, robot]));
+    pen.strokeStyle = ink[severity];
+    pen.lineWidth = 1.5;
+    pen.setLineDash([6, 4]);
+    for (const robot of robots.map((uuid) => here.get(uuid)).filter(Boolean)) {
+      pen.beginPath();
+      pen.moveTo(camera.px(robot.x), camera.py(robot.y));
+      pen.lineTo(camera.px(location.x), camera.py(location.y));
+      pen.stroke();
+    }
+    pen.setLineDash([]);
+  }
+
+  label(situation, picked, nowS) {
+    const { pen, ink, unit } = this.map, { severity, acknowledgement, situation_kind: kind, endedMs } = situation, colour = ink[severity];
+    const text = endedMs ? `✓ ${KINDS[kind]}: over` : `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
+    const filled = !endedMs && !acknowledgement && (severity !== "caution" || picked), high = 21 * unit;
+    pen.font = `700 ${13 * unit}px system-ui, sans-serif`;
+    const label = this.place(this.shape(situation).box, pen.measureText(text).width + 14 * unit, high);
+    this.labels.push({ ...label, id: situation.id });
+    pen.globalAlpha = strengthOf(situation);
+    pen.beginPath();
+    pen.roundRect(label.left, label.top, label.wide, high, 6 * unit);
+    pen.fillStyle = filled ? colour : ink.halo;
+    pen.fill();
+    pen.strokeStyle = colour;
+    pen.lineWidth = 1.5;
+    pen.stroke();
+    pen.fillStyle = filled ? ink.halo : colour;
+    pen.textAlign = "center";
+    pen.fillText(text, label.left + label.wide / 2, label.top + 15 * unit);
+  }
+
+  // Beside the outline where the label covers no other: above, below, right, left, then ever further up.
+  place({ left, right, top, bottom }, wide, high) {
+    const { camera } = this.map, x = Math.min(Math.max((left + right - wide) / 2, 2), camera.width - wide - 2), y = (top + bottom - high) / 2, step = high + 3;
+    const places = [[x, top - high - MARGIN_PX], [x, bottom + MARGIN_PX], [right + MARGIN_PX, y], [left - wide - MARGIN_PX, y]];
+    for (let i = 1; i <= this.labels.length; i += 1) places.push([x, top - high - MARGIN_PX - i * step]);
+    const boxes = places.map(([boxLeft, boxTop]) => ({ left: boxLeft, top: boxTop, wide, high }));
+    const free = boxes.filter((box) => !this.labels.some((other) => overlap(box, other)));
+    return free.find((box) => box.left >= 0 && box.top >= 0 && box.left + wide <= camera.width && box.top + high <= camera.height) ?? free[0] ?? boxes[0];
+  }
+}
+
+function overlap(a, b) {
+  return a.left < b.left + b.wide && b.left < a.left + a.wide && a.top < b.top + b.high && b.top < a.top + a.high;
+}
+
+function strengthOf({ endedMs, acknowledgement }) {
+  if (endedMs) return Math.max(0, 0.7 * (1 - (Date.now() - endedMs) / FADE_MS));
+  return acknowledgement ? 0.65 : 1;
+}

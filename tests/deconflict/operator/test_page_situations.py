@@ -1,0 +1,302 @@
+"""The cards of situations on the operator's page, in a real Chromium, for situations that the test publishes."""
+
+import asyncio
+import shutil
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from deconflict.advisories.situations.situation import Situation, SituationAdvice
+from deconflict.advisory import Action, ConflictAdvisory, Location, moment
+from deconflict.settings.fleet_factory import fleet_of
+from deconflict.settings.site import Site
+from ingest.fleet.fleet import Fleet
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from tests.deconflict.operator.http.served_face import Served, served
+from tests.helpers.made_advisories import made, situation
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import HALL, robot, status
+
+if TYPE_CHECKING:
+    from playwright.async_api import Browser, Page
+
+async_api = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
+CHROMIUM = shutil.which("chromium")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with")
+
+PICTURES = Path(__file__).parents[3] / "build" / "page"
+TICK_S = 0.2
+ROBOTS = 12
+CARDS = "[...document.querySelectorAll('#situations > li:not([hidden])')]"
+
+
+def name(i: int) -> str:
+    return f"Alder A-{i}"
+
+
+@asynccontextmanager
+async def ticking(face: Served) -> AsyncIterator[None]:
+    """Robots that stand in a row, 2 m apart, and report at each tick."""
+    fleet = fleet_of(Site(), Measures())
+
+    async def tick() -> None:
+        while True:
+            report(fleet, time.time())
+            face.sources.whole = fleet.snapshot(time.time())
+            face.sources.recent.add(time.time(), fleet.next_batch(time.time()).to_bytes())
+            await asyncio.sleep(TICK_S)
+
+    task = asyncio.create_task(tick())
+    try:
+        yield
+    finally:
+        task.cancel()
+
+
+def report(fleet: Fleet, now_s: float) -> None:
+    for i in range(ROBOTS):
+        fleet.receive(status(f"A-{i}", now_s, 2.0 * i, 0.0), now_s, Connection(1))
+
+
+@pytest.fixture
+async def face(tmp_path: Path) -> AsyncIterator[Served]:
+    async with served(tmp_path) as served_face, ticking(served_face):
+        yield served_face
+
+
+@pytest.fixture
+async def browser() -> AsyncIterator["Browser"]:
+    async with async_api.async_playwright() as playwright:
+        chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        await chromium.close()
+
+
+@asynccontextmanager
+async def opened(browser: "Browser", face: Served, width: int = 1400, height: int = 850) -> AsyncIterator["Page"]:
+    """The page once it is live. What it throws fails the test."""
+    page, wrong = await browser.new_page(viewport={"width": width, "height": height}), []
+    page.set_default_timeout(1000 * PATIENCE_S)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    await page.goto(face.http)
+    await page.wait_for_selector('[data-state="live"]')
+    await until(page, "!document.getElementById('none').textContent.startsWith('Loading')")
+    yield page
+    await page.close()
+    assert not wrong
+
+
+async def until(page: "Page", condition: str) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not await page.evaluate(condition):
+            await asyncio.sleep(0.05)
+
+
+async def text(page: "Page", selector: str) -> str:
+    return await page.text_content(selector) or ""
+
+
+def around(x: float) -> tuple[tuple[float, float], ...]:
+    return ((x - 2, -2), (x + 2, -2), (x + 2, 2), (x - 2, 2))
+
+
+def shown(number: int, *robots: int, revision: int = 1, left_s: float = 30.0, **fields: Any) -> Situation:
+    """A situation of some robots, around the first of them, that begins soon."""
+    now_s, x = time.time(), 2.0 * robots[0]
+    whole = {
+        "robots": tuple(robot(f"A-{i}") for i in robots),
+        "names": tuple(name(i) for i in robots),
+        "vendors": ("Alder",) * len(robots),
+        "raised_at": moment(now_s),
+        "updated_at": moment(now_s),
+        "since_at": moment(now_s),
+        "predicted_at": moment(now_s + left_s),
+        "location": Location(datum=HALL, x=x, y=0.0),
+        "outline": around(x),
+        "summary": f"{name(robots[0])} and others meet in 5 s at Column {number}",
+        "advice": advice(robots[0]),
+    }
+    return situation(number, revision, **(whole | fields))
+
+
+def advice(i: int, seconds: float = 4.0, because: str = "") -> SituationAdvice:
+    wait = Action(robot=robot(f"A-{i}"), name=name(i), action="wait", seconds=seconds)
+    text = f"{name(i)} should wait {seconds:.0f} s, then {name(i)} should go first"
+    return SituationAdvice(actions=(wait,), text=text, since_at=moment(time.time()), changed_because=because)
+
+
+def cleared(before: Situation, because: str, **fields: Any) -> Situation:
+    ended = before.cleared_revision(time.time(), because)
+    return ended.model_copy(update={"advice": None, "advisories": (), **fields})
+
+
+def warning(number: int, situation_id: str | None = None) -> ConflictAdvisory:
+    now = moment(time.time())
+    place = Location(datum=HALL, x=0.0, y=0.0)
+    return made(number, raised_at=now, updated_at=now, predicted_at=now, location=place, situation_id=situation_id)
+
+
+async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: "Browser", face: Served) -> None:
+    critical = shown(3, 6, 7, severity="critical", situation_kind="head_on")
+    await face.publish(shown(1, 0, 1, left_s=60), shown(2, 3, 4, left_s=40), critical, warning(1), warning(2))
+    async with opened(browser, face) as page:
+        assert await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)") == [f"situation-{i}" for i in (3, 2, 1)]
+        card = await text(page, "#situations > li")
+        assert "Critical" in card
+        assert "Head-on in a lane" in card
+        assert f"{name(6)} and others meet at Column 3" in card, "the countdown beside it says when"
+        assert await text(page, "#situations .first") == f"{name(6)} should wait 4 s"
+        assert await text(page, "#situations .then") == f", then {name(6)} should go first"
+        first = await text(page, "#situations .when")
+        assert first.startswith("in ")
+        await until(page, f"document.querySelector('#situations .when').textContent !== '{first}'")
+
+
+async def test_advisories_are_behind_their_situation_and_the_others_are_only_counted(
+    browser: "Browser", face: Served
+) -> None:
+    await face.publish(shown(1, 0, 1, advisories=("advisory-1", "advisory-2")))
+    await face.publish(warning(1), warning(2), warning(3, "situation-1"), warning(4))
+    async with opened(browser, face) as page:
+        assert await page.evaluate(f"{CARDS}.length") == 1
+        assert await text(page, "#situations .count") == "3 warnings behind it"
+        assert (await text(page, "#machines-count")).startswith("1 warning for machines")
+        await page.click("#situations .count")
+        await until(page, "document.querySelectorAll('#situations .lines li').length === 3")
+        await page.click("#machines-count")
+        await until(page, "document.querySelectorAll('#machines-lines li').length === 1")
+
+
+async def test_when_nothing_is_open_the_page_says_so(browser: "Browser", face: Served) -> None:
+    only = shown(1, 0, 1)
+    async with opened(browser, face) as page:
+        await until(page, "document.getElementById('none').textContent === 'Nothing needs you.'")
+        await face.publish(only)
+        await page.wait_for_selector("#none", state="hidden")
+        await face.publish(cleared(only, "nothing is foreseen there any more"))
+        await until(page, "document.getElementById('none').offsetParent !== null")
+        assert "nothing is foreseen there any more" in await text(page, "#situations .ended .then")
+        await page.wait_for_selector("#situations .ended", state="detached")
+
+
+async def test_a_card_without_advice_says_how_it_ends(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, advice=None, ends="by itself, once they have passed each other"))
+    async with opened(browser, face) as page:
+        expected = "Nothing to do: it ends by itself, once they have passed each other."
+        assert await text(page, "#situations .advice") == expected
+        stuck = shown(1, 0, 1, revision=2, advice=None, ends="not by itself: somebody must move one of them")
+        await face.publish(stuck)
+        await until(page, f"{CARDS}[0].textContent.includes('It does not end by itself: somebody must move one')")
+
+
+async def test_changed_advice_says_why(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1))
+    async with opened(browser, face) as page:
+        assert not await page.is_visible("#situations .changed")
+        await face.publish(shown(1, 0, 1, revision=2, advice=advice(1, because=f"{name(0)} has had its time")))
+        await until(page, f"{CARDS}[0].textContent.includes('{name(1)} should wait')")
+        assert (await text(page, "#situations .changed")).endswith(f": {name(0)} has had its time")
+
+
+async def test_what_became_part_of_another_situation_fades_and_the_other_flashes(
+    browser: "Browser", face: Served
+) -> None:
+    joins, stays = shown(1, 0, 1), shown(2, 4, 5, situation_kind="knot")
+    await face.publish(joins, stays)
+    async with opened(browser, face) as page:
+        await face.publish(cleared(joins, "it became part of another situation", joined_into=stays.id))
+        await page.wait_for_selector("#situations .flash")
+        assert await page.get_attribute("#situations .flash", "data-id") == stays.id
+        assert (await text(page, "#situations .ended .then")).startswith("Now part of “Knot of robots”")
+
+
+async def test_the_focus_stays_on_a_card_while_cards_change_places(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, 2, left_s=60), shown(2, 4, 5, left_s=40))
+    async with opened(browser, face) as page:
+        held = "document.activeElement.dataset.robot + document.activeElement.closest('li.card').dataset.id"
+        await page.focus('[data-id="situation-1"] .chip >> nth=1')
+        before = await page.evaluate(held)
+        await face.publish(shown(1, 0, 1, 2, 3, revision=2, severity="critical"))
+        await until(page, f"{CARDS}[0].dataset.id === 'situation-1'")
+        assert await page.evaluate(held) == before
+
+
+async def test_keys_alone_reach_everything_on_a_card(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, advisories=("advisory-1",)), warning(1), warning(2))
+    async with opened(browser, face) as page:
+        await page.focus("#situations")
+        reached = []
+        for _ in range(6):
+            await page.keyboard.press("Tab")
+            reached.append(await page.evaluate("document.activeElement.className || document.activeElement.id"))
+        assert reached == ["chip advised", "chip", "show", "take", "count", "machines-count"]
+
+
+async def test_a_situation_without_a_place_has_no_map_button(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, location=None, outline=(), advice=None, situation_kind="identity"))
+    async with opened(browser, face) as page:
+        assert await page.is_visible("#situations .take")
+        assert not await page.is_visible("#situations .show")
+
+
+async def test_a_situation_is_acknowledged_by_its_id(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1))
+    async with opened(browser, face) as page:
+        await page.click("#situations .take")
+        await page.fill("#who", "Kim <b>Lee</b>")
+        await page.fill("#why", "both called back")
+        await page.keyboard.press("Enter")
+        await page.wait_for_selector("#acknowledge", state="hidden")
+        await until(page, f"{CARDS}[0].textContent.includes('Kim <b>Lee</b>: both called back')")
+        answer = face.store.get("situation-1")[-1].acknowledgement
+        assert answer
+        assert answer.name == "Kim <b>Lee</b>"
+
+
+async def test_critical_situations_are_announced_at_once_and_others_politely(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face) as page:
+        await face.publish(shown(1, 0, 1))
+        await until(page, "document.getElementById('say-politely').textContent.includes('Column 1')")
+        assert not await text(page, "#say")
+        await face.publish(shown(1, 0, 1, revision=2, severity="critical"))
+        await until(page, "document.getElementById('say').textContent.includes('Column 1')")
+        assert await page.get_attribute("#say", "aria-live") == "assertive"
+
+
+async def test_a_situation_is_outlined_on_the_map_and_can_be_chosen_there(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, 2), shown(2, 6, 7, 8))
+    async with opened(browser, face) as page:
+        await page.click('[data-id="situation-2"] .show')
+        await page.wait_for_selector('[data-id="situation-2"].chosen')
+        box = await page.locator("#map").bounding_box()
+        assert box
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        await page.mouse.click(x + 150, y - 20)  # far from it, at a scale of at least 28 pixels a metre
+        await page.wait_for_selector(".chosen", state="detached")
+        await page.mouse.click(x, y - 40)
+        await page.wait_for_selector('[data-id="situation-2"].chosen')
+        await page.click('[data-id="situation-1"] .chip >> nth=2')
+        await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
+        await page.wait_for_selector('[data-id="situation-1"].chosen')
+
+
+async def test_only_the_most_urgent_are_shown_until_the_others_are_asked_for(browser: "Browser", face: Served) -> None:
+    await face.publish(*(shown(i, i, i + 1, left_s=10 + i) for i in range(8)))
+    async with opened(browser, face) as page:
+        assert await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)") == [f"situation-{i}" for i in range(5)]
+        assert await text(page, "#more") == "Show 3 more, less urgent"
+        await page.click("#more")
+        await until(page, f"{CARDS}.length === 8")
+
+
+async def test_a_card_of_many_robots_fits_a_phone(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, *range(12), severity="critical", situation_kind="knot"), shown(2, 3, 4))
+    async with opened(browser, face, 360, 740) as page:
+        assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / "phone-situations.png", full_page=True)
