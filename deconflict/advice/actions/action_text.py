@@ -13,10 +13,10 @@ def action_text(action: Action) -> str:
         case "slow_down":
             return f"{name} should slow down to {action.speed_mps or 0.0:g} m/s{seconds}"
         case "take_another_route":
-            return f"{name} needs another route{where}"
+            return f"{name} should take another route{where}"
         case "back_out":
             return f"{name} should back out{where}"
         case "go_first":
-            return f"{name} can go first"
+            return f"{name} should go first"
         case "look":
             return f"somebody should look at {name}"

@@ -10,6 +10,7 @@ from ingest.batch import Pair
 
 SHORTEST_WAIT_S = 3.0
 """Nobody can have a robot wait for a shorter time."""
+STEPS_A_SECOND = round(1 / STEP_S)
 SHORTEST_STEPS = round(SHORTEST_WAIT_S / STEP_S)
 
 
@@ -42,21 +43,24 @@ def waits(parts: PlanParts, pair: Pair, holds: Plan) -> tuple[Action, ...]:
 
 def _long_enough(parts: PlanParts, pair: Pair, holds: Plan) -> Plan:
     """Holds of which none is too short for people, and which are proven; none if there are none."""
-    if all(hold >= SHORTEST_STEPS for hold in holds.values()):
-        return holds
-    return next((plan for plan in _longer(parts, pair, holds) if parts.is_kept_apart(pair, plan)), {})
+    return next((plan for plan in _longer(parts, pair, holds) if plan == holds or parts.is_kept_apart(pair, plan)), {})
 
 
 def _longer(parts: PlanParts, pair: Pair, holds: Plan) -> Iterator[Plan]:
-    """The holds with the short ones made longer; for one held robot alone also the shortest hold that is long enough.
+    """The holds in whole seconds, the short ones made longer; the holds as they are; for one robot also the shortest
+    hold that is long enough.
 
     They hold nobody else: a machine may follow the holds of the same advice.
     """
-    yield {robot: max(hold, SHORTEST_STEPS) for robot, hold in holds.items()}
     problem = parts.plan.problem
+    longer = {robot: max(hold + hold % STEPS_A_SECOND, SHORTEST_STEPS) for robot, hold in holds.items()}
+    if max(longer.values()) <= problem.window.steps:
+        yield longer
+    if min(holds.values()) >= SHORTEST_STEPS:
+        yield holds
     if len(holds) == 1 and pair in problem.allowed:
         sign = 1 if pair[0] in holds else -1
         steps = sign * (problem.allowed[pair].nonzero()[0] - problem.window.steps)
-        longer = steps[steps > SHORTEST_STEPS]
-        if len(longer):
-            yield dict.fromkeys(holds, int(longer.min()))
+        long_enough = steps[steps > SHORTEST_STEPS]
+        if len(long_enough):
+            yield dict.fromkeys(holds, int(long_enough.min()))

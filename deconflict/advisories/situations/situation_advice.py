@@ -4,9 +4,10 @@ Advice stands until it is done, until its reason has gone, or until other advice
 says why.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
+from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.situations.situation import MOST_ACTIONS, SituationAdvice
 from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, moment
@@ -15,14 +16,6 @@ LEAST_WAIT_S = 3.0
 """Nobody can have a robot wait for less."""
 STANDS_S = 4.0
 """Advice stands for so long at least, if it is not refused."""
-PHRASES = {
-    "wait": "{name} should wait {seconds:.0f} s",
-    "slow_down": "{name} should slow down to {speed_mps:.1f} m/s",
-    "take_another_route": "{name} should take another route",
-    "back_out": "{name} should back out",
-    "go_first": "{name} should go first",
-    "look": "somebody should look at {name}",
-}
 
 
 class Proposal(NamedTuple):
@@ -95,21 +88,10 @@ def _reason_to_change(
 
 def _advice(proposals: Sequence[Proposal], now_s: float, reason: str) -> SituationAdvice:
     actions = tuple(proposal.action for proposal in proposals)
-    text = ", then ".join(phrase(action) for action in actions)
+    text = ", then ".join(action_text(action) for action in actions)
     return SituationAdvice(
         actions=actions,
         text=short_text(text, MOST_SUMMARY_BYTES),
         since_at=moment(now_s),
         changed_because=short_text(reason, MOST_SUMMARY_BYTES),
     )
-
-
-def phrase(action: Action) -> str:
-    """An action for a person."""
-    sentence = PHRASES[action.action].format(**_values(action))
-    where = f" {action.where}" if action.where else ""
-    return f"{sentence}{where}"
-
-
-def _values(action: Action) -> Mapping[str, object]:
-    return {"name": action.name, "seconds": action.seconds or 0.0, "speed_mps": action.speed_mps or 0.0}
