@@ -100,6 +100,10 @@ class Recommendation(Published):
     expected_saving_s: float = Field(default=0.0, description="compared with first come, first served, or with a stop")
     proven_optimal: bool
     note: str = Field(default="", description="further information for a person, such as that no hold helps")
+    given_at: datetime | None = Field(
+        default=None, description="from when holds and actions count; null for slots, which have times of their own"
+    )
+    changed_because: str = Field(default="", description="why it takes the place of earlier advice; empty if none did")
     more_holds: int = Field(default=0, exclude_if=operator.not_, description="holds left out; absent if none is")
     more_slots: int = Field(default=0, exclude_if=operator.not_, description="slots left out; absent if none is")
 

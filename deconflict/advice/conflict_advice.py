@@ -10,6 +10,7 @@ from deconflict.advice.holds.hold_problem import Plan
 from deconflict.advice.holds.hold_windows import STEP_S, HoldWindow, NearbyRobots
 from deconflict.advice.holds.plan_parts import PlanParts
 from deconflict.advice.priorities import WEIGHT
+from deconflict.advice.standing_advice import decide
 from deconflict.advisory import Hold, Recommendation
 from deconflict.settings.site import USUAL_ADVICE, Advice
 from ingest.batch import Pair
@@ -21,14 +22,26 @@ def advise_conflicts(
     window: HoldWindow,
     *,
     burdens_s: Mapping[str, float] | None = None,
-    standing: Recommendation | None = None,
+    standing: Mapping[Pair, Recommendation] | None = None,
     settings: Advice = USUAL_ADVICE,
 ) -> PairAdvice:
-    """The advice for each of `conflicts`, which are a connected group; see `plan_holds`."""
-    held = frozenset(hold.robot for hold in standing.holds) if standing else frozenset()
+    """The advice for each of `conflicts`, which are a connected group; see `plan_holds`.
+
+    `standing` is the advice that they have now. It is given again if it still works.
+    """
+    standing = standing or {}
+    held = frozenset(hold.robot for advice in standing.values() for hold in advice.holds)
     plan = plan_holds(near, conflicts, window, burdens_s=burdens_s, held_before=held, settings=settings)
-    parts = PlanParts(plan)
-    return PairAdvice({pair: _pair_advice(parts, pair) for pair in conflicts})
+    decision = decide(plan, conflicts, standing, settings.switch_s)
+    parts, advice = PlanParts(decision.plan), PairAdvice()
+    for pair in conflicts:
+        before = standing.get(pair)
+        if decision.stands and before and before.holds:
+            advice[pair] = before
+        else:
+            because = decision.because if before else ""
+            advice[pair] = _pair_advice(parts, pair).model_copy(update={"changed_because": because})
+    return advice
 
 
 def _pair_advice(parts: PlanParts, pair: Pair) -> Recommendation:

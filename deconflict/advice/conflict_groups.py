@@ -17,8 +17,8 @@ class ConflictGroup(NamedTuple):
     first: datetime
     """When the first of them is predicted."""
     pairs: Pairs
-    standing: Recommendation | None
-    """The advice that its robots have now; None if they have no holds."""
+    standing: tuple[tuple[Pair, Recommendation], ...]
+    """The advice that its conflicts have now."""
 
 
 class ConflictGroups:
@@ -72,13 +72,11 @@ def _merged(
 def _group(members: list[ConflictAdvisory]) -> ConflictGroup:
     if len(members) == 1:
         (advisory,) = members
-        return ConflictGroup(advisory.predicted_at, (advisory.robots,), _standing(advisory))
+        return ConflictGroup(advisory.predicted_at, (advisory.robots,), _standing(members))
     members.sort(key=attrgetter("robots"))
-    standing = next(filter(None, map(_standing, members)), None)
     first = min(advisory.predicted_at for advisory in members)
-    return ConflictGroup(first, tuple(advisory.robots for advisory in members), standing)
+    return ConflictGroup(first, tuple(advisory.robots for advisory in members), _standing(members))
 
 
-def _standing(advisory: ConflictAdvisory) -> Recommendation | None:
-    advice = advisory.recommendation
-    return advice if advice and advice.holds else None
+def _standing(members: list[ConflictAdvisory]) -> tuple[tuple[Pair, Recommendation], ...]:
+    return tuple((advisory.robots, advisory.recommendation) for advisory in members if advisory.recommendation)

@@ -48,10 +48,11 @@ def limited_advice(advice: Recommendation, robots: Collection[str]) -> Recommend
         "holds": _first(advice.holds, MOST_HOLDS, robots),
         "slots": _first(advice.slots, MOST_SLOTS, robots),
         "note": short_text(advice.note, MOST_NOTE_BYTES),
+        "changed_because": short_text(advice.changed_because, MOST_REASON_BYTES),
         "actions": tuple(map(_short_action, advice.actions[:MOST_ACTIONS])),
     }
     more_holds, more_slots = len(advice.holds) - len(kept["holds"]), len(advice.slots) - len(kept["slots"])
-    if not more_holds and not more_slots and kept["note"] == advice.note and kept["actions"] == advice.actions:
+    if all(getattr(advice, field) == value for field, value in kept.items()):
         return advice
     return advice.model_copy(update={**kept, "more_holds": more_holds, "more_slots": more_slots})
 

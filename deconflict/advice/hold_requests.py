@@ -152,7 +152,7 @@ class HoldRequests:
             [pair for pair in group.pairs if present.issuperset(pair)],
             window,
             burdens_s=dict(self._burden.burdens_s),
-            standing=group.standing,
+            standing=dict(group.standing),
             settings=self._settings,
         )
 

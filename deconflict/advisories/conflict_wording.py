@@ -151,7 +151,8 @@ def with_silence(
 
 
 def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) -> ConflictAdvisory:
-    """The next revision if only the advice has changed."""
+    """The next revision if only the advice has changed. Its holds and actions count from now on."""
+    advice = advice.model_copy(update={"given_at": moment(now_s)})
     return before.next_revision(
         updated_at=moment(now_s),
         time_to_conflict_s=round(before.time_left_s(now_s), 3),

@@ -16,6 +16,7 @@ class PlannedRobots(dict[str, PlannedRobot]):
 
     def __init__(self, near: NearbyRobots) -> None:
         self._near = near
+        self.present = frozenset(near.uuids)
 
     def __missing__(self, uuid: str) -> PlannedRobot:
         robot = self[uuid] = self._near.planned(self._near.uuids.index(uuid))

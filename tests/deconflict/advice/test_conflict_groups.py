@@ -58,6 +58,6 @@ def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first
     }
     groups.update(NOW_S, conflicts.values())
     assert set(groups.all.values()) == {
-        ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), None),
-        ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), None),
+        ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), ()),
+        ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), ()),
     }
