@@ -1,6 +1,7 @@
 """Robots near each other, from their forecasts."""
 
 from collections.abc import Mapping, Sequence
+from math import pi
 from typing import NamedTuple
 
 from deconflict.advice.holds.hold_planner import plan_holds
@@ -10,7 +11,11 @@ from deconflict.advisory import ConflictAdvisory, Hold, Recommendation
 from deconflict.settings.site import USUAL_ADVICE, Advice
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts, Pair
-from tests.deconflict.engine.made_engine import NOW_S, Floor
+from tests.deconflict.engine import made_engine
+from tests.deconflict.engine.made_engine import Floor
+from tests.helpers.made_encounters import NOW_S, robot
+
+WINDOW = HoldWindow(NOW_S, 10.0, 0.3, 6.0)
 
 
 class SeenRobot(NamedTuple):
@@ -37,7 +42,7 @@ def until_advised(floor: Floor) -> tuple[ConflictAdvisory, float]:
     for quarter in range(200):
         for revision in floor.run((quarter + 1) / 4, quarter / 4):
             if revision.recommendation:
-                return revision, revision.updated_at.timestamp() - NOW_S
+                return revision, revision.updated_at.timestamp() - made_engine.NOW_S
     raise AssertionError("nothing was advised")
 
 
@@ -64,3 +69,19 @@ def group_plan(
         proven_optimal=found.proven,
         note=", ".join(" and ".join(pair) for pair in sorted(unplanned)),
     )
+
+
+def eastward(
+    name: str, x_m: float, *, y_m: float = 0.0, holdable: bool = True, speed_mps: float = 1.0, size_m: float = 1.0
+) -> SeenRobot:
+    ends_m = x_m + 10 * speed_mps
+    return SeenRobot(name, robot([0, 10], [x_m, ends_m], [y_m, y_m], 0.0, (size_m, 0.6)), holdable=holdable)
+
+
+def northward(name: str, y_m: float, *, x_m: float = 0.0, priority: float = 1.0) -> SeenRobot:
+    forecast = robot([0, 10], [x_m, x_m], [y_m, y_m + 10], pi / 2, (1.0, 0.6))
+    return SeenRobot(name, forecast, priority=priority)
+
+
+def held_s(advice: Recommendation) -> dict[str, float]:
+    return {hold.robot: hold.hold_s for hold in advice.holds}

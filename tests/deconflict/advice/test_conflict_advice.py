@@ -1,26 +1,9 @@
 """The advice for one conflict: it names no robots that do not matter to it, and asks no short waits of people."""
 
-from math import pi
-
 from deconflict.advice.conflict_advice import advise_conflicts
-from deconflict.advice.holds.hold_windows import DelayWindows, HoldWindow
+from deconflict.advice.holds.hold_windows import DelayWindows
 from deconflict.advisory import Recommendation
-from tests.deconflict.advice.made_near import SeenRobot, near
-from tests.helpers.made_encounters import NOW_S, robot
-
-WINDOW = HoldWindow(NOW_S, 10.0, 0.3, 6.0)
-
-
-def eastward(
-    name: str, x_m: float, *, y_m: float = 0.0, holdable: bool = True, speed_mps: float = 1.0, size_m: float = 1.0
-) -> SeenRobot:
-    ends_m = x_m + 10 * speed_mps
-    return SeenRobot(name, robot([0, 10], [x_m, ends_m], [y_m, y_m], 0.0, (size_m, 0.6)), holdable=holdable)
-
-
-def northward(name: str, y_m: float, *, x_m: float = 0.0, priority: float = 1.0) -> SeenRobot:
-    forecast = robot([0, 10], [x_m, x_m], [y_m, y_m + 10], pi / 2, (1.0, 0.6))
-    return SeenRobot(name, forecast, priority=priority)
+from tests.deconflict.advice.made_near import WINDOW, SeenRobot, eastward, held_s, near, northward
 
 
 def advised(movers: list[SeenRobot], *pairs: tuple[str, str]) -> list[Recommendation]:
@@ -30,10 +13,6 @@ def advised(movers: list[SeenRobot], *pairs: tuple[str, str]) -> list[Recommenda
 
 def actions(advice: Recommendation) -> list[tuple[str, str, float | None]]:
     return [(action.robot, action.action, action.seconds) for action in advice.actions]
-
-
-def held_s(advice: Recommendation) -> dict[str, float]:
-    return {hold.robot: hold.hold_s for hold in advice.holds}
 
 
 def test_the_advice_on_a_conflict_leaves_out_the_holds_that_it_does_not_need() -> None:

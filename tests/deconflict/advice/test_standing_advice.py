@@ -6,8 +6,7 @@ from functools import partial
 from deconflict.advice.conflict_advice import advise_conflicts
 from deconflict.advice.standing_advice import DONE
 from deconflict.advisory import Hold, Recommendation, moment
-from tests.deconflict.advice.made_near import SeenRobot, near
-from tests.deconflict.advice.test_conflict_advice import WINDOW, eastward, held_s, northward
+from tests.deconflict.advice.made_near import WINDOW, SeenRobot, eastward, held_s, near, northward
 from tests.helpers.made_encounters import NOW_S
 
 PAIR = ("a", "b")
