@@ -17,11 +17,11 @@ from deconflict.advisory import AnyAdvisory
 
 MOST_EXTENT_M, JOINED_EXTENT_M = 10.0, 8.0
 """Largest diagonal of the box around the places of a group's advisories; and when two groups join."""
-MOST_ROBOTS, JOINED_ROBOTS = 8, 7
+MOST_ROBOTS, JOINED_ROBOTS = 8, 8
 """Most robots of a group with a larger extent; and when two groups join."""
 UNBOUNDED = frozenset(("contention", "double_occupancy", "crowd"))
 """Kinds of advisories whose robots do not count: their place bounds them."""
-NEAR_M = 15.0
+NEAR_M = 20.0
 """Largest extent of a group of few robots that share no advisories."""
 LEAST_OPEN_S = 5.0
 """A situation is open for at least so long, so that a person can read it. Until then its group joins no older one."""

@@ -78,7 +78,8 @@ def _reason_to_change(
     if first.robot not in robots:
         return f"{first.name} is no longer part of it"
     if first.seconds is not None and stood_s >= first.seconds:
-        return f"{first.name} has had its time"
+        is_same = bool(proposed) and proposed[0].key == (first.robot, first.action)
+        return f"it is not over for {first.name} yet" if is_same else f"the time for {first.name} is over"
     if stood_s < STANDS_S or (first.robot, first.action) in keys:
         return None
     if not proposed:
@@ -88,7 +89,7 @@ def _reason_to_change(
 
 def _advice(proposals: Sequence[Proposal], now_s: float, reason: str) -> SituationAdvice:
     actions = tuple(proposal.action for proposal in proposals)
-    text = ", then ".join(action_text(action) for action in actions)
+    text = "; ".join(action_text(action) for action in actions)
     return SituationAdvice(
         actions=actions,
         text=short_text(text, MOST_SUMMARY_BYTES),

@@ -18,17 +18,15 @@ from deconflict.advisories.situations.stakes import Stakes, stakes_of
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
 from ingest.batch import FloorPoint
 
-LINGERS_S = 8.0
+LINGERS_S = 10.0
 """A situation is cleared once it has not been worth a reaction for so long."""
-UPDATE_GAP_S = 2.0
+UPDATE_GAP_S = 4.0
 """Shortest time between two revisions, unless severity rises."""
 LOOK_S = 1.0
 """A situation without news is looked at again after this time, as less and less of it can be prevented."""
-WORTH_S = 2.0
-"""Less loss that can be prevented is not worth a person's reaction."""
+WORTH_S = 1.5
+"""Less loss that can be prevented is not worth a reaction."""
 
-KEPT_SHARE = 0.5
-"""A situation that is open is worth a reaction as long as this share of `WORTH_S` can be prevented."""
 NOTHING_LEFT: dict[str, object] = {"advice": None, "advisories": (), "more_advisories": 0}
 
 Describe = Callable[[Sequence[FloorPoint]], Sequence[str]]
@@ -130,7 +128,7 @@ class SituationLifecycle:
         stakes = stakes_of(advisories, now_s)
         if before is None:
             return self._raised(watched, advisories, stakes, now_s)
-        if is_worth(stakes, KEPT_SHARE):
+        if is_worth(stakes):
             watched.last_s = now_s
         elif now_s >= (closes_s := _closes_s(watched, before)):
             return self._ended(watched, before, now_s)
@@ -173,9 +171,9 @@ class SituationLifecycle:
         del self._watched[watched.group.id]
 
 
-def is_worth(stakes: Stakes, share: float = 1.0) -> bool:
-    """Whether a person's reaction is worth it, with `WORTH_S` taken `share` times."""
-    return stakes.preventable_cost_s >= share * WORTH_S or stakes.claim_severity is not Severity.CAUTION
+def is_worth(stakes: Stakes) -> bool:
+    """Whether a reaction is worth it."""
+    return stakes.service_prevents_s >= WORTH_S or stakes.claim_severity is not Severity.CAUTION
 
 
 def _closes_s(watched: _Watched, situation: Situation) -> float:

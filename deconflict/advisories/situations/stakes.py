@@ -18,8 +18,8 @@ from deconflict.advisory import (
     Severity,
 )
 
-REACTION_S = 3.0
-"""The shortest useful reaction of a person or a site service. What begins sooner can't be prevented any more."""
+SERVICE_REACTION_S, PERSON_REACTION_S = 1.0, 3.0
+"""The shortest useful reaction of a site service, and of a person. What begins sooner they can't prevent any more."""
 ENCOUNTER_COST_S = {
     EncounterClass.HEAD_ON: 20.0,
     EncounterClass.CROSSING: 6.0,
@@ -31,9 +31,11 @@ HELD_UP_COST_S, LOCKED_COST_S, CROWD_COST_S = 15.0, 60.0, 60.0
 """What a robot loses behind a blocker, and in a deadlock; and what a crowd costs."""
 LASTS_S = 10.0
 """An encounter that began longer ago will not pass by itself: somebody can still end it."""
+SAVED_SHARE = 0.1
+"""The share of a queue's waits that a person can prevent, if no advice says how much it saves."""
 MOST_WAIT_S = 300.0
 """A longer wait costs no more than this."""
-WARNING_COST_S, CRITICAL_COST_S = 3.0, 20.0
+WARNING_COST_S, CRITICAL_COST_S = 3.0, 40.0
 """What a situation costs at least that is a warning, or critical."""
 WARNING_S, CRITICAL_S = 30.0, 12.0
 """What begins later is less severe."""
@@ -46,10 +48,12 @@ class Stakes(NamedTuple):
 
     cost_s: float
     """Expected loss if nobody does anything."""
-    preventable_cost_s: float
-    """The part of it that can still be prevented."""
+    service_prevents_s: float
+    """The part of it that a site service can still prevent."""
+    person_prevents_s: float
+    """The part of it that a person can still prevent."""
     preventable_s: float | None
-    """Time left until the next event that can still be prevented; None if there is none."""
+    """Time left until the next event that a person can still prevent; None if there is none."""
     claim_severity: Severity
     """The severity of the claims among them, which cost no time."""
 
@@ -73,32 +77,33 @@ def cost_of(advisory: AnyAdvisory) -> float:
 
 def stakes_of(advisories: Iterable[AnyAdvisory], now_s: float) -> Stakes:
     """What is at stake in all of them together."""
-    cost_s = preventable_cost_s = 0.0
+    cost_s = service_prevents_s = person_prevents_s = 0.0
     times_s = []
     claim_severity = Severity.CAUTION
     for advisory in advisories:
-        cost = cost_of(advisory)
-        cost_s += cost
-        left_s = advisory.time_left_s(now_s)
-        if is_preventable(advisory, now_s):
-            preventable_cost_s += cost
-            times_s.append(left_s)
+        cost_s += cost_of(advisory)
+        service_prevents_s += preventable_cost_of(advisory, now_s, SERVICE_REACTION_S)
+        if prevented_s := preventable_cost_of(advisory, now_s, PERSON_REACTION_S):
+            person_prevents_s += prevented_s
+            times_s.append(advisory.time_left_s(now_s))
         if isinstance(advisory, ClaimAdvisory):
             claim_severity = max(claim_severity, advisory.severity, key=SEVERITIES.index)
-    return Stakes(cost_s, preventable_cost_s, min(times_s, default=None), claim_severity)
+    return Stakes(cost_s, service_prevents_s, person_prevents_s, min(times_s, default=None), claim_severity)
 
 
-def is_preventable(advisory: AnyAdvisory, now_s: float) -> bool:
-    """Whether a person can still prevent the loss, or end it: not if it is about to begin or has just begun, and will
-    pass by itself."""
-    if not isinstance(advisory, ConflictAdvisory):
-        return True
+def preventable_cost_of(advisory: AnyAdvisory, now_s: float, reaction_s: float) -> float:
+    """How much of its cost can still be prevented or ended within `reaction_s`. Of a queue: what its advice saves. Of a
+    conflict: nothing if it is about to begin or has just begun, as it will pass by itself."""
+    if isinstance(advisory, ContentionAdvisory):
+        advice = advisory.recommendation
+        return advice.expected_saving_s if advice else SAVED_SHARE * cost_of(advisory)
     ahead_s = advisory.predicted_at.timestamp() - now_s
-    return ahead_s >= REACTION_S or ahead_s <= -LASTS_S
+    is_passing = isinstance(advisory, ConflictAdvisory) and -LASTS_S < ahead_s < reaction_s
+    return 0.0 if is_passing else cost_of(advisory)
 
 
 def severity_of_stakes(stakes: Stakes, before: Severity | None) -> Severity:
-    """By what can still be prevented: its cost, and the time left. It falls only if the cost is clearly lower."""
+    """By what a person can still prevent: its cost, and the time left. It falls only if the cost is clearly lower."""
     level = _level(stakes, 1.0)
     if before is not None:
         level = max(level, min(SEVERITIES.index(before), _level(stakes, KEPT_SHARE)))
@@ -109,6 +114,6 @@ def _level(stakes: Stakes, share: float) -> int:
     """The severity as an index in `SEVERITIES`, with the bounds of the cost taken `share` times."""
     if stakes.preventable_s is None:
         return 0
-    is_warning = stakes.preventable_cost_s >= share * WARNING_COST_S and stakes.preventable_s <= WARNING_S
-    is_critical = stakes.preventable_cost_s >= share * CRITICAL_COST_S and stakes.preventable_s <= CRITICAL_S
+    is_warning = stakes.person_prevents_s >= share * WARNING_COST_S and stakes.preventable_s <= WARNING_S
+    is_critical = stakes.person_prevents_s >= share * CRITICAL_COST_S and stakes.preventable_s <= CRITICAL_S
     return is_warning + is_critical

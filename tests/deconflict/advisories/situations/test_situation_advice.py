@@ -16,7 +16,7 @@ def test_the_first_to_do_comes_first() -> None:
     later = conflict("bc", 9.0, recommendation=advice(action("c"), action("b", "slow_down", speed_mps=0.5)))
     found = revised(None, NOW_S, later, soon)
     assert found is not None
-    assert found.text == "Robot b should wait 5 s, then Robot c should wait 5 s"
+    assert found.text == "Robot b should wait 5 s; Robot c should wait 5 s"
 
 
 def test_nobody_has_to_wait_for_less_than_a_person_can_do() -> None:

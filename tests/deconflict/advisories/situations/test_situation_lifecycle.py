@@ -33,7 +33,7 @@ def test_conflicts_on_two_floors_are_two_situations() -> None:
 
 
 def test_what_nobody_can_prevent_makes_no_situation() -> None:
-    assert lifecycle().revise(NOW_S, [conflict("ab", left_s=1.0)]) == []
+    assert lifecycle().revise(NOW_S, [conflict("ab", left_s=0.5)]) == []
 
 
 def test_what_is_unlikely_makes_no_situation() -> None:
@@ -47,7 +47,7 @@ def test_a_published_revision_has_the_id_of_its_situation() -> None:
 
 
 def test_an_advisory_without_an_open_situation_has_no_id_of_one() -> None:
-    (revision,) = lifecycle().published(NOW_S, [conflict("ab", left_s=1.0)])
+    (revision,) = lifecycle().published(NOW_S, [conflict("ab", left_s=0.5)])
     assert revision.situation_id is None
 
 
@@ -92,7 +92,7 @@ def test_what_splits_off_refers_to_its_situation() -> None:
     conflicts = [conflict(pair, x_m=index) for index, pair in enumerate(pairs)]
     (whole,) = situations.revise(NOW_S, conflicts)
     away = conflicts[-1].next_revision(location=conflict("ij", x_m=40.0).location)
-    part = next(revision for revision in situations.revise(NOW_S + 3, [away]) if revision.id != whole.id)
+    part = next(revision for revision in situations.revise(NOW_S + UPDATE_GAP_S, [away]) if revision.id != whole.id)
     assert (part.split_from, part.robots) == (whole.id, ("i", "j"))
     assert next(each for each in situations.open() if each.id == whole.id).robots == tuple("abcdefgh")
 
@@ -103,7 +103,7 @@ def test_severity_rises_at_once_and_other_news_waits() -> None:
     situations.revise(NOW_S, [first])
     joined = situations.revise(NOW_S + 0.1, [conflict("bc", left_s=40.0, probability=0.1)])
     assert joined == []
-    (worse,) = situations.revise(NOW_S + 0.2, [blockage("xabc")])
+    (worse,) = situations.revise(NOW_S + 0.2, [blockage("xabcd")])
     assert worse.severity is Severity.CRITICAL
 
 

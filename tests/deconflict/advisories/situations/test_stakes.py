@@ -2,18 +2,18 @@
 
 import pytest
 
-from deconflict.advisories.situations.stakes import LASTS_S, REACTION_S, severity_of_stakes, stakes_of
+from deconflict.advisories.situations.stakes import LASTS_S, PERSON_REACTION_S, severity_of_stakes, stakes_of
 from deconflict.advisory import Severity
-from tests.deconflict.advisories.situations.made_situations import NOW_S, blockage, conflict, queue
+from tests.deconflict.advisories.situations.made_situations import NOW_S, advice, blockage, conflict, queue
 
 
 @pytest.mark.parametrize(
     ("left_s", "is_preventable"),
-    [(REACTION_S, True), (REACTION_S - 0.1, False), (-1.0, False), (-LASTS_S, True)],
+    [(PERSON_REACTION_S, True), (PERSON_REACTION_S - 0.1, False), (-1.0, False), (-LASTS_S, True)],
 )
 def test_a_conflict_can_be_prevented_in_time_or_ended_if_it_lasts(left_s: float, is_preventable: bool) -> None:
     stakes = stakes_of([conflict("ab", left_s)], NOW_S)
-    assert (stakes.preventable_cost_s > 0) is is_preventable
+    assert (stakes.person_prevents_s > 0) is is_preventable
     assert (stakes.preventable_s is not None) is is_preventable
 
 
@@ -27,13 +27,22 @@ def test_what_can_not_be_prevented_is_of_the_lowest_severity() -> None:
 
 
 def test_a_robot_in_the_way_of_several_is_critical() -> None:
-    assert severity_of_stakes(stakes_of([blockage("xab")], NOW_S), None) is Severity.CRITICAL
+    assert severity_of_stakes(stakes_of([blockage("xabc")], NOW_S), None) is Severity.CRITICAL
 
 
 def test_a_queue_in_half_an_hour_is_less_severe_than_now() -> None:
     later = queue("abc", predicted_at=conflict("ab", 1800.0).predicted_at)
     assert severity_of_stakes(stakes_of([later], NOW_S), None) is Severity.CAUTION
-    assert severity_of_stakes(stakes_of([queue("abc")], NOW_S), None) is Severity.CRITICAL
+    assert severity_of_stakes(stakes_of([queue("abc")], NOW_S), None) is Severity.WARNING
+
+
+def test_a_queue_is_as_severe_as_what_its_advice_saves() -> None:
+    useless, useful = (
+        queue("abc", recommendation=advice().model_copy(update={"expected_saving_s": saving_s}))
+        for saving_s in (0.0, 60.0)
+    )
+    assert severity_of_stakes(stakes_of([useless], NOW_S), None) is Severity.CAUTION
+    assert severity_of_stakes(stakes_of([useful], NOW_S), None) is Severity.CRITICAL
 
 
 def test_severity_falls_only_once_the_cost_is_clearly_lower() -> None:
