@@ -83,6 +83,9 @@ class Action(Published):
     seconds: float | None = Field(default=None, gt=0, description="how long to wait, or to keep the lower speed")
     speed_mps: float | None = Field(default=None, gt=0, description="the speed to slow down to")
     where: str = Field(default="", description="where to go or to look, for people; empty if it is the robot's place")
+    resource: str | None = Field(default=None, description="id of the resource or zone that `where` names")
+    start_at: datetime | None = Field(default=None, description="when the robot should be there")
+    end_at: datetime | None = Field(default=None, description="until when it may stay there")
     reason: str = Field(default="", description="why, for people; empty if the advisory says it")
 
 

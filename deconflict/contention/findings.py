@@ -10,6 +10,7 @@ from deconflict.contention.queues.charger_forecast import ChargerShortage
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
+from deconflict.contention.slot_actions import with_queue_actions, with_ring_actions
 from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.deadlocks import RingLink
 
@@ -51,7 +52,7 @@ def contention(
             f"{_free(queue, geometry.capacity(place), now_s)}{_advised(geometry, place, waiting, advice, robots)}"
         ),
         evidence=_queue_evidence(geometry, place, queue, len(present)),
-        recommendation=advice,
+        recommendation=with_queue_actions(advice, geometry, robots),
     )
 
 
@@ -163,7 +164,7 @@ def deadlock(
             f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next"
             f"{_way_out(geometry, ring, advice, robots)}"
         ),
-        recommendation=advice,
+        recommendation=with_ring_actions(advice, ring, geometry, robots, now_s),
         evidence={
             "cycle": tuple(
                 Wait(waiter=link.waiter, holder=link.holder, where=link.where, from_at=moment(link.from_s))

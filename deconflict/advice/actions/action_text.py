@@ -13,7 +13,7 @@ def action_text(action: Action) -> str:
         case "slow_down":
             return f"{name} should slow down to {action.speed_mps or 0.0:g} m/s{seconds}"
         case "take_another_route":
-            return f"{name} should take another route{where}"
+            return f"{name} should go{where}" if action.resource else f"{name} should take another route{where}"
         case "back_out":
             return f"{name} should back out{where}"
         case "go_first":

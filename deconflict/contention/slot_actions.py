@@ -1,0 +1,117 @@
+"""What people can have done so that robots have the slots that were advised. Pure."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil
+
+from deconflict.advice.document_limits import MOST_ACTIONS
+from deconflict.advisory import Action, ActionKind, Recommendation, Slot
+from deconflict.contention.robots.place_geometry import PlaceGeometry
+from deconflict.contention.robots.robot_view import RobotView
+from deconflict.contention.waiting.deadlocks import RingLink
+
+LEAST_WAIT_S = 3.0
+"""Nobody can have a robot wait for less. A shorter wait is made longer: the order stays the same."""
+LEAST_SAVING_S = 1.0
+"""An order of a queue that saves less needs no action: the robots wait there by themselves."""
+
+
+def with_queue_actions(
+    advice: Recommendation | None, geometry: PlaceGeometry, robots: Mapping[str, RobotView]
+) -> Recommendation | None:
+    """The advice on a queue with its actions: who takes another place, who lets others go first, and who these are."""
+    if advice is None or advice.expected_saving_s < LEAST_SAVING_S:
+        return advice
+    known = [slot for slot in advice.slots if slot.robot in robots]
+    kept = [slot for slot in known if _asked(slot, geometry, robots) == slot.resource]
+    moved = [slot for slot in known if slot not in kept]
+    changes = [_elsewhere(slot, "instead", geometry, robots) for slot in moved]
+    changes += [_wait(slot, geometry, robots) for slot in kept if any(_is_overtaken(slot, other) for other in kept)]
+    first = [_go_first(slot.robot, robots) for slot in kept if any(_is_overtaken(other, slot) for other in kept)]
+    arrives_at = {slot.robot: slot.start_at.timestamp() - slot.wait_s for slot in known}
+    changes.sort(key=lambda action: arrives_at[action.robot])
+    return _with(advice, [*changes, *first])
+
+
+def with_ring_actions(
+    advice: Recommendation | None,
+    ring: Sequence[RingLink],
+    geometry: PlaceGeometry,
+    robots: Mapping[str, RobotView],
+    now_s: float,
+) -> Recommendation | None:
+    """The advice on a ring with its actions: who goes elsewhere, waits or backs out first."""
+    return advice and _with(advice, [*_ring_actions(advice, ring, geometry, robots, now_s)])
+
+
+def _ring_actions(
+    advice: Recommendation,
+    ring: Sequence[RingLink],
+    geometry: PlaceGeometry,
+    robots: Mapping[str, RobotView],
+    now_s: float,
+) -> Iterator[Action]:
+    waiters = [link.waiter for link in ring]
+    if not advice.slots:
+        first = robots[waiters[0]]
+        yield Action(robot=first.uuid, name=first.name, action="look", reason="no order of waiting ends it")
+        return
+    away, last = advice.slots[0], max(advice.slots, key=lambda slot: slot.wait_s)
+    if away.resource not in {link.where for link in ring}:
+        yield _elsewhere(away, "first", geometry, robots)
+        return
+    passage = robots[last.robot].passages.get(last.resource)
+    if passage is not None and passage.enter_s <= now_s:
+        yield _action(last, robots, "back_out", where=f"of {geometry.label(last.resource)}")
+    else:
+        yield _wait(last, geometry, robots)
+    yield from (_go_first(robot, robots) for robot in waiters if robot != last.robot)
+
+
+def _with(advice: Recommendation, actions: Sequence[Action]) -> Recommendation:
+    return advice.model_copy(update={"actions": tuple(actions[:MOST_ACTIONS])})
+
+
+def _asked(slot: Slot, geometry: PlaceGeometry, robots: Mapping[str, RobotView]) -> str:
+    """The place of the group that the robot is on its way to."""
+    group = geometry.group(slot.resource)
+    return next((stop.resource for stop in robots[slot.robot].stops if stop.resource in group), slot.resource)
+
+
+def _is_overtaken(slot: Slot, other: Slot) -> bool:
+    """Whether a robot would arrive at its place before another one and has its slot after it."""
+    arrives, other_arrives = (each.start_at.timestamp() - each.wait_s for each in (slot, other))
+    return slot.resource == other.resource and arrives < other_arrives and slot.start_at > other.start_at
+
+
+def _wait(slot: Slot, geometry: PlaceGeometry, robots: Mapping[str, RobotView]) -> Action:
+    seconds = float(ceil(max(slot.wait_s, LEAST_WAIT_S)))
+    return _action(slot, robots, "wait", seconds=seconds, where=f"before {geometry.label(slot.resource)}")
+
+
+def _elsewhere(slot: Slot, when: str, geometry: PlaceGeometry, robots: Mapping[str, RobotView]) -> Action:
+    where = f"to {geometry.label(slot.resource)} {when}"
+    return _action(slot, robots, "take_another_route", where=where)
+
+
+def _go_first(robot: str, robots: Mapping[str, RobotView]) -> Action:
+    return Action(robot=robot, name=robots[robot].name, action="go_first")
+
+
+def _action(
+    slot: Slot,
+    robots: Mapping[str, RobotView],
+    action: ActionKind,
+    *,
+    seconds: float | None = None,
+    where: str,
+) -> Action:
+    return Action(
+        robot=slot.robot,
+        name=robots[slot.robot].name,
+        action=action,
+        seconds=seconds,
+        where=where,
+        resource=slot.resource,
+        start_at=slot.start_at,
+        end_at=slot.end_at if action == "take_another_route" else None,
+    )
