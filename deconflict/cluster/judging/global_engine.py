@@ -1,5 +1,7 @@
 """Runs the global judge on one engine of the cluster: receives the robots of all ingests, and writes its decisions.
 
+The same engine owns all situations. It groups the advisories of every engine, as the stream has them.
+
 Every engine has a `GlobalEngine`. Only the one that the owner table names is active. When another engine takes over, it
 resumes with the open advisories of the stream, receives the last seconds again, and requests all robots.
 """
@@ -7,16 +9,18 @@ resumes with the open advisories of the stream, receives the last seconds again,
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import suppress
 from threading import Lock
 from typing import Any
 
 from deconflict.advice.deferred_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
+from deconflict.advisories.situations.situation import AnyRevision, advisories_of
 from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
+from deconflict.cluster.judging.stream_situations import StreamSituations
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import StreamRecord
@@ -40,6 +44,8 @@ class GlobalEngine:
         self.site, self._bus, self._writer, self._submit = site, bus, writer, submit
         self._judge: GlobalJudge | None = None
         """None while this engine is not the active one."""
+        self._situations: StreamSituations | None = None
+        """Present whenever the judge is."""
         self._leave: Callable[[], Awaitable[None]] | None = None
         """Ends the subscription to the robots; None without one."""
         self._requested = -1
@@ -68,8 +74,8 @@ class GlobalEngine:
         while True:
             with suppress(*BUS_ERRORS):
                 await self._update_role(inbox, active=is_active())
-            if self._judge and self.outbox.has_room():
-                await self._run_pass(self._judge)
+            if self._judge and self._situations and self.outbox.has_room():
+                await self._run_pass(self._judge, self._situations)
             await asyncio.sleep(PASS_EVERY_S)
 
     async def _update_role(self, inbox: str, *, active: bool) -> None:
@@ -82,11 +88,12 @@ class GlobalEngine:
             return
         if self._judge is None:
             kept = await self._bus.state.kept(LEARNED_NAME)
-            findings = [advisory for advisory in self._writer.open() if not isinstance(advisory, ConflictAdvisory)]
-            self._judge, self._requested = self._restored_judge(findings, kept), -1
+            self._judge, self._requested = self._restored_judge(findings_of(self._writer.open()), kept), -1
+            self._situations = StreamSituations(self.site, self._writer.open())
         elif self._judge.site is not self.site:
             learned = self._judge.learned()
             self._judge, self._requested = GlobalJudge(self.site, self._judge.open(), self._submit, learned), -1
+            self._situations = StreamSituations(self.site, self._writer.open())
         if self._leave is None:
             self._leave = await self._bus.follow_channel(EVERY, self._add_parcel)
         if self._requested != (renewals := self._bus.renewals):
@@ -112,30 +119,43 @@ class GlobalEngine:
         return packed(learned)
 
     def _drop_judge(self) -> None:
-        self._judge = self.presence = None
+        self._judge = self._situations = self.presence = None
         self.outbox.take_overruled()
         for waiting in (self._parcels, self._records, self.measures):
             waiting.clear()
 
-    async def _run_pass(self, judge: GlobalJudge) -> None:
+    async def _run_pass(self, judge: GlobalJudge, situations: StreamSituations) -> None:
         parcels, self._parcels = self._parcels, []
         records, self._records = self._records, []
-        overruled = self.outbox.take_overruled()
-        revisions = await asyncio.to_thread(self._judged, judge, parcels, records, overruled)
+        written, overruled = revisions_of(records), revisions_of(self.outbox.take_overruled())
+        if situations.is_overtaken(written, overruled):
+            situations = self._situations = StreamSituations(self.site, self._writer.open())
+        revisions = await asyncio.to_thread(self._judged, judge, situations, parcels, written, overruled)
         self.measures, self.presence = [judge.measures.as_document()], judge.presence(time.time())
         self.outbox.add_pass((None, revision) for revision in revisions)
 
     def _judged(
         self,
         judge: GlobalJudge,
+        situations: StreamSituations,
         parcels: Sequence[bytes],
-        records: Sequence[StreamRecord],
-        overruled: Sequence[StreamRecord],
-    ) -> list[FindingAdvisory]:
+        written: Sequence[AnyRevision],
+        overruled: Sequence[AnyRevision],
+    ) -> list[AnyRevision]:
         with self._judge_lock:
-            for group, is_overruled in ((records, False), (overruled, True)):
-                for record in group:
-                    if record.advisory and not isinstance(record.advisory, ConflictAdvisory):
-                        judge.adopt(record.advisory, overruled=is_overruled)
+            for group, is_overruled in ((written, False), (overruled, True)):
+                for finding in findings_of(group):
+                    judge.adopt(finding, overruled=is_overruled)
             judge.receive([Batch.from_bytes(parcel) for parcel in parcels])
-            return judge.advance(time.time())
+            now_s = time.time()
+            return [*judge.advance(now_s), *situations.revise(now_s, written, judge.measures)]
+
+
+def revisions_of(records: Iterable[StreamRecord]) -> list[AnyRevision]:
+    """The revisions in records, without the answers."""
+    return [record.advisory for record in records if record.advisory]
+
+
+def findings_of(revisions: Iterable[AnyRevision]) -> list[FindingAdvisory]:
+    """The revisions of advisories that have no tile."""
+    return [advisory for advisory in advisories_of(revisions) if not isinstance(advisory, ConflictAdvisory)]

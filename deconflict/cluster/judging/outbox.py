@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.stream_records import StreamRecord
 from ingest.batch import FloorPoint
@@ -14,7 +14,7 @@ MOST_WAITING = 20_000
 """If more revisions and passes that decided them wait, some 40 MB, the engine makes no further pass."""
 STUCK_S = 5.0
 """If too much waits and none of it was written for this long, the engine ends."""
-HomedRevision = tuple[FloorPoint | None, AnyAdvisory]
+HomedRevision = tuple[FloorPoint | None, AnyRevision]
 
 
 class WaitingPass(NamedTuple):

@@ -5,7 +5,9 @@ import logging
 import time
 from collections import OrderedDict
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision, Situation
+from deconflict.advisories.situations.situation_lifecycle import stamped
+from deconflict.advisory import AdvisoryState
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.shard import REMEMBERED
 from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream, UnwritableRevisionError
@@ -27,6 +29,8 @@ class StreamWriter:
         self._stream, self._set_asides = revisions, SetAsides(measures)
         self._newest: OrderedDict[str, StreamRecord] = OrderedDict()
         """The newest record of the stream, by key."""
+        self._situation_of: dict[str, str] = {}
+        """The id of the open situation, by id of each advisory that it lists."""
 
     def note(self, record: StreamRecord) -> None:
         """Take in a record of the stream."""
@@ -36,19 +40,28 @@ class StreamWriter:
         if known is None or known.seq < record.seq:
             self._newest[record.key] = record
             self._newest.move_to_end(record.key)
+            if isinstance(record.advisory, Situation):
+                self._note_situation(record.advisory)
         while len(self._newest) > REMEMBERED:
             self._newest.popitem(last=False)
 
-    def open(self) -> list[AnyAdvisory]:
-        """The newest revision of every open advisory."""
+    def _note_situation(self, situation: Situation) -> None:
+        listed = {} if situation.state is AdvisoryState.CLEARED else dict.fromkeys(situation.advisories, situation.id)
+        others = {advisory: other for advisory, other in self._situation_of.items() if other != situation.id}
+        self._situation_of = others | listed
+
+    def open(self) -> list[AnyRevision]:
+        """The newest revision of every open advisory and situation."""
         return [record.advisory for record in self._newest.values() if record.advisory and _is_open(record)]
 
-    async def write(self, home: FloorPoint | None, advisory: AnyAdvisory) -> StreamRecord | None:
-        """Write a revision, and retry as long as it takes.
+    async def write(self, home: FloorPoint | None, advisory: AnyRevision) -> StreamRecord | None:
+        """Write a revision, that of an advisory with the id of its situation, and retry as long as it takes.
 
         Returns None, or the record of another engine that stands in its place.
         """
         key = key_of(advisory)
+        if not isinstance(advisory, Situation):
+            advisory = stamped(advisory, self._situation_of.get(advisory.id), None)
         while True:
             last = self._newest.get(key)
             if last and last.advisory and not follows(advisory, last.advisory):
@@ -61,7 +74,7 @@ class StreamWriter:
             await asyncio.sleep(RETRY_S)
 
     async def _try_write(
-        self, key: str, home: FloorPoint | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False
+        self, key: str, home: FloorPoint | None, advisory: AnyRevision, last_seq: int, *, again: bool = False
     ) -> bool:
         """Whether the stream accepted it after number `last_seq`; if not, notes the record that the stream has.
 
@@ -119,14 +132,14 @@ def _is_open(record: StreamRecord) -> bool:
     return record.advisory is not None and record.advisory.state is not AdvisoryState.CLEARED
 
 
-def is_missing(advisory: AnyAdvisory, last: AnyAdvisory | None) -> bool:
+def is_missing(advisory: AnyRevision, last: AnyRevision | None) -> bool:
     """Whether a stream has lost a revision. `last` is the newest revision that it has of its key."""
     if last is None:
         return advisory.state is not AdvisoryState.CLEARED
     return last.id == advisory.id and last.revision < advisory.revision
 
 
-def follows(advisory: AnyAdvisory, last: AnyAdvisory) -> bool:
+def follows(advisory: AnyRevision, last: AnyRevision) -> bool:
     """Whether a revision is the next after the last one of its key."""
     if last.id == advisory.id:
         return advisory.revision == last.revision + 1

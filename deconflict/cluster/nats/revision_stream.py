@@ -10,7 +10,8 @@ from nats.errors import MaxPayloadError
 from nats.js import api
 from nats.js.errors import APIError, NotFoundError
 
-from deconflict.advisory import Acknowledgement, AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.advisory import Acknowledgement
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord, key_of, read_record, record_bytes
 from deconflict.cluster.nats.subscriptions import newest_of_each
@@ -68,7 +69,7 @@ class RevisionStream:
         state = (await self._connection.js.stream_info(stream)).state
         return state.first_seq <= position.seq + 1 <= state.last_seq + 1
 
-    async def write(self, home: FloorPoint | None, advisory: AnyAdvisory, last_seq: int, *, again: bool = False) -> int:
+    async def write(self, home: FloorPoint | None, advisory: AnyRevision, last_seq: int, *, again: bool = False) -> int:
         """Write a revision and return its number. `again` writes a stored revision once more, under a new number.
 
         Raises `OverruledError` if the last revision under its key is not number `last_seq`, and

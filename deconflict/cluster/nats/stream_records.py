@@ -1,4 +1,5 @@
-"""Records of the durable stream. The key of a conflict is its pair of robots, that of a finding is its subject."""
+"""Records of the durable stream. The key of a conflict is its pair of robots, that of a finding is its subject, that of
+a situation is its id."""
 
 import json
 from dataclasses import dataclass
@@ -7,7 +8,8 @@ from uuid import uuid5
 
 from deconflict.advisories.conflict_wording import ADVISORIES
 from deconflict.advisories.finding_lifecycle import finding_key
-from deconflict.advisory import ADVISORY, Acknowledgement, AnyAdvisory, ConflictAdvisory
+from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation
+from deconflict.advisory import Acknowledgement, ConflictAdvisory
 from deconflict.cluster.tiles.tile_channels import subject_token
 from ingest.batch import FloorPoint
 
@@ -25,14 +27,14 @@ class StreamPosition(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StreamRecord:
-    """A revision with its home, or an answer to an advisory."""
+    """A revision of an advisory or a situation with its home, or an answer to one."""
 
     seq: int
     key: str
     """Of the advisory; in an answer the advisory's id."""
     home: FloorPoint | None = None
     """The place whose tile decides which engine writes the advisory; None if no tile decides."""
-    advisory: AnyAdvisory | None = None
+    advisory: AnyRevision | None = None
     answer: Acknowledgement | None = None
 
     def position(self) -> StreamPosition:
@@ -50,14 +52,16 @@ class StreamRecord:
         return (self.seq, self.key) == (position.seq, position.id)
 
 
-def key_of(advisory: AnyAdvisory) -> str:
-    """The key of an advisory. At most one advisory of a key is open."""
-    if isinstance(advisory, ConflictAdvisory):
-        return subject_token("_".join(advisory.robots))
-    return str(uuid5(ADVISORIES, finding_key(advisory)))
+def key_of(revision: AnyRevision) -> str:
+    """The key of an advisory or a situation. At most one of a key is open."""
+    if isinstance(revision, ConflictAdvisory):
+        return subject_token("_".join(revision.robots))
+    if isinstance(revision, Situation):
+        return str(uuid5(ADVISORIES, f"situation {revision.id}"))
+    return str(uuid5(ADVISORIES, finding_key(revision)))
 
 
-def record_bytes(home: FloorPoint | None, advisory: AnyAdvisory) -> bytes:
+def record_bytes(home: FloorPoint | None, advisory: AnyRevision) -> bytes:
     """A revision as `read_record` reads it."""
     return json.dumps({"home": home, "advisory": advisory.model_dump(mode="json")}).encode()
 
@@ -69,4 +73,4 @@ def read_record(seq: int, subject: str, data: bytes) -> StreamRecord:
         return StreamRecord(seq, key, answer=Acknowledgement.model_validate_json(data))
     document = json.loads(data)
     home = FloorPoint(*document["home"]) if document["home"] else None
-    return StreamRecord(seq, key, home, ADVISORY.validate_python(document["advisory"]))
+    return StreamRecord(seq, key, home, REVISION.validate_python(document["advisory"]))

@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 import pytest
 
-from deconflict.advisory import ADVISORY, AnyAdvisory
+from deconflict.advisories.situations.situation import REVISION, AnyRevision
 from deconflict.cluster.engine_member import LISTEN_S
 from deconflict.cluster.ingest_feed import IngestFeed
 from deconflict.cluster.nats.bus import Bus
@@ -218,12 +218,12 @@ async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
         return answer
 
 
-async def lives(base: str) -> list[list[AnyAdvisory]]:
-    """Every revision of each advisory, in order."""
+async def lives(base: str, of: str = "advisories") -> list[list[AnyRevision]]:
+    """Every revision of each advisory or situation, in order."""
     async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
-        listed = (await client.get(f"{base}/advisories?state=all&limit=1000")).json()["advisories"]
-        document = [(await client.get(f"{base}/advisories/{each['id']}")).json()["advisories"] for each in listed]
-    return [[ADVISORY.validate_python(each) for each in life] for life in document]
+        listed = (await client.get(f"{base}/{of}?state=all&limit=1000")).json()[of]
+        document = [(await client.get(f"{base}/{of}/{each['id']}")).json()[of] for each in listed]
+    return [[REVISION.validate_python(each) for each in life] for life in document]
 
 
 HOME = FloorPoint(HALL, 1.0, 2.0)

@@ -59,7 +59,11 @@ async def test_no_advisory_is_lost_or_doubled_if_an_engine_is_killed(tmp_path: P
                 AdvisoryState.RAISED,
                 AdvisoryState.CLEARED,
             ]
-        assert sorted(each.seq for life in every for each in life) == list(range(1, whole["seq"] + 1))
+        situations = await lives(base, "situations")
+        for life in situations:
+            assert [each.revision for each in life] == list(range(1, len(life) + 1))
+        numbers = sorted(each.seq for life in (*every, *situations) for each in life)
+        assert numbers[: whole["seq"]] == list(range(1, whole["seq"] + 1))
         async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
             answer = {"name": "Ada", "reason": "seen"}
             response = await client.post(f"{base}/advisories/{every[0][0].id}/acknowledgement", json=answer)

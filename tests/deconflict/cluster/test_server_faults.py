@@ -9,7 +9,8 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.tiles.tile_owners import OwnerTable
 from deconflict.cluster.tiles.tiles import Tile
@@ -35,7 +36,7 @@ def pairs(first_s: float) -> dict[str, Course]:
     }
 
 
-def told_once(every: list[list[AnyAdvisory]]) -> None:
+def told_once(every: list[list[AnyRevision]]) -> None:
     """Every pair has one advisory, whole from raised to cleared."""
     assert len(every) == len({life[0].robots for life in every}) == PAIRS
     for life in every:

@@ -8,7 +8,7 @@ from deconflict.cluster.nats.nats_tasks import end_tasks
 from deconflict.cluster.nats.stream_records import key_of
 from ingest.measures.measures import Measures
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server
-from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 
 pytestmark = needs_server
 KEPT_S = 2.0
@@ -96,3 +96,27 @@ async def test_an_open_advisory_is_written_once_more_before_it_expires(tmp_path:
         await end_tasks(keeping)
     assert stands
     assert (stands.seq > 3, stands.advisory) == (True, made(1))
+
+
+async def test_advisories_carry_the_id_of_the_situation_that_the_stream_has(tmp_path: Path) -> None:
+    async with buses(Broker(tmp_path / "nats"), 2) as (first, second), asyncio.timeout(300):
+        writer, other = StreamWriter(first.revisions, Measures()), StreamWriter(second.revisions, Measures())
+        await second.revisions.follow(other.note)
+        assert await writer.write(HOME, made(1)) is None
+        assert await writer.write(None, situation(1)) is None
+        while len(other.open()) < 2:
+            await asyncio.sleep(0.01)
+        assert await other.write(HOME, made(1, 2)) is None
+        assert await other.write(HOME, cleared(1, 3)) is None
+        last = await first.revisions.last(key_of(made(1)))
+        assert last
+        assert last.advisory
+        assert (last.advisory.revision, last.advisory.situation_id) == (3, "situation-1")
+        assert await writer.write(None, cleared_situation(1)) is None
+        while other.open():
+            await asyncio.sleep(0.01)
+        assert await other.write(HOME, made(2).model_copy(update={"situation_id": "situation-1"})) is None
+        last = await first.revisions.last(key_of(made(2)))
+    assert last
+    assert last.advisory
+    assert (last.advisory.id, last.advisory.situation_id) == ("advisory-2", None)
