@@ -19,10 +19,11 @@ from deconflict.operator.blackbox.start_state import StartState, head_of, site_o
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
+from metrics.report import situation_section
 from metrics.scoring import compare
 
 if TYPE_CHECKING:
-    from metrics.replay.replay import BatchSink, LineSink
+    from metrics.replay.replay import LineSink, Sinks
 
 LINES_PER_UPDATE = 500
 """Lines between two updates of the progress bar."""
@@ -49,6 +50,9 @@ def add_log_commands(commands: "argparse._SubParsersAction[argparse.ArgumentPars
     replay_command.add_argument("--html", type=Path, metavar="OUT.html", help="write a report for people, in one file")
     replay_command.add_argument(
         "--advisories", type=Path, metavar="OUT.jsonl", help="write the revisions that the live stream would publish"
+    )
+    replay_command.add_argument(
+        "--situations", type=Path, metavar="OUT.jsonl", help="write the revisions of situations of the first clearance"
     )
     replay_command.add_argument(
         "--mcap", type=Path, metavar="OUT.mcap", help="write envelopes and advisories for robot viewers"
@@ -102,20 +106,21 @@ def _replay(args: argparse.Namespace) -> int:
     if not args.logs:
         raise LogError("replay: give a LOG, or --compare A.json B.json")
     settings, logs = _settings(args), files_of(args.logs)
-    _check_outputs(logs, args.json, args.html, args.advisories, args.mcap)
+    _check_outputs(logs, args.json, args.html, args.advisories, args.situations, args.mcap)
 
     from metrics.replay.replay import replay  # noqa: PLC0415 - brings numba
     from metrics.report import html_report  # noqa: PLC0415 - brings numba
 
     reader, clearances_m = LogReader(), args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:
-        on_line, on_batch = _sinks(args, files)
+        sinks = _sinks(args, files)
         events = files.enter_context(_with_progress(reader, logs))
         start = start_of(head) if (head := _head(args)) else StartState()
         run = replay if args.scheduler is None else _on_cluster(args.scheduler, files)
-        result = run(reader, events, settings, clearances_m, on_line=on_line, on_batch=on_batch, start=start)
+        result = run(reader, events, settings, clearances_m, start=start, **sinks)
     _check_order(reader, args.logs, result)
     _check_site(args, reader)
+    log.info("%s", situation_section.sentence(result["situations"]))
     if args.html:
         title = f"Replay of {', '.join(log.name for log in args.logs)}"
         _write(args.html, html_report.page(result, title))
@@ -186,26 +191,31 @@ def _text(result: dict[str, Any]) -> str:
     return json.dumps(result, indent=2) + "\n"
 
 
-def _sinks(args: argparse.Namespace, files: ExitStack) -> "tuple[LineSink | None, BatchSink | None]":
-    """Callables for each advisory line and for each batch. They write to files that `files` closes."""
+def _sinks(args: argparse.Namespace, files: ExitStack) -> "Sinks":
+    """Callables for what a replay publishes. They write to files that `files` closes."""
+    sinks: Sinks = {}
     line_sinks: list[LineSink] = []
-    batch_sink: BatchSink | None = None
     if args.advisories:
         lines = files.enter_context(_opened(args.advisories, "w"))
         line_sinks.append(lambda line: lines.writelines((json.dumps(line), "\n")))
+    if args.situations:
+        situations = files.enter_context(_opened(args.situations, "w"))
+        sinks["on_situation"] = lambda situation: situations.writelines((situation.model_dump_json(), "\n"))
     if args.mcap:
         from metrics.report.mcap_export import McapExport  # noqa: PLC0415 - rarely needed
 
         export = McapExport(files.enter_context(_opened(args.mcap, "wb")))
         files.callback(export.finish)
         line_sinks.append(export.add_line)
-        batch_sink = export.add_batch
+        sinks["on_batch"] = export.add_batch
 
     def write_line(line: dict[str, Any]) -> None:
         for sink in line_sinks:
             sink(line)
 
-    return write_line if line_sinks else None, batch_sink
+    if line_sinks:
+        sinks["on_line"] = write_line
+    return sinks
 
 
 def files_of(logs: Iterable[Path]) -> list[Path]:

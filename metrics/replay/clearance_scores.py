@@ -35,12 +35,12 @@ class ClearanceScores:
         """By advisory id. What the robots did is not known yet: no alert is heeded, and no robot has left."""
         self.believer = PathBeliever(clearance_m)
         self._truth, self._absences = truth, absences
-        self._outcomes = AllPairOutcomes(truth, interactions, clearance_m)
-        self._waits = AdvisedWaits()
-        self._contact_calibration = CalibrationScores(self._waits)
-        self._interaction_calibration = CalibrationScores(self._waits)
+        self.outcomes = AllPairOutcomes(truth, interactions, clearance_m)
+        self.waits = AdvisedWaits()
+        self._contact_calibration = CalibrationScores(self.waits)
+        self._interaction_calibration = CalibrationScores(self.waits)
         self._contacts = ContactOutcomes(truth, clearance_m)
-        self._interactions = InteractionOutcomes(truth, self._outcomes)
+        self._interactions = InteractionOutcomes(truth, self.outcomes)
 
     def add(self, now_s: float, batch: Batch, output: EngineOutput) -> None:
         """Add one pass and the engine's output at it."""
@@ -49,7 +49,7 @@ class ClearanceScores:
             self._add_revision(revision)
         self._contact_calibration.sample(now_s, output.contact_probabilities)
         self._interaction_calibration.sample(now_s, output.probabilities)
-        self._waits.add(now_s, output.waiting)
+        self.waits.add(now_s, output.waiting)
         self.believer.add_batch(batch)
 
     def resolve(self, vendor_of: Mapping[str, str]) -> None:
@@ -74,14 +74,14 @@ class ClearanceScores:
         }
 
     def _warnings(self, alerts: Iterable[Alert], present: RobotPresence, end_s: float) -> dict[str, Any]:
-        cases = judged(alerts, self._outcomes, present, self._waits, end_s)
+        cases = judged(alerts, self.outcomes, present, self.waits, end_s)
         return precision_by_outcomes.figures(cases, present, self._truth.silences.by_minute_s)
 
     def _probability_figures(self) -> dict[str, Any]:
         """How well the probability of getting in each other's way is calibrated."""
         calibration = self._interaction_calibration
         whole = calibration.whole()
-        onsets = [(pair, span.onset_s) for pair, outcomes in self._outcomes.every().items() for span in outcomes.spans]
+        onsets = [(pair, span.onset_s) for pair, outcomes in self.outcomes.every().items() for span in outcomes.spans]
         return {
             **whole.figures(),
             "censored_samples": int(whole.left.sum()),
@@ -100,7 +100,7 @@ class ClearanceScores:
     def _alerts(self) -> Iterator[Alert]:
         for alert in self.advisories.values():
             left_s = min(self._truth.motion.last_seen_s(robot) for robot in alert.pair)
-            is_heeded = self._waits.began_s(alert.pair, alert.raised_s, alert.cleared_s) < inf
+            is_heeded = self.waits.began_s(alert.pair, alert.raised_s, alert.cleared_s) < inf
             yield replace(alert, left_s=left_s, heeded=is_heeded)
 
     def _add_revision(self, revision: ConflictAdvisory) -> None:

@@ -16,10 +16,11 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from itertools import chain
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 from dask.distributed import Client, Future, LocalCluster
 
+from deconflict.advisories.situations.situation import Situation
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, LogReader, Received, Tick
@@ -27,7 +28,7 @@ from metrics.replay.engine_output import EngineOutput
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
 from metrics.replay.recorded_passes import EnginePass, PassReader
-from metrics.replay.replay import AdvisoryLine, BatchSink, LineSink, advisory_lines, document
+from metrics.replay.replay import AdvisoryLine, BatchSink, LineSink, SituationSink, advisory_lines, document
 
 CONNECT_TIMEOUT_S = 10.0
 WINDOW_S = 60.0
@@ -39,6 +40,14 @@ DASHBOARD = ":0"
 """Any free port, because another replay may run on the same machine. Dask serves it even without bokeh."""
 
 State = bytes
+
+
+class WindowOutput(NamedTuple):
+    """What the live stream would have published in one window."""
+
+    lines: list[AdvisoryLine]
+    situations: list[Situation]
+    """Those of the first clearance."""
 
 
 class ClusterError(ValueError):
@@ -74,6 +83,7 @@ def replay(
     clearances_m: Sequence[float],
     *,
     on_line: LineSink | None = None,
+    on_situation: SituationSink | None = None,
     on_batch: BatchSink | None = None,
     start: StartState = StartState(),  # noqa: B008 - frozen
     window_s: float = WINDOW_S,
@@ -82,7 +92,7 @@ def replay(
     began = time.perf_counter()
     reading = PassReader(site)
     engines: list[Any] = [(pickle.dumps(EngineRun(site, clearance_m, start)), []) for clearance_m in clearances_m]
-    scored: Any = (pickle.dumps(LogScores(site, clearances_m)), [])
+    scored: Any = (pickle.dumps(LogScores(site, clearances_m)), WindowOutput([], []))
     in_progress: deque[Future[Any]] = deque()
     for window, is_last in _windows(events, window_s):
         passes = [*chain(reading.passes_of(window), reading.last_passes() if is_last else ())]
@@ -94,9 +104,9 @@ def replay(
         scored = client.submit(_add_to_scores, scored, sent, *engines, pure=False)
         in_progress.append(scored)
         if len(in_progress) > AHEAD:
-            _write_lines(client, in_progress.popleft(), on_line)
+            _write(client, in_progress.popleft(), on_line, on_situation)
     for scored_window in in_progress:
-        _write_lines(client, scored_window, on_line)
+        _write(client, scored_window, on_line, on_situation)
     scores: LogScores = _unpickled(client.submit(itemgetter(0), scored, pure=False).result())
     measures = client.submit(_measures, engines[0], pure=False).result()
     return document(scores.result(reading, measures), reader, time.perf_counter() - began)
@@ -117,12 +127,15 @@ def _windows(events: Iterable[Event], window_s: float) -> Iterator[tuple[list[Ev
     yield window, True
 
 
-def _write_lines(client: Client, scored: Future[Any], on_line: LineSink | None) -> None:
-    """Wait until a window is scored, then pass on its advisory lines."""
-    lines = client.submit(itemgetter(1), scored, pure=False).result()
+def _write(client: Client, scored: Future[Any], on_line: LineSink | None, on_situation: SituationSink | None) -> None:
+    """Wait until a window is scored, then pass on what was published in it."""
+    published: WindowOutput = client.submit(itemgetter(1), scored, pure=False).result()
     if on_line:
-        for line in lines:
+        for line in published.lines:
             on_line(line)
+    if on_situation:
+        for revision in published.situations:
+            on_situation(revision)
 
 
 def _advance_engine(
@@ -139,14 +152,15 @@ def _measures(last: tuple[State, list[EngineOutput]]) -> dict[str, Any]:
 
 
 def _add_to_scores(
-    before: tuple[State, list[AdvisoryLine]], passes: list[EnginePass], *engines: tuple[State, list[EngineOutput]]
-) -> tuple[State, list[AdvisoryLine]]:
+    before: tuple[State, WindowOutput], passes: list[EnginePass], *engines: tuple[State, list[EngineOutput]]
+) -> tuple[State, WindowOutput]:
     scores: LogScores = _unpickled(before[0])
-    lines: list[AdvisoryLine] = []
+    published = WindowOutput([], [])
     for engine_pass, *outputs in zip(passes, *(outputs for _, outputs in engines), strict=True):
         scores.add(engine_pass, outputs)
-        lines += advisory_lines(outputs)
-    return pickle.dumps(scores), lines
+        published.lines.extend(advisory_lines(outputs))
+        published.situations.extend(outputs[0].situations)
+    return pickle.dumps(scores), published
 
 
 def _unpickled(state: State) -> Any:

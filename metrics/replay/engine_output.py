@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from ingest.batch import Floats, Pair
 from metrics.scoring.place_scores import PlaceForecast
@@ -34,3 +35,5 @@ class EngineOutput:
     """The engine's measures. None if the pass has no measures of the receiver."""
     place_forecast: PlaceForecast | None = None
     """The forecast for shared places. None except once every `EVERY_S`."""
+    situations: Sequence[Situation] = ()
+    """Revisions of situations."""

@@ -2,8 +2,10 @@
 
 from math import floor
 
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.engine.engine import Engine
+from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.batch import Batch, Floats
@@ -25,6 +27,8 @@ class EngineRun:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
+        self._situations = SituationLifecycle(PlaceNames.of(site).describe)
+        self._situations.restore((), start.open)
         self._second = -1
         """The newest second whose probabilities were read."""
         self._place_slot = -1
@@ -49,6 +53,7 @@ class EngineRun:
             waiting,
             measures,
             self._place_forecast(now_s),
+            self._situations.revise(now_s, advisories),
         )
 
     def measures(self) -> dict[str, object]:

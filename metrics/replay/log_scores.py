@@ -5,6 +5,7 @@ from math import floor, inf
 from typing import Any
 
 from deconflict.settings.site import Site
+from ingest.batch import Pair
 from ingest.languages.massrobotics import timestamps
 from metrics.replay import conformance_counts
 from metrics.replay.clearance_scores import ClearanceScores
@@ -13,11 +14,13 @@ from metrics.replay.recorded_passes import EnginePass, PassReader
 from metrics.scoring.arrival_scores import ArrivalScores
 from metrics.scoring.contention_scores import ContentionScores
 from metrics.scoring.forecast_scores import ForecastScores
+from metrics.scoring.situation_scores import LONG_STOP_S, SituationScores, SituationTruth
 from metrics.scoring.vendor_records import VendorRecords
 from metrics.truth.absences import Absences
 from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
 from metrics.truth.nearest_scenes import NearestScene
+from metrics.truth.resource_use import TimeSpan
 
 WARNED_BEFORE_S = 10.0
 """An advisory that was cleared longer than this before a near moment does not count as a warning of it."""
@@ -34,6 +37,7 @@ class LogScores:
             ClearanceScores(clearance_m, self.truth, self.interactions, self.absences) for clearance_m in clearances_m
         ]
         self.forecasts, self.arrivals, self.contention = ForecastScores(), ArrivalScores(), ContentionScores(site)
+        self.situations = SituationScores()
         self.vendor_of: dict[str, str] = {}
         """By robot that has reported its position."""
         self._name_of: dict[str, str] = {}
@@ -56,6 +60,7 @@ class LogScores:
         self.arrivals.add_batch(batch)
         self.contention.add_batch(batch)
         self.contention.add_output(now_s, outputs[0].other_revisions, outputs[0].place_forecast)
+        self.situations.add(now_s, outputs[0].situations)
         for scores, output in zip(self.by_clearance, outputs, strict=True):
             scores.add(now_s, batch, output)
         self._advance_believers(now_s)
@@ -77,6 +82,7 @@ class LogScores:
         scenes = self.truth.scenes.finish(self.truth.motion)
         nearest = [self._scene(scene, passes.first_s) for scene in scenes]
         self._vendors.update(passes.now_s, (passes.measures(), measures))
+        contention = self.contention.figures()
         return {
             "messages": passes.messages,
             "robots": len(self.vendor_of),
@@ -86,12 +92,30 @@ class LogScores:
             "vendors": self._vendors.figures(ece),
             "forecast_error": self.forecasts.figures(),
             "arrivals": self.arrivals.figures(),
-            "contention": self.contention.figures(),
+            "contention": contention,
+            "situations": self.situations.figures(self._situation_truth(passes.span_s)),
             "places": self.contention.place_figures(),
             "advisories_raised": dict(sorted(self.by_clearance[0].raised.items())),
             "nearest": nearest,
             "conformance": conformance_counts.findings(passes.fleet.measures),
         }
+
+    def _situation_truth(self, span_s: float) -> SituationTruth:
+        """What happened, by the outcomes at the first clearance. Call it after the figures of contention."""
+        first, silences = self.by_clearance[0], self.truth.silences
+        advised: dict[Pair, list[TimeSpan]] = {}
+        for alert in first.advisories.values():
+            advised.setdefault(alert.pair, []).append(TimeSpan(alert.raised_s, alert.cleared_s))
+        return SituationTruth(
+            span_s=span_s,
+            robot_hours=sum(silences.present_s().values()) / 3600,
+            outcomes=first.outcomes.every(),
+            lasting_s=first.outcomes.lasting_onsets_s(LONG_STOP_S),
+            advised=advised,
+            others=self.contention.outcomes,
+            waits=first.waits,
+            left_s=silences.left_s,
+        )
 
     def _advance_believers(self, now_s: float) -> None:
         """Advance the path believers at the first pass of each second."""

@@ -8,8 +8,9 @@ Each of the three has its own state, so that `dask_replay` can move them between
 import time
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
-from typing import Any
+from typing import Any, TypedDict
 
+from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import ConflictAdvisory
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
@@ -24,7 +25,16 @@ from metrics.replay.recorded_passes import PassReader
 AdvisoryLine = dict[str, Any]
 """One revision of a conflict advisory, as `replay --advisories` writes it."""
 LineSink = Callable[[AdvisoryLine], None]
+SituationSink = Callable[[Situation], None]
 BatchSink = Callable[[float, Batch], None]
+
+
+class Sinks(TypedDict, total=False):
+    """What a replay calls with what it publishes."""
+
+    on_line: LineSink
+    on_situation: SituationSink
+    on_batch: BatchSink
 
 
 def replay(
@@ -34,13 +44,15 @@ def replay(
     clearances_m: Sequence[float],
     *,
     on_line: LineSink | None = None,
+    on_situation: SituationSink | None = None,
     on_batch: BatchSink | None = None,
     start: StartState = StartState(),  # noqa: B008 - frozen
 ) -> dict[str, Any]:
     """The scores of every clearance over the events that `reader` reads.
 
-    `on_line` is called with each revision that the live stream would have published, in that order. `on_batch` is
-    called with the time and the batch of each pass. `start` is the engine's state at the start of a black box.
+    `on_line` is called with each revision that the live stream would have published, in that order. `on_situation` is
+    called with each revision of a situation of the first clearance. `on_batch` is called with the time and the batch of
+    each pass. `start` is the engine's state at the start of a black box.
     `speed_x_real_time` is the only value that differs between two runs.
     """
     began = time.perf_counter()
@@ -55,6 +67,9 @@ def replay(
         if on_line:
             for line in advisory_lines(outputs):
                 on_line(line)
+        if on_situation:
+            for revision in outputs[0].situations:
+                on_situation(revision)
     result = scores.result(passes, engines[0].measures())
     return document(result, reader, time.perf_counter() - began)
 

@@ -6,6 +6,7 @@ from html import escape
 from metrics.report import figures
 from metrics.report.html_cells import Part, figure, maker, moment, number, share, spread, sure, table
 from metrics.report.place_sections import arrivals, contention, places
+from metrics.report.situation_section import situations
 from metrics.report.svg import Point
 from metrics.scoring.forecast_scores import BANDS
 
@@ -41,6 +42,8 @@ def _sections(result: Part) -> Iterator[str]:
         yield "<h2>Errors of announced arrivals</h2>" + arrivals(result["arrivals"])
     if result["contention"]:
         yield "<h2>Contention, double occupancy, deadlocks and blockages</h2>" + contention(result["contention"])
+    if result["situations"]["situations"]:
+        yield "<h2>Situations</h2>" + situations(result["situations"])
     if result["places"]:
         yield "<h2>Forecasts for shared places</h2>" + places(result["places"])
     yield "<h2>Nearest moments</h2>" + _scenes(result["nearest"])

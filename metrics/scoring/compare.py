@@ -43,6 +43,10 @@ FIGURES: dict[str, tuple[str, Callable[[Floats], float | None]]] = {
     "start_error_s": ("start_error_s", median),
     "precision": ("came_true", mean),
 }
+OF_SITUATIONS = ("came_true", "covered")
+AMOUNTS = {"open_at_once": ("open_at_once", "median"), "open_s": ("open_s", "median")}
+"""Figures of situations that are parts of others."""
+HEAD = f"{'':<22}{'A':>9}{'B':>9}{'B - A':>9}   95 %"
 BY_ENCOUNTER = ("recall", "recall_any", "lead_time_s", "start_error_s")
 
 
@@ -67,6 +71,17 @@ def changes(a: Score, b: Score, same_log: bool) -> Iterator[FigureChange]:
         yield FigureChange(name, a[name], b[name], None)
 
 
+def situation_changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[FigureChange]:
+    """Every figure of the situations in two results."""
+    for name in OF_SITUATIONS:
+        before, after = _values(a["cases"][name]), _values(b["cases"][name])
+        yield FigureChange(name, mean(before), mean(after), _difference(before, after, mean, paired=False))
+    for name in ("per_robot_hour", "per_fresh_stop"):
+        yield FigureChange(name, a[name], b[name], None)
+    for name, (part, of_part) in AMOUNTS.items():
+        yield FigureChange(name, a[part][of_part], b[part][of_part], None)
+
+
 def _lines(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
     same_log = all(a[name] == b[name] for name in ("messages", "robots", "span_s"))
     if not same_log:
@@ -74,8 +89,12 @@ def _lines(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
     for score_a, score_b in _matched(a["scores"], b["scores"]):
         what = " and ".join(dict.fromkeys(f"{score['clearance_m']} m" for score in (score_a, score_b)))
         yield f"clearance {what}: {score_a['foreseeable']} and {score_b['foreseeable']} foreseeable encounters"
-        yield f"{'':<22}{'A':>9}{'B':>9}{'B - A':>9}   95 %"
+        yield HEAD
         yield from map(_row, changes(score_a, score_b, same_log))
+    of_a, of_b = a["situations"], b["situations"]
+    yield f"{of_a['situations']} and {of_b['situations']} situations"
+    yield HEAD
+    yield from map(_row, situation_changes(of_a, of_b))
 
 
 def _matched(a: Sequence[Score], b: Sequence[Score]) -> list[tuple[Score, Score]]:

@@ -82,6 +82,8 @@ class ContentionScores:
         self._resources = site.resources
         self._least_wait_s = site.contention.least_wait_s
         self._alerts: dict[str, ContentionAlert] = {}
+        self.outcomes: dict[str, AlertOutcome] = {}
+        """By id of the advisory, once `figures` has been called."""
         self._last_s = -inf
 
     def add_batch(self, batch: Batch) -> None:
@@ -121,20 +123,21 @@ class ContentionScores:
         """Figures by kind, without kinds that have neither advisories nor events. Call it once, after the last
         batch."""
         self._resource_use.finish()
+        self.outcomes = {name: self._outcome(alert) for name, alert in self._alerts.items()}
         happened = {"contention": self._long_waits(), "double_occupancy": self._crowds()}
         rows = [
-            (kind, [alert for alert in self._alerts.values() if alert.kind == kind], happened.get(kind))
+            (kind, [name for name, alert in self._alerts.items() if alert.kind == kind], happened.get(kind))
             for kind in KINDS
         ]
-        return [self._figures(kind, alerts, events) for kind, alerts, events in rows if alerts or events]
+        return [self._figures(kind, names, events) for kind, names, events in rows if names or events]
 
     def place_figures(self) -> list[dict[str, Any]]:
         """Scores of the forecasts for places, by how far ahead. Call it after `figures`."""
         stays_s = {resource.id: self._resource_use.stays_s(resource.id) for resource in self._resources}
         return self._place_scores.figures(self._last_s, stays_s)
 
-    def _figures(self, kind: str, alerts: list[ContentionAlert], events: "list[Incident] | None") -> dict[str, Any]:
-        outcomes = [self._outcome(alert) for alert in alerts]
+    def _figures(self, kind: str, names: Sequence[str], events: "list[Incident] | None") -> dict[str, Any]:
+        alerts, outcomes = [self._alerts[name] for name in names], [self.outcomes[name] for name in names]
         came = np.array([float(np.isfinite(outcome.came_s)) if outcome.known else nan for outcome in outcomes])
         leads_s = np.array([outcome.came_s - alert.raised_s for alert, outcome in zip(alerts, outcomes, strict=True)])
         off_s = np.array([abs(outcome.wait_s - alert.wait_s) for alert, outcome in zip(alerts, outcomes, strict=True)])

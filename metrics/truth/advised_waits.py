@@ -28,10 +28,10 @@ class AdvisedWaits:
             else:
                 spans.append((now_s, now_s))
 
-    def began_s(self, pair: Pair, from_s: float, to_s: float) -> float:
-        """When one of a pair first waited between two times; inf if neither did."""
+    def began_s(self, robots: Iterable[str], from_s: float, to_s: float) -> float:
+        """When one of some robots first waited between two times; inf if none did."""
         first_s = inf
-        for robot in pair:
+        for robot in robots:
             for began_s, ended_s in reversed(self._of.get(robot, ())):
                 if ended_s < from_s:
                     break

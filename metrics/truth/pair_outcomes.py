@@ -139,6 +139,16 @@ class AllPairOutcomes:
         pairs = {*self._interactions.by_pair, *self._truth.by_pair(self._clearance_m)}
         return {pair: self.of(pair) for pair in sorted(pairs)}
 
+    def lasting_onsets_s(self, least_s: float) -> dict[Pair, list[float]]:
+        """By pair, the onsets of its encounters, and of stops that last at least `least_s`."""
+        onsets_s: dict[Pair, list[float]] = {}
+        for pair, events in self._interactions.by_pair.items():
+            stops = (event for event in events if event.outcome is InteractionOutcome.YIELDED)
+            onsets_s[pair] = [event.onset_s for event in stops if event.end_s - event.onset_s >= least_s]
+        for pair, encounters in self._truth.by_pair(self._clearance_m).items():
+            onsets_s.setdefault(pair, []).extend(encounter.start_s for encounter in encounters)
+        return onsets_s
+
     def left_s(self, pair: Pair, from_s: float) -> float:
         """When the first of a pair left, see `Silences.left_s`."""
         return min(self._truth.silences.left_s(robot, from_s) for robot in pair)

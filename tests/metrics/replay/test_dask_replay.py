@@ -27,15 +27,15 @@ from metrics.replay import dask_replay
 CLEARANCES_M = [0.3, 0.5]
 WINDOW_S = 4.0
 
-Run = tuple[str, list[str]]
-"""The scores as text, but for how fast they came, and what the stream would have told."""
+Run = tuple[str, list[str], list[str]]
+"""The scores as text, but for how fast they came, and the advisories and situations that the stream would have told."""
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A quarter of a minute of the demo's vendors."""
     path = tmp_path_factory.mktemp("spread") / "log.jsonl"
-    write_log(path, 8, 16.0)
+    write_log(path, 16, 16.0)
     return path
 
 
@@ -52,10 +52,19 @@ def client() -> Iterator[Client]:
 
 @pytest.fixture(scope="module")
 def alone(log: Path, site: Site) -> Run:
-    reader, lines = LogReader(), list[str]()
-    result = replay.replay(reader, reader.read([log]), site, CLEARANCES_M, on_line=lambda line: lines.append(str(line)))
+    reader, lines, situations = LogReader(), list[str](), list[str]()
+    result = replay.replay(reader, reader.read([log]), site, CLEARANCES_M, **sinks(lines, situations))
     assert lines, "a log in which nothing is told proves nothing"
-    return text(result), lines
+    assert situations
+    return text(result), lines, situations
+
+
+def sinks(lines: list[str], situations: list[str]) -> replay.Sinks:
+    """Collect what the stream would have told."""
+    return {
+        "on_line": lambda line: lines.append(str(line)),
+        "on_situation": lambda revision: situations.append(revision.model_dump_json()),
+    }
 
 
 def text(result: dict[str, Any]) -> str:
@@ -66,17 +75,17 @@ def text(result: dict[str, Any]) -> str:
 def test_windows_of_any_length_give_what_a_single_run_gives(
     client: Client, log: Path, site: Site, alone: Run, window_s: float
 ) -> None:
-    reader, lines = LogReader(), list[str]()
+    reader, lines, situations = LogReader(), list[str](), list[str]()
     result = dask_replay.replay(
         client,
         reader,
         reader.read([log]),
         site,
         CLEARANCES_M,
-        on_line=lambda line: lines.append(str(line)),
         window_s=window_s,
+        **sinks(lines, situations),
     )
-    assert (text(result), lines) == alone
+    assert (text(result), lines, situations) == alone
 
 
 def test_a_worker_that_dies_does_not_change_the_result(client: Client, log: Path, site: Site, alone: Run) -> None:

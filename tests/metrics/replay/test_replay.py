@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.advisories.situations.situation import REVISION
 from ingest.languages.massrobotics import timestamps
 from tests.helpers.commands import run
 from tests.helpers.saying import identity, status
@@ -51,6 +52,13 @@ def test_robots_that_jump_are_not_predicted(tmp_path: Path) -> None:
     assert figures["cases"]["recalled"] == "n"
 
 
+def test_a_crossing_is_one_situation_that_came_true(tmp_path: Path) -> None:
+    figures = scored(log_of_a_crossing(tmp_path / "log.jsonl"), [0.3])["situations"]
+    assert (figures["situations"], figures["true"], figures["by_kind"][0]["kind"]) == (1, 1, "meeting")
+    assert figures["lead_time_s"]["median"] > 6
+    assert (figures["foreseen"], figures["open_at_once"]["most"]) == ({"outcomes": 1, "covered": 1.0}, 1)
+
+
 def test_without_encounters_there_is_no_recall_and_no_alert(tmp_path: Path) -> None:
     (figures,) = scored(log_of_a_crossing(tmp_path / "log.jsonl", apart_m=8.0), [0.3])["scores"]
     assert (figures["encounters"], figures["alerts"], figures["censored"]) == (0, 0, 0)
@@ -67,18 +75,22 @@ def test_figures_are_also_by_vendor(tmp_path: Path) -> None:
 
 def test_the_command_writes_scores_and_the_revisions_of_the_stream(tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
-    messages, results = [], []
+    messages, results, revisions = [], [], []
     for name in ("1", "2"):
-        out, lines = tmp_path / f"{name}.json", tmp_path / f"{name}.jsonl"
+        out, lines, situations = tmp_path / f"{name}.json", tmp_path / f"{name}.jsonl", tmp_path / f"{name}.situations"
         command = [sys.executable, "-m", "deconflict", "replay", str(log), "--clearance", "0.0", "0.3"]
-        subprocess.run([*command, "--json", str(out), "--advisories", str(lines)], check=True)
+        outputs = ["--json", str(out), "--advisories", str(lines), "--situations", str(situations)]
+        subprocess.run([*command, *outputs], check=True)
         assert [load["clearance_m"] for load in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
         messages.append(lines.read_bytes())
+        revisions.append([REVISION.validate_json(line) for line in situations.read_bytes().splitlines()])
         results.append({**json.loads(out.read_text()), "speed_x_real_time": 0})
     assert messages[0] == messages[1]
     assert json.dumps(results[0]) == json.dumps(results[1])
     events = [json.loads(line)["event"] for line in messages[0].splitlines()]
     assert events.count("raised") == events.count("cleared") == 2
+    assert revisions[0] == revisions[1]
+    assert [revision.state for revision in revisions[0]][:: len(revisions[0]) - 1] == ["raised", "cleared"]
     wanted = ("event", "at", "id", "robots", "clearance_m", "probability", "time_to_conflict_s", "min_separation_m")
     assert json.loads(messages[0].splitlines()[0]).keys() >= set(wanted)
 

@@ -3,10 +3,12 @@ from typing import Any
 import numpy as np
 
 from deconflict.foresight.probability.censoring import STAYED
-from metrics.scoring.compare import FigureChange, changes, page
+from metrics.scoring.compare import FigureChange, changes, page, situation_changes
+from metrics.scoring.situation_scores import SituationScores
 from metrics.scoring.warnings.calibration_scores import CalibrationSamples, CalibrationTally
 from metrics.scoring.warnings.precision_by_encounters import Alert, score
 from metrics.truth.encounters import RecordedEncounter
+from tests.metrics.scoring.made_situation_truth import NOBODY_LEFT
 
 
 def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
@@ -19,7 +21,8 @@ def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
         )
         for pair, encounter in list(zip(pairs, encounters, strict=True))[:recalled]
     ]
-    return {"messages": 9, "robots": 2 * of, "span_s": 100.0 * of, "scores": [score(encounters, alerts, 0.3)]}
+    scores, situations = [score(encounters, alerts, 0.3)], SituationScores().figures(NOBODY_LEFT)
+    return {"messages": 9, "robots": 2 * of, "span_s": 100.0 * of, "scores": scores, "situations": situations}
 
 
 def change(name: str, a: dict[str, Any], b: dict[str, Any]) -> FigureChange:
@@ -57,6 +60,14 @@ def test_the_comparison_says_if_the_logs_differ() -> None:
     assert "The logs differ" in page(result(30), result(30, of=50))
     assert "The logs differ" not in page(result(30), result(20))
     assert "60 and 60 foreseeable encounters" in page(result(30), result(20))
+
+
+def test_situations_are_compared_after_the_clearances() -> None:
+    a, b = result(30), result(30)
+    a["situations"]["cases"]["came_true"], b["situations"]["cases"]["came_true"] = "y" * 40, "n" * 20 + "y" * 20 + "-"
+    came_true = next(situation_changes(a["situations"], b["situations"]))
+    assert (came_true.before, came_true.after, came_true.meaning) == (1.0, 0.5, "lower")
+    assert "\n0 and 0 situations\n" in page(a, b)
 
 
 def published(seed: int, off: float = 0.0) -> dict[str, Any]:
