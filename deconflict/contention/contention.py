@@ -25,7 +25,8 @@ from deconflict.contention.queues.zone_flow import ZoneFlows
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
-from deconflict.contention.waiting.blockages import blockages
+from deconflict.contention.waiting.blockage_advice import blockage_advice
+from deconflict.contention.waiting.blockages import Blockage, blockages
 from deconflict.contention.waiting.deadlocks import RingLink, rings
 from deconflict.contention.waiting.detours import Refuge
 from deconflict.contention.waiting.wait_graph import (
@@ -213,7 +214,15 @@ class Contention:
             yield findings.deadlock(self.geometry, ring, advice, self.robots, now_s)
         found = blockages(in_way, self.robots)
         for blockage in self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s):
-            yield findings.blockage(blockage, self.robots, self._reading.quiet_after_s, now_s)
+            yield self._blockage(blockage, now_s)
+
+    def _blockage(self, blocked: Blockage, now_s: float) -> Finding:
+        """A blockage that is published, with what would help."""
+        quiet_after_s = self._reading.quiet_after_s
+        left_s = self._ordinary_blockages.left_s(blocked, self.robots, now_s)
+        floor = self.robots, self.geometry, self._refuges()
+        advice = blockage_advice(blocked, *floor, left_s, quiet_after_s, now_s)
+        return findings.blockage(blocked, advice, self.robots, quiet_after_s, now_s)
 
     def _is_published(self, blocker: str) -> bool:
         """Whether there is an open advisory on a robot that stands in the way."""

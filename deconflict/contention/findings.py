@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.finding_lifecycle import Finding
 from deconflict.advisories.severity import severity_of_deadlock, severity_of_finding
@@ -13,15 +14,8 @@ from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.slot_actions import with_queue_actions, with_ring_actions
 from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.deadlocks import RingLink
+from deconflict.contention.waiting.standing_reasons import state_phrase
 
-STATE_PHRASES = {
-    "waitingHumanEvent": "waits for a person",
-    "waitingExternalEvent": "waits for something around it",
-    "waitingInternalEvent": "busy with itself",
-    "navigating": "says that it drives",
-    "manualOverride": "driven by hand",
-}
-"""Phrases for states of the standard (5.2); other states are words already."""
 WIDE_SPREAD_S = 3.0
 """The text gives the spread of an arrival if it is at least so wide."""
 
@@ -188,18 +182,16 @@ def _way_out(
     return f"; {robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"
 
 
-def _state_phrase(robot: RobotView, quiet_after_s: float, now_s: float) -> str:
-    """The state of a standing robot, in words."""
-    age_s = now_s - robot.event_s
-    if age_s >= quiet_after_s:
-        return f"last heard {age_s:.0f} s ago"
-    return STATE_PHRASES.get(robot.state, robot.state) or "no state"
-
-
-def blockage(blocked: Blockage, robots: Mapping[str, RobotView], quiet_after_s: float, now_s: float) -> Finding:
+def blockage(
+    blocked: Blockage,
+    advice: Recommendation,
+    robots: Mapping[str, RobotView],
+    quiet_after_s: float,
+    now_s: float,
+) -> Finding:
     """A robot that stands where others will pass."""
     robot = robots[blocked.blocker]
-    state, first_s = _state_phrase(robot, quiet_after_s, now_s), max(min(blocked.from_s), now_s)
+    state, first_s = state_phrase(robot, quiet_after_s, now_s), max(min(blocked.from_s), now_s)
     return Finding(
         kind="blockage",
         about=blocked.blocker,
@@ -209,8 +201,9 @@ def blockage(blocked: Blockage, robots: Mapping[str, RobotView], quiet_after_s: 
         location=Location(datum=robot.datum, x=round(robot.x_m, 3), y=round(robot.y_m, 3)),
         summary=lambda: (
             f"{robot.name} has stood for {now_s - blocked.since_s:.0f} s ({state}) in the way of "
-            f"{_names(robots, blocked.holds_up)}"
+            f"{_names(robots, blocked.holds_up)}; {'; '.join(map(action_text, advice.actions))}"
         ),
+        recommendation=advice,
         evidence={"blocker": blocked.blocker, "since_at": moment(blocked.since_s), "holds_up": blocked.holds_up},
     )
 

@@ -18,6 +18,7 @@ from math import floor
 from deconflict.contention.ordinary.usual_durations import UsualDurations
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.blockages import Blockage
+from deconflict.contention.waiting.standing_reasons import needs_person
 from deconflict.settings.shared_places import ContentionSettings
 from ingest.measures.measures import Measures
 
@@ -27,8 +28,6 @@ MOST_USUAL_S = 600.0
 """A robot that has stood longer than this in the way is never usual."""
 ENDS_S = 3.0
 """A blockage that was not found for this long has ended."""
-NEEDS_PERSON = frozenset(("disabled", "offline", "manualOverride"))
-"""States of a robot that a person has to move."""
 
 
 @dataclass(slots=True)
@@ -133,11 +132,6 @@ class OrdinaryBlockages:
     def _count_waits(self, waited_s: Sequence[float]) -> None:
         self._measures.count("deconflict_ordinary_waits_total", "blockage", by=len(waited_s))
         self._measures.count("deconflict_ordinary_wait_seconds_total", "blockage", by=sum(waited_s))
-
-
-def needs_person(robot: RobotView, quiet_after_s: float, now_s: float) -> bool:
-    """Whether only a person can say when a standing robot moves on."""
-    return robot.state in NEEDS_PERSON or now_s - robot.event_s >= quiet_after_s
 
 
 def _others_wait_from_s(blocked: Blockage, robots: Mapping[str, RobotView]) -> list[float]:
