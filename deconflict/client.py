@@ -1,4 +1,4 @@
-"""A client for other services of the site: reads open advisories, follows every revision, acknowledges.
+"""A client for other services of the site: reads what is open, follows every revision, acknowledges.
 
 async with Client("http://127.0.0.1:8080", token=token) as client:
     async for advisory in client.follow(after=last_seen):
@@ -8,16 +8,19 @@ async with Client("http://127.0.0.1:8080", token=token) as client:
 
 import asyncio
 import ssl
-from collections.abc import AsyncGenerator, AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, overload
+from urllib.parse import urlencode
 
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
-from deconflict.advisory import ADVISORY, AFTER_BEYOND_LAST, AnyAdvisory, Listing
+from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation
+from deconflict.advisory import ADVISORY, AFTER_BEYOND_LAST, BAD_KINDS, AnyAdvisory, KindChoice, Listing
 from deconflict.operator.vendor_models import VendorHealth, VendorList
 
 MOST_LISTED = 1000
@@ -44,6 +47,18 @@ class NoSuchAdvisoryError(ClientError):
 
 class PositionLostError(ClientError):
     """The given number is beyond the store's last: it is another store. Read the open advisories again."""
+
+
+@dataclass(frozen=True, slots=True)
+class SituationListing:
+    """Some situations, and the position in the stream at that moment."""
+
+    seq: int
+    """The newest number in the store."""
+    situations: list[Situation]
+    """The newest revision of each, newest first."""
+    more: bool
+    """Whether the limit left some out."""
 
 
 class Client:
@@ -85,13 +100,22 @@ class Client:
         advisories = [ADVISORY.validate_python(advisory) for advisory in answer["advisories"]]
         return Listing(seq=answer["seq"], advisories=advisories, more=answer["more"])
 
-    async def revisions(self, advisory_id: str) -> list[AnyAdvisory]:
-        """Every revision of one advisory, the newest last.
+    async def situations(self) -> SituationListing:
+        """The open situations, newest first, and the stream's position, as `open` gives advisories.
+
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        """
+        answer = _json(await self._http.get("/situations", params={"limit": MOST_LISTED}))
+        situations = [Situation.model_validate(situation) for situation in answer["situations"]]
+        return SituationListing(seq=answer["seq"], situations=situations, more=answer["more"])
+
+    async def revisions(self, advisory_id: str) -> list[AnyRevision]:
+        """Every revision of one advisory or situation, the newest last.
 
         Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
         answer = _json(await self._http.get(f"/advisories/{advisory_id}"))
-        return [ADVISORY.validate_python(advisory) for advisory in answer["advisories"]]
+        return [REVISION.validate_python(advisory) for advisory in answer["advisories"]]
 
     async def vendors(self) -> list[VendorHealth]:
         """The state of each vendor, by name.
@@ -100,26 +124,34 @@ class Client:
         """
         return VendorList.model_validate(_json(await self._http.get("/vendors"))).vendors
 
-    async def acknowledge(self, advisory_id: str, *, name: str, reason: str) -> AnyAdvisory:
-        """Acknowledge an advisory; everybody sees by whom and why. With a token, the name is that of its person.
+    async def acknowledge(self, advisory_id: str, *, name: str, reason: str) -> AnyRevision:
+        """Acknowledge an advisory or a situation; everybody sees by whom and why.
 
-        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        With a token, the name is that of its person. Raises `ClientError`, and `httpx.HTTPError` if the service
+        can't be reached.
         """
         path = f"/advisories/{advisory_id}/acknowledgement"
-        return ADVISORY.validate_python(_json(await self._http.post(path, json={"name": name, "reason": reason})))
+        return REVISION.validate_python(_json(await self._http.post(path, json={"name": name, "reason": reason})))
 
-    async def follow(self, after: int) -> AsyncGenerator[AnyAdvisory, None]:
-        """Every revision with a number above `after`, each once and in order, without end.
+    @overload
+    def follow(self, after: int) -> AsyncGenerator[AnyAdvisory, None]: ...
 
-        Reconnects and resumes if the connection is lost. Raises `PositionLostError`, `NotAllowedError` and
-        `UntrustedError`.
+    @overload
+    def follow(self, after: int, kinds: Iterable[KindChoice]) -> AsyncGenerator[AnyRevision, None]: ...
+
+    async def follow(
+        self, after: int, kinds: Iterable[KindChoice] = ("advisory",)
+    ) -> AsyncGenerator[AnyRevision, None]:
+        """Every revision of these kinds with a number above `after`, each once and in order, without end.
+
+        Numbers ascend. Those of other kinds are left out. Reconnects and resumes if the connection is lost. Raises
+        `PositionLostError`, `NotAllowedError`, `UntrustedError`, and `ClientError` for unknown kinds.
         """
-        wait_s = self._backoff_s[0]
+        wait_s, asked = self._backoff_s[0], ",".join(kinds)
         while True:
+            address = f"{self._stream}?{urlencode({'after': after, 'kinds': asked}, safe=',')}"
             try:
-                async with connect(
-                    f"{self._stream}?after={after}", additional_headers=self._headers, proxy=None, ssl=self._tls
-                ) as stream:
+                async with connect(address, additional_headers=self._headers, proxy=None, ssl=self._tls) as stream:
                     async for advisory in _revisions(stream):
                         yield advisory
                         after, wait_s = advisory.seq, self._backoff_s[0]
@@ -134,17 +166,19 @@ class Client:
             wait_s = min(2 * wait_s, self._backoff_s[1])
 
 
-async def _revisions(stream: ClientConnection) -> AsyncIterator[AnyAdvisory]:
-    """The revisions until the connection ends. Raises `PositionLostError` and `NotAllowedError`."""
+async def _revisions(stream: ClientConnection) -> AsyncIterator[AnyRevision]:
+    """The revisions until the connection ends. Raises `ClientError`."""
     try:
         while True:
-            yield ADVISORY.validate_json(await stream.recv())
+            yield REVISION.validate_json(await stream.recv())
     except ConnectionClosed as closed:
         code, reason = (closed.rcvd.code, closed.rcvd.reason) if closed.rcvd else (None, "")
         if code == AFTER_BEYOND_LAST:
             raise PositionLostError(reason) from closed
         if code == CLOSED_BY_POLICY:
             raise NotAllowedError(reason) from closed
+        if code == BAD_KINDS:
+            raise ClientError(reason) from closed
 
 
 def _json(response: httpx.Response) -> Any:

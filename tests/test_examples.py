@@ -15,9 +15,10 @@ from deconflict.advisory import AnyAdvisory, Severity
 from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served, until
-from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "site_service.py"
+EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLE, BOARD = EXAMPLES / "site_service.py", EXAMPLES / "situation_board.py"
 SAID = "the-token-of-the-site-service"
 
 
@@ -74,3 +75,17 @@ async def test_the_site_service_takes_up_each_advisory_once_though_it_is_killed(
         assert service_process.stderr
         assert b"Traceback" not in service_process.stderr.read()
         service_process.stderr.close()
+
+
+async def test_the_board_shows_the_open_situations_after_each_change(tmp_path: Path) -> None:
+    async with served(tmp_path) as service:
+        await service.publish(situation(1), made(1))
+        command = [sys.executable, str(BOARD), service.http]
+        board = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE)
+        assert board.stdout
+        meets = b"warning: Tug 1 and Lift 2 meet at the dock. Tug 1 waits 3 s\n"
+        assert [await board.stdout.readline() for _ in range(2)] == [b"1 open\n", meets]
+        await service.publish(made(2), cleared_situation(1))
+        assert await board.stdout.readline() == b"0 open\n"
+        board.kill()
+        await board.wait()

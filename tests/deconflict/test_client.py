@@ -21,7 +21,7 @@ from deconflict.client import (
 from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served
-from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -48,6 +48,27 @@ async def test_the_client_gets_open_advisories_and_every_later_revision_without_
         later = await service.publish(made(3))
         assert await first(subscriber, listing.seq, 1) == later
         assert await subscriber.revisions("advisory-2") == published[1:]
+
+
+async def test_the_client_gets_open_situations_and_follows_the_kinds_that_it_asks_for(tmp_path: Path) -> None:
+    async with served(tmp_path) as service:
+        await service.publish(made(1), situation(1), situation(2), cleared_situation(2))
+        async with client(service) as subscriber:
+            listing = await subscriber.situations()
+            assert ([each.id for each in listing.situations], listing.seq, listing.more) == (["situation-1"], 4, False)
+            await service.publish(made(2), situation(3), made(3))
+            following = subscriber.follow(after=0, kinds=["situation"])
+            assert [(await anext(following)).seq for _ in range(4)] == [2, 3, 4, 6]
+            everything = subscriber.follow(after=listing.seq, kinds=["situation", "conflict"])
+            assert [(await anext(everything)).id for _ in range(3)] == ["advisory-2", "situation-3", "advisory-3"]
+            answered = await subscriber.acknowledge("situation-3", name="Kim", reason="on my way")
+            assert answered == (await subscriber.revisions("situation-3"))[-1] == await anext(following)
+
+
+async def test_kinds_that_do_not_exist_are_an_error(tmp_path: Path) -> None:
+    async with served(tmp_path) as service, client(service) as subscriber:
+        with pytest.raises(ClientError, match="kinds: found 'rumour'"):
+            await anext(subscriber.follow(after=0, kinds=["rumour"]))  # type: ignore[list-item]
 
 
 async def test_the_client_gets_the_state_of_each_vendor(tmp_path: Path) -> None:

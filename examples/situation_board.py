@@ -1,0 +1,41 @@
+"""A board of the open situations: what is going on, and what to do.
+
+    python examples/situation_board.py http://127.0.0.1:8080
+
+It prints all open situations again after each change. `DECONFLICT_TOKEN` is the token of a person of the site file, if
+the site uses them.
+"""
+
+import asyncio
+import os
+import sys
+from collections.abc import Iterable
+
+from deconflict.advisories.situations.situation import Situation
+from deconflict.advisory import AdvisoryState
+from deconflict.client import Client
+
+
+async def follow(url: str) -> None:
+    async with Client(url, token=os.environ.get("DECONFLICT_TOKEN")) as client:
+        listing = await client.situations()
+        board = {situation.id: situation for situation in listing.situations}
+        show(board.values())
+        async for revision in client.follow(after=listing.seq, kinds=["situation"]):
+            if isinstance(revision, Situation):
+                board[revision.id] = revision
+                if revision.state is AdvisoryState.CLEARED:
+                    del board[revision.id]
+                show(board.values())
+
+
+def show(situations: Iterable[Situation]) -> None:
+    """Print a line for each situation, the one with the least time left first."""
+    ordered = sorted(situations, key=lambda each: (each.preventable_s is None, each.preventable_s, each.id))
+    lines = [f"{each.severity}: {each.summary}. {each.advice.text if each.advice else each.ends}" for each in ordered]
+    sys.stdout.write("\n".join([f"{len(lines)} open", *lines, ""]))
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    asyncio.run(follow(sys.argv[1]))
