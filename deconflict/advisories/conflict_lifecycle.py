@@ -8,7 +8,7 @@
 A look is a pass in which either robot has a new forecast, so a repeated forecast confirms nothing. An encounter lasts
 until the pair has drawn apart by the clearance and a margin: a pair that begins within the clearance alerts only if
 the envelopes are about to touch. An advisory whose conflict is not predicted any more, or has begun, is updated in its
-probability alone.
+probability alone, and in its severity by it.
 
 These files take part, in this order:
 
@@ -195,17 +195,25 @@ class ConflictLifecycle:
         if not all(map(scene.is_present, watched.pair)):
             return None
         before = watched.advisory.severity if watched.advisory else None
-        severity = severity_of(prediction, now_s, before, self.settings)
+        severity = severity_of(
+            prediction.contact_s - now_s, prediction.separation_m, prediction.probability, before, self.settings
+        )
         return Candidate(watched, prediction, severity, is_news=code != UPDATE_IF_MOVED)
 
     def _update_probability(self, watched: WatchedPair, probability: float, now_s: float) -> ConflictAdvisory | None:
-        """The revision that changes the probability alone; None if the change is too small or too soon."""
-        before, probability = watched.advisory, self._published_probability(probability)
-        if before is None or now_s < before.updated_at.timestamp() + revision_rules.UPDATE_GAP_S:
+        """The revision that changes the probability, and the severity by it; None if the change is too small or too
+        soon."""
+        before = watched.advisory
+        if before is None:
             return None
-        if not revision_rules.is_likelier(probability, before.probability or 0.0):
+        time_s = before.predicted_at.timestamp() - now_s
+        severity = severity_of(time_s, before.min_separation_m, probability, before.severity, self.settings)
+        probability = self._published_probability(probability)
+        is_too_soon = now_s < before.updated_at.timestamp() + revision_rules.UPDATE_GAP_S
+        is_as_likely = not revision_rules.is_likelier(probability, before.probability or 0.0)
+        if severity is before.severity and (is_too_soon or is_as_likely):
             return None
-        return conflict_wording.with_probability(before, probability, now_s)
+        return conflict_wording.with_probability(before, probability, severity, now_s)
 
     def _published_probability(self, probability: float) -> float:
         return revision_rules.published_probability(probability, revision_rules.held_probability(self.settings))
@@ -271,7 +279,8 @@ class ConflictLifecycle:
             revision = None
             if is_absent or code == MAY_CLEAR or (is_look and watched.advisory is None):
                 revision = self._clear_if_apart(watched, now_s, scene)
-            if revision is None and not is_absent and code in (MAY_CLEAR, UPDATE_PROBABILITY):
+            is_awaited = is_absent and self._is_awaited(watched.advisory, now_s)
+            if revision is None and not is_awaited and code in (MAY_CLEAR, UPDATE_PROBABILITY):
                 revision = self._update_probability(watched, 0.0, now_s)
             yield self._settled(watched, revision)
 
@@ -292,6 +301,11 @@ class ConflictLifecycle:
             return advisory.cleared_revision(now_s, _why_absent(advisory, left, scene))
         return advisory.cleared_revision(now_s, PASSED if self.pairs.have_met(watched) else UNPREDICTED)
 
+    def _is_awaited(self, advisory: ConflictAdvisory | None, now_s: float) -> bool:
+        """Whether a restored advisory stands as it is until its robots are heard of."""
+        begins_s = advisory.predicted_at.timestamp() if advisory else now_s
+        return now_s - max(begins_s, self.started_s or 0.0) < self.settings.clear_after_s
+
     def _clear_if_absent(
         self, watched: WatchedPair, absent: list[str], now_s: float, scene: ConflictScene
     ) -> ConflictAdvisory | None:
@@ -302,7 +316,7 @@ class ConflictLifecycle:
         if advisory is None:
             return None
         started_s = self.started_s or 0.0
-        is_restored = advisory.updated_at.timestamp() < started_s
+        is_restored = self.pairs.predicted_s(watched) < started_s
         if is_restored and now_s - started_s < self.absent_after_s:
             return None
         return advisory.cleared_revision(now_s, _why_absent(advisory, absent, scene))

@@ -125,9 +125,12 @@ def updated(before: ConflictAdvisory, fields: RevisionFields) -> ConflictAdvisor
     return before.next_revision(**fields | {"summary": summary})
 
 
-def with_probability(before: ConflictAdvisory, probability: float, now_s: float) -> ConflictAdvisory:
-    """The next revision if only the probability has changed."""
+def with_probability(
+    before: ConflictAdvisory, probability: float, severity: Severity, now_s: float
+) -> ConflictAdvisory:
+    """The next revision if only the probability has changed, and the severity by it."""
     return before.next_revision(
+        severity=severity,
         updated_at=moment(now_s),
         time_to_conflict_s=round(before.time_left_s(now_s), 3),
         probability=round(probability, 3),

@@ -18,9 +18,7 @@ HOLD_CHANGED_S = 1.0
 ROUNDED = 1e-3
 """Advisories give probabilities rounded to this."""
 UPDATE_GAP_S = 1.0
-"""Shortest time between two revisions, unless severity rises."""
-FADES_S = 1.0
-"""After a conflict has been unlikely for this long, its advisory is updated to the low probability."""
+"""Shortest time between two revisions, unless the severity changes."""
 HELD_SHARE = 0.15
 """An advisory stands until its probability is below this share of `raise_probability`."""
 

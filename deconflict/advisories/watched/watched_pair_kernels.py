@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from deconflict.advisories.revision_rules import (
     DEEPER_M,
-    FADES_S,
     LIKELIER,
     MOVED_S,
     ROUNDED,
@@ -31,7 +30,7 @@ from deconflict.advisories.revision_rules import (
     is_likelier,
     published_probability,
 )
-from deconflict.advisories.severity import SLACK_S, SURE, is_shallow, next_severity_change_s, severity_level
+from deconflict.advisories.severity import FALLS_S, SURE, severity_level
 from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
 from deconflict.foresight.presence.probably_left import PROBABLY_LEFT
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
@@ -82,7 +81,10 @@ UPDATE = 5
 UPDATE_IF_MOVED = 6
 """The prediction is the same as the advisory, unless the two meet at another place or in another way."""
 UPDATE_PROBABILITY = 7
-"""Nothing but the probability has changed."""
+"""Nothing but the probability has changed, and the severity by it."""
+
+SAME, FALLING, CHANGED = 0, 1, 2
+"""What becomes of an advisory's severity: it stays; it should fall, but has not for long enough; it changes."""
 
 TOUCHING_M = 0.1
 """A pair that begins nearer than this touches already, as far as forecasts can say."""
@@ -95,8 +97,7 @@ _PREDICTIONS = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
 
 
 _is_likelier, _published_probability = inner(is_likelier), inner(published_probability)
-_is_shallow, _severity_level = inner(is_shallow), inner(severity_level)
-_next_severity_change_s = inner(next_severity_change_s)
+_severity_level = inner(severity_level)
 
 
 @inner
@@ -106,7 +107,7 @@ def _begin_watch(pairs: NDArray[Any], first: int) -> int:
         first += 1
     pair = pairs[first]
     pair.in_use, pair.inside, pair.met, pair.looks = True, False, False, 0
-    pair.predicted_s, pair.weighed_until_s, pair.still_since_s = -inf, -inf, inf
+    pair.predicted_s, pair.weighed_until_s, pair.still_since_s, pair.lower_since_s = -inf, -inf, inf, inf
     return first
 
 
@@ -159,7 +160,7 @@ def _decide_without_advisory(
     """The code for a pair that has no open advisory."""
     is_evident = predicted.deciding > thresholds.evident or predicted.contact_s - now_s <= thresholds.urgent_s
     if is_alerting and (is_evident or _has_enough_looks(pair.looks, thresholds.looks_needed)):
-        pair.met, pair.predicted_s, pair.still_since_s = False, now_s, inf
+        pair.met, pair.predicted_s, pair.still_since_s, pair.lower_since_s = False, now_s, inf, inf
         return RAISE
     if is_new:
         return WATCH
@@ -170,11 +171,28 @@ def _decide_without_advisory(
 
 
 @inner
-def _decide_probability(advisory: Any, probability: float, now_s: float, thresholds: Any) -> int:
-    """The code if nothing but the probability can change.
+def _examine_severity(
+    pair: Any, advisory: Any, time_s: float, separation_m: float, probability: float, now_s: float, thresholds: Any
+) -> int:
+    """What becomes of the severity of an advisory on a conflict `time_s` ahead: `SAME`, `FALLING` or `CHANGED`."""
+    if advisory.severity <= _severity_level(time_s, separation_m, probability, thresholds, True):
+        pair.lower_since_s = inf
+        least = _severity_level(time_s, separation_m, probability, thresholds, False)
+        return CHANGED if least > advisory.severity else SAME
+    pair.lower_since_s = min(pair.lower_since_s, now_s)
+    return CHANGED if now_s - pair.lower_since_s >= FALLS_S else FALLING
+
+
+@inner
+def _decide_probability(pair: Any, advisory: Any, probability: float, now_s: float, thresholds: Any) -> int:
+    """The code if nothing but the probability can change, and the severity by it.
 
     The probability itself must have changed, too: that low ones are published as one value is no news.
     """
+    time_s, separation_m = advisory.contact_s - now_s, advisory.separation_m
+    severity = _examine_severity(pair, advisory, time_s, separation_m, probability, now_s, thresholds)
+    if severity != SAME:
+        return UPDATE_PROBABILITY if severity == CHANGED else NO_CHANGE
     has_changed = abs(probability - advisory.probability) > LIKELIER - ROUNDED
     published = _published_probability(probability, thresholds.held_probability)
     has_changed = has_changed and _is_likelier(published, advisory.probability)
@@ -184,40 +202,35 @@ def _decide_probability(advisory: Any, probability: float, now_s: float, thresho
 @inner
 def _decide_unlikely(pair: Any, advisory: Any, probability: float, now_s: float, thresholds: Any) -> int:
     """The code for a pair with an open advisory whose conflict is too unlikely for it to stand."""
-    unlikely_s = now_s - pair.predicted_s
-    if unlikely_s >= thresholds.clear_after_s:
+    if now_s - pair.predicted_s >= thresholds.clear_after_s:
         return MAY_CLEAR
-    if unlikely_s >= FADES_S:
-        return _decide_probability(advisory, probability, now_s, thresholds)
-    return NO_CHANGE
+    pair.lower_since_s = min(pair.lower_since_s, pair.predicted_s)
+    if now_s - pair.lower_since_s < FALLS_S:
+        return NO_CHANGE
+    return _decide_probability(pair, advisory, probability, now_s, thresholds)
 
 
 @inner
 def _decide_update(pair: Any, advisory: Any, predicted: Any, now_s: float, thresholds: Any) -> int:
     """The code for a pair with an open advisory whose conflict is likely enough for it to stand."""
     pair.predicted_s = now_s
-    contact_s, separation_m = predicted.contact_s, predicted.separation_m
-    is_sure = predicted.probability >= SURE
-    is_as_likely = not _is_likelier(predicted.probability, advisory.probability)
+    contact_s, separation_m, probability = predicted.contact_s, predicted.separation_m, predicted.probability
+    if advisory.has_begun and contact_s <= now_s:
+        return _decide_probability(pair, advisory, probability, now_s, thresholds)
+    severity = _examine_severity(pair, advisory, contact_s - now_s, separation_m, probability, now_s, thresholds)
+    if severity != SAME:
+        return UPDATE if severity == CHANGED else NO_CHANGE
+    is_as_likely = not _is_likelier(probability, advisory.probability)
     is_weighed = contact_s == pair.weighed_contact_s and separation_m == pair.weighed_separation_m
-    is_weighed = is_weighed and is_sure == pair.weighed_sure
     if not predicted.fresh and is_weighed and is_as_likely and now_s < pair.weighed_until_s:
         return NO_CHANGE
-    if advisory.has_begun and contact_s <= now_s:
-        return _decide_probability(advisory, predicted.probability, now_s, thresholds)
-    time_s, next_revision_s = contact_s - now_s, advisory.updated_s + UPDATE_GAP_S
-    is_lower = _is_shallow(separation_m, predicted.probability, thresholds.clearance_m)
-    warning_s, critical_s = thresholds.warning_s, thresholds.critical_s
-    least = _severity_level(time_s, is_lower, warning_s, critical_s)
-    most = _severity_level(time_s, is_lower, warning_s + SLACK_S, critical_s + SLACK_S)
-    is_too_soon = now_s < next_revision_s and least <= advisory.severity
-    is_same = least <= advisory.severity <= most and is_as_likely
-    is_same = is_same and abs(round(contact_s - advisory.contact_s, 6)) <= MOVED_S
+    next_revision_s = advisory.updated_s + UPDATE_GAP_S
+    is_too_soon = now_s < next_revision_s
+    is_same = is_as_likely and abs(round(contact_s - advisory.contact_s, 6)) <= MOVED_S
     is_same = is_same and abs(round(separation_m, 3) - advisory.separation_m) <= DEEPER_M
     if is_too_soon or is_same:
-        pair.weighed_contact_s, pair.weighed_separation_m, pair.weighed_sure = contact_s, separation_m, is_sure
-        until_s = _next_severity_change_s(contact_s, now_s, warning_s, critical_s, SLACK_S)
-        pair.weighed_until_s = min(until_s, next_revision_s) if is_too_soon else until_s
+        pair.weighed_contact_s, pair.weighed_separation_m = contact_s, separation_m
+        pair.weighed_until_s = next_revision_s if is_too_soon else inf
     if is_too_soon:
         return NO_CHANGE
     return UPDATE_IF_MOVED if is_same else UPDATE

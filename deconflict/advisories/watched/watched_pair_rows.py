@@ -25,14 +25,14 @@ WATCHED_PAIR = np.dtype(
         ("in_use", np.bool_),  # a pair has this row
         ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
         ("met", np.bool_),  # it came within the clearance while the advisory was open
-        ("weighed_sure", np.bool_),  # the last weighed prediction was at least as likely as `sure`
         ("predicted", np.bool_),  # this pass has a prediction of the pair
         ("looks", np.int64),  # one bit for each of the last looks, 1 if it was alerting; the newest is the lowest bit
         ("predicted_s", np.float64),  # when a pair with an advisory was last predicted as likely enough
         ("weighed_contact_s", np.float64),  # predicted time of the last weighed prediction
         ("weighed_separation_m", np.float64),  # its smallest separation
-        ("weighed_until_s", np.float64),  # from then on, time alone may make that prediction worth a revision
+        ("weighed_until_s", np.float64),  # from then on, that prediction may be worth a revision; inf if never
         ("still_since_s", np.float64),  # since when both stand or one gives way to the other; inf if neither
+        ("lower_since_s", np.float64),  # since when its advisory should be less severe; inf if it should not
     ],
     align=True,
 )

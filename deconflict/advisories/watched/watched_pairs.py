@@ -34,7 +34,7 @@ ROUNDED = 1e-3
 """Advisories give places rounded to this, so a move is surely too small only so far below its bound."""
 
 _NEW_ROW = np.zeros((), WATCHED_PAIR)
-_NEW_ROW["in_use"], _NEW_ROW["still_since_s"] = True, inf
+_NEW_ROW["in_use"], _NEW_ROW["still_since_s"], _NEW_ROW["lower_since_s"] = True, inf, inf
 _NEW_ROW["predicted_s"], _NEW_ROW["weighed_until_s"] = -inf, -inf
 
 
@@ -106,8 +106,10 @@ class WatchedPairs:
 
         `floor` is the index of its floor, -1 if that is not known; None keeps the floor of the revision before.
         """
-        watched.advisory = advisory
+        before, watched.advisory = watched.advisory, advisory
         self._pairs["weighed_until_s"][watched.row] = -inf
+        if before is None or advisory is None or before.severity is not advisory.severity:
+            self._pairs["lower_since_s"][watched.row] = inf
         if advisory is None:
             self._advisories["is_open"][watched.row] = False
             return

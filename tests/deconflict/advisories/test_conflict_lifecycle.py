@@ -3,6 +3,7 @@ from dataclasses import dataclass, field
 from math import hypot
 from uuid import uuid5
 
+import numpy as np
 import pytest
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
@@ -106,16 +107,21 @@ def test_an_unpredicted_conflict_is_updated_in_its_probability_until_it_is_clear
     assert (back.state, back.probability) == (AdvisoryState.UPDATED, 0.9)
 
 
-def test_a_conflict_that_has_begun_is_updated_in_its_probability() -> None:
+def test_a_conflict_that_has_begun_is_updated_in_its_probability_and_severity() -> None:
     story = Story()
     story.raised(3)
     story.predicted(0)
-    by_step = [story.predicted(-1, start_m=0.35, probability=probability) for probability in (0.95, 0.3, 0.3, 0.1)]
-    assert [[(advisory.time_to_conflict_s, advisory.probability) for advisory in each] for each in by_step] == [
+    shares = (0.95, 0.2, 0.2, 0.0, 0.9)
+    by_step = [story.predicted(-1, start_m=0.35, probability=probability) for probability in shares]
+    assert [
+        [(advisory.time_to_conflict_s, advisory.probability, advisory.severity) for advisory in each]
+        for each in by_step
+    ] == [
         [],
-        [(0.0, 0.3)],
         [],
-        [(0.0, 0.1)],
+        [(0.0, 0.2, Severity.CAUTION)],
+        [(0.0, UNLIKELY, Severity.CAUTION)],
+        [(0.0, 0.9, Severity.CRITICAL)],
     ]
 
 
@@ -393,22 +399,38 @@ def test_a_robot_that_left_the_floor_ends_the_advisory() -> None:
     assert cleared.cleared_because == "Corvid 2 left the floor"
 
 
+def restarted(advisory: ConflictAdvisory, after_s: float) -> Story:
+    """A story that goes on with an advisory; no robot has reported yet."""
+    later = Story(now_s=advisory.updated_at.timestamp() + after_s, floor={})
+    later.lifecycle.restore([advisory])
+    return later
+
+
 def test_a_restored_advisory_waits_for_its_robots_and_keeps_its_id() -> None:
-    first = Story().raised()
-    later = Story(lifecycle=ConflictLifecycle(SETTINGS, ABSENT_AFTER_S, {PAIR: 1}), now_s=1100.0)
-    later.lifecycle.restore([first])
-    known, later.floor = later.floor, {}
-    assert [advisory for _ in range(50) for advisory in later.quiet()] == []
-    later.floor = known
+    story = Story()
+    first = story.raised(8)
+    later = restarted(first, after_s=1)
+    assert [advisory for _ in range(8) for advisory in later.quiet()] == []
+    later.floor = story.floor
     (update,) = later.predicted(4)
-    assert (update.id, update.revision, update.encounter) == (first.id, 2, 1)
+    assert (update.id, update.revision) == (first.id, 2)
+
+
+def test_a_restored_advisory_fades_if_its_robots_are_not_heard_of_by_the_time_of_the_conflict() -> None:
+    story = Story()
+    critical = story.predicted(1)[-1]
+    later = restarted(critical, after_s=1)
+    (faded,) = [advisory for _ in range(50) for advisory in later.quiet()]
+    assert (critical.severity, faded.severity, faded.probability) == (Severity.CRITICAL, Severity.CAUTION, UNLIKELY)
+    assert (faded.updated_at - later.lifecycle.advisories[PAIR].raised_at).total_seconds() == 5
+    later.floor = story.floor
+    assert [advisory.id for advisory in later.predicted(4)] == [critical.id]
 
 
 def test_a_restored_advisory_whose_robots_never_return_is_cleared_in_time() -> None:
-    later = Story(lifecycle=ConflictLifecycle(SETTINGS, ABSENT_AFTER_S), now_s=1100.0, floor={})
-    later.lifecycle.restore([Story().raised()])
+    later = restarted(Story().raised(), after_s=90)
     advisories = [advisory for _ in range(70) for advisory in later.quiet(updated=False)]
-    assert [advisory.state for advisory in advisories] == [AdvisoryState.CLEARED]
+    assert [advisory.state for advisory in advisories] == [AdvisoryState.UPDATED, AdvisoryState.CLEARED]
 
 
 def test_pairs_no_longer_of_interest_are_forgotten() -> None:
@@ -460,3 +482,45 @@ def test_an_unsure_conflict_is_one_level_less_severe() -> None:
     story.predicted(5, probability=0.7)
     (advisory,) = story.predicted(4, probability=0.7)
     assert (advisory.severity, advisory.probability) == (Severity.CAUTION, 0.7)
+
+
+def likely_at(*shares: float) -> list[list[Severity]]:
+    """The severities of the revisions of a critical conflict that stays as near, with these probabilities."""
+    story = Story()
+    assert story.predicted(1.5)[-1].severity is Severity.CRITICAL
+    return [[advisory.severity for advisory in story.predicted(1.5, probability=share)] for share in shares]
+
+
+def test_a_severity_falls_with_the_probability_after_a_second_and_rises_at_once() -> None:
+    assert likely_at(0.5, 0.5, 0.2, 0.2, 0.9) == [
+        [],
+        [Severity.WARNING],
+        [],
+        [Severity.CAUTION],
+        [Severity.CRITICAL],
+    ]
+
+
+def test_a_severity_stands_if_the_probability_falls_for_less_than_a_second_or_stays_near_the_bound() -> None:
+    assert likely_at(0.2, 1.0, 0.2, 1.0) == [[], [Severity.CRITICAL]] * 2
+    assert likely_at(0.61, 0.8, 0.61) == [[Severity.CRITICAL]] * 3
+
+
+def test_a_conflict_less_likely_than_raises_an_advisory_is_a_caution_however_near() -> None:
+    story = Story()
+    prediction = Prediction(PAIR, story.now_s + 1, 0.0, 5.0, True, probability=0.39)
+    predictions = in_columns([prediction])._replace(deciding=np.array([0.41]))
+    (advisory,) = story.lifecycle.revise(story.now_s, predictions, {"a"}, story)
+    assert advisory.severity is Severity.CAUTION
+
+
+def test_a_severity_falls_with_the_separation_if_it_is_well_beyond_half_the_clearance() -> None:
+    story = Story()
+    story.predicted(1.5)
+    by_step = [story.predicted(1.5, separation_m=separation_m) for separation_m in (0.16, 0.16, 0.21, 0.21)]
+    assert [[advisory.severity for advisory in each] for each in by_step] == [
+        [Severity.CRITICAL],
+        [Severity.CRITICAL],
+        [],
+        [Severity.WARNING],
+    ]
