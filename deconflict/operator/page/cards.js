@@ -1,19 +1,21 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, change, countdown, plural, severityOf, short, since, toDo, urgency, what } from "./texts.js";
+import { KINDS, SIGNS, change, countdown, gist, plural, severityOf, short, since, toDo, urgency, what } from "./texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
+const STILL_MS = 2000; // cards keep their order for so long after the pointer moved over them, so that nobody presses a wrong one
 
 export class Cards {
   // `acts` are called with what a person does: choose(id), acknowledge(id), point(id, robot), showRobot(uuid).
   constructor(list, more, acts) {
-    Object.assign(this, { list, more, acts, cards: new Map(), all: false });
+    Object.assign(this, { list, more, acts, cards: new Map(), all: false, movedMs: -Infinity });
+    list.onpointermove = () => { this.movedMs = Date.now(); };
     more.onclick = () => { this.all = !this.all; acts.changed(); };
   }
 
   // `ended` are those that were cleared lately; `behind(id)` are the advisories of a situation.
   show(open, ended, view) {
-    const sorted = [...open, ...ended].sort(urgency), ids = new Set(sorted.map(({ id }) => id)), shown = new Set([...open].sort(urgency).slice(0, MOST_CARDS).map(({ id }) => id));
+    const sorted = this.inOrder([...open, ...ended]), ids = new Set(sorted.map(({ id }) => id)), shown = new Set([...open].sort(urgency).slice(0, MOST_CARDS).map(({ id }) => id));
     for (const [id, card] of this.cards) if (!ids.has(id)) this.remove(id, card);
     sorted.forEach((situation, i) => {
       const card = this.cards.get(situation.id) ?? this.newCard(situation.id);
@@ -23,6 +25,15 @@ export class Cards {
     });
     this.more.hidden = open.length <= MOST_CARDS;
     setText(this.more, this.all ? "Show fewer" : `Show ${open.length - MOST_CARDS} more, less urgent`);
+  }
+
+  // Most urgent first, or, while somebody points at the cards, as they are.
+  inOrder(situations) {
+    const sorted = [...situations].sort(urgency);
+    if (Date.now() - this.movedMs > STILL_MS) return sorted;
+    const order = [...this.cards.keys()].sort((a, b) => this.cards.get(a).compareDocumentPosition(this.cards.get(b)) & Node.DOCUMENT_POSITION_FOLLOWING ? -1 : 1);
+    const at = ({ id }) => (order.includes(id) ? order.indexOf(id) : order.length);
+    return sorted.sort((a, b) => at(a) - at(b));
   }
 
   // A card that moves would lose the focus.
@@ -56,30 +67,32 @@ export class Cards {
     behind.ontoggle = () => acts.changed();
     top.append(parts.severity, parts.kind, parts.when);
     parts.advice.append(parts.first, parts.then);
-    buttons.append(parts.show, parts.take);
+    buttons.append(parts.since, parts.show, parts.take);
     behind.append(parts.count, parts.lines);
-    card.append(top, parts.what, parts.advice, parts.changed, parts.robots, parts.since, parts.answer, buttons, behind);
+    card.append(top, parts.what, parts.advice, parts.changed, parts.robots, parts.answer, buttons, behind);
     this.cards.set(id, card);
     return card;
   }
 
   fill(card, situation, { nowS, chosen, flashed, floorName, past, behind, situations, colour }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
+    const floor = situation.location ? floorName(situation.location.datum) : "", sentence = gist(situation);
     card.classList.remove("critical", "warning", "caution");
     card.classList.add(situation.severity);
     card.classList.toggle("chosen", situation.id === chosen);
     card.classList.toggle("ended", ended);
     card.classList.toggle("flash", flashed.has(situation.id));
     card.classList.toggle("answered", Boolean(answer));
+    card.classList.toggle("advised", Boolean(first));
     setText(parts.severity, ended ? "✓ Over" : severityOf(situation));
     setText(parts.kind, KINDS[situation.situation_kind]);
     setText(parts.when, ended ? "" : countdown(situation, nowS));
-    setText(parts.what, what(situation));
+    setText(parts.what, sentence);
     setText(parts.first, ended ? "" : first);
-    setText(parts.then, ended ? over(situation, situations) : `${first && then ? ", " : ""}${then}`);
+    setText(parts.then, ended ? over(situation, situations) : then);
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
-    setText(parts.since, [situation.location ? floorName(situation.location.datum) : "", since(situation, nowS)].filter(Boolean).join(" · "));
+    setText(parts.since, [situation.location && !sentence.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
     showText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
     setText(parts.take, answer ? "Acknowledge again" : "Acknowledge");
     parts.show.setAttribute("aria-label", `Show on the map: ${what(situation)}`);
@@ -89,7 +102,7 @@ export class Cards {
     parts.behind.hidden = !advisories.length;
     setText(parts.count, `${plural(advisories.length, "warning")} behind it`);
     if (parts.behind.open) lines(parts.lines, advisories);
-    card.dataset.floor = situation.location ? floorName(situation.location.datum) : "";
+    card.dataset.floor = floor;
     card.dataset.kind = situation.situation_kind;
   }
 
@@ -133,7 +146,7 @@ export function lines(list, advisories) {
 
 function over(situation, situations) {
   const into = situations.get(situation.joined_into);
-  return into ? `Now part of “${KINDS[into.situation_kind]}”: ${what(into)}` : situation.cleared_because ?? "";
+  return into ? `Now part of “${KINDS[into.situation_kind]}”` : situation.cleared_because ?? "";
 }
 
 function rank(advised, { uuid }) {

@@ -1,7 +1,7 @@
 // The open situations and advisories, read once and then kept up to date by the stream.
 
 const RETRY_MS = 1000;
-const FADE_MS = 8000;
+export const FADE_MS = 5000;
 
 export class Feed {
   constructor(changed) {

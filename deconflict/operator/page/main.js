@@ -16,6 +16,7 @@ const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
 const FRAME_MS = 30;
 const FLASH_MS = 3000;
+const LEAST_SHOWN_M = 5;
 const NEWS_S = 5; // an older revision is not announced: the stream sends it again after a gap
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -85,6 +86,7 @@ function scene() {
   const here = onFloor().filter((robot) => !isTakenOff(robot));
   for (const robot of here) setPresence(robot, atS, unidentified);
   const situations = [...open().sort(urgency), ...ended()].filter((situation) => situation.location?.datum === floor);
+  const picked = new Set([chosen, pointed.situation]), highlighted = new Set(situations.filter(({ id }) => picked.has(id)).flatMap((situation) => situation.robots));
   const involved = new Map(), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
   for (const { id, severity, robots, advice } of situations.filter(({ endedMs }) => !endedMs).reverse()) {
     for (const uuid of robots) involved.set(uuid, severity);
@@ -93,7 +95,7 @@ function scene() {
   }
   const known = floors().find((each) => each.id === floor);
   return {
-    floor, theme: root.dataset.theme, nowS: atS, robots: here, situations, involved, advised, contended, chosen, pointed: pointed.situation, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
+    floor, theme: root.dataset.theme, nowS: atS, robots: here, situations, involved, advised, highlighted, contended, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
     places: site.places.filter((place) => place.floor === floor), marks: known?.marks ?? [],
     exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),
@@ -234,16 +236,19 @@ function choose(id) {
   const situation = open().find((each) => each.id === id);
   chosen = situation ? id : null;
   if (!situation) return;
-  if (situation.location) lookAt(situation.location);
+  if (situation.location) lookAt(situation.location.datum, [...situation.outline, ...situation.robots.map(placeOf).filter(Boolean)]);
   $("map").scrollIntoView({ block: "nearest" });
   list();
 }
 
-function lookAt({ datum, x, y }) {
+function placeOf(uuid) { return robots().get(uuid)?.knots.slice(1, 3); }
+
+// Shows some points of a floor, and at least `LEAST_SHOWN_M` around them.
+function lookAt(datum, points) {
+  const [xs, ys] = [0, 1].map((axis) => points.map((place) => place[axis]));
   floor = datum;
   moved = true;
-  camera.scale = Math.max(camera.scale, 28);
-  camera.centreOn(x, y);
+  camera.fit([Math.min(...xs) - LEAST_SHOWN_M, Math.min(...ys) - LEAST_SHOWN_M, Math.max(...xs) + LEAST_SHOWN_M, Math.max(...ys) + LEAST_SHOWN_M]);
 }
 
 function point(situation, robot) {
@@ -254,7 +259,7 @@ function showRobot(id, uuid) {
   const robot = robots().get(uuid);
   chosen = id;
   robotShown = uuid;
-  if (robot?.floor) lookAt({ datum: robot.floor, x: robot.knots[1], y: robot.knots[2] });
+  if (robot?.floor) lookAt(robot.floor, [placeOf(uuid)]);
   $("map").scrollIntoView({ block: "nearest" });
   list();
 }

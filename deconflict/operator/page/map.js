@@ -3,13 +3,14 @@
 import { exits } from "./exits.js";
 import { envelope, movesFor, poseAt } from "./motion.js";
 import { holds } from "./places.js";
-import { SituationLayer } from "./situation_layer.js";
+import { SituationLayer, overlap } from "./situation_layer.js";
 import { ACTIONS, likely, short } from "./texts.js";
 
 const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
 const MOST_EXACT = 100; // with more robots, ribbons are drawn as lines of the robot's width
 const MOST_LABELLED = 120; // with more robots, only involved and chosen robots have a label
+const LABEL = { chosen: 3, picked: 2, advised: 1, involved: 0, other: -1 }; // whose label is drawn first
 const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
 const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
 const SPECK_PX = 5;
@@ -48,8 +49,9 @@ export class FloorMap {
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
     if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
+    this.situations.below(scene);
     this.robots(robots, scene);
-    this.situations.draw(scene);
+    this.situations.above(scene);
     return robots.length;
   }
 
@@ -196,7 +198,10 @@ export class FloorMap {
       else this.envelopes(group, vendor, away);
       pen.globalAlpha = 1;
     }
-    for (const robot of robots) this.decorations(robot, scene, robots.length <= MOST_LABELLED && camera.scale > 7);
+    for (const robot of robots) this.decorations(robot, scene);
+    const least = robots.length <= MOST_LABELLED && camera.scale > 7 ? LABEL.other : LABEL.involved, taken = [...this.situations.labels];
+    const labels = robots.map((robot) => [rankOf(robot, scene), robot]).filter(([rank]) => rank >= least && camera.scale > 3);
+    for (const [rank, robot] of labels.sort((a, b) => b[0] - a[0])) this.name(robot, scene, rank, taken);
   }
 
   // Draws an envelope of a few pixels as a square of the same area: its heading could not be seen, and a thousand squares take
@@ -226,14 +231,14 @@ export class FloorMap {
     pen.fill(noses);
   }
 
-  // A robot's outline if it is involved or chosen, the circle of its uncertainty, and its label.
-  decorations(robot, scene, labelled) {
+  // A robot's outline if it is involved or chosen, and the circle of its uncertainty.
+  decorations(robot, scene) {
     const { pen, camera, ink } = this, involved = scene.involved.get(robot.uuid), chosen = robot.uuid === scene.robot;
     if (involved || chosen) {
       const path = new Path2D();
       envelope(path, camera, robot, [robot.x, robot.y, robot.yaw], 3 / camera.scale);
       pen.strokeStyle = chosen ? ink.accent : ink[involved];
-      pen.lineWidth = 2.5;
+      pen.lineWidth = chosen || scene.highlighted.has(robot.uuid) ? 4 : 2.5;
       pen.stroke(path);
     }
     if (robot.doubtM > 0) {
@@ -244,12 +249,21 @@ export class FloorMap {
       pen.stroke();
       pen.setLineDash([]);
     }
-    if (!(labelled || involved || chosen) || camera.scale < 3) return;
+  }
+
+  // A robot's label, unless it would cover one of `taken`.
+  name(robot, scene, rank, taken) {
+    const { pen, camera, ink, unit } = this, isBold = rank > LABEL.other, size = isBold ? 13 : 11;
     const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s${likely(robot)}` : "";
     const advised = scene.advised.has(robot.uuid) ? `: ${ACTIONS[scene.advised.get(robot.uuid)]}` : "";
     const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${advised}`;
-    const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * this.unit;
-    this.text(name, camera.px(robot.x), camera.py(robot.y) + below, involved ? 13 : 11, involved ? ink.ink : ink.faint, involved ? "600 " : "");
+    const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * unit;
+    const x = camera.px(robot.x), y = camera.py(robot.y) + below;
+    pen.font = `${size * unit}px system-ui, sans-serif`;
+    const wide = pen.measureText(name).width, box = { left: x - wide / 2, top: y - size * unit, wide, high: size * unit };
+    if (rank < LABEL.picked && taken.some((other) => overlap(box, other))) return;
+    taken.push(box);
+    this.text(name, x, y, size, isBold ? ink.ink : ink.faint, isBold ? "600 " : "");
   }
 
   text(text, x, y, size, colour, weight = "") {
@@ -290,6 +304,12 @@ function sign(path, x, y, yaw, size, mark) {
   }
   shapes[mark].forEach(([a, b], i) => path[i ? "lineTo" : "moveTo"](x + a * cos - b * sin, y - a * sin - b * cos));
   path.closePath();
+}
+
+function rankOf({ uuid }, { robot, highlighted, advised, involved }) {
+  if (uuid === robot) return LABEL.chosen;
+  if (highlighted.has(uuid)) return LABEL.picked;
+  return advised.has(uuid) ? LABEL.advised : involved.has(uuid) ? LABEL.involved : LABEL.other;
 }
 
 function line(pen, x1, y1, x2, y2) {

@@ -1,10 +1,12 @@
 // Draws the situations on the map: the outline of each, its label, and the lines to the robots of the selected one.
 
+import { FADE_MS } from "./feed.js";
 import { inside } from "./places.js";
 import { KINDS, SIGNS, countdown } from "./texts.js";
 
-const FADE_MS = 8000;
 const MARGIN_PX = 8; // of labels from outlines
+const ANSWERED = 0.65; // opacity of what somebody takes care of
+const FONT = (unit) => `700 ${13 * unit}px system-ui, sans-serif`;
 const SMALLEST_PX = 22; // an outline that would be smaller is drawn as a circle
 
 export class SituationLayer {
@@ -13,13 +15,17 @@ export class SituationLayer {
     this.labels = []; // those of this frame, with their boxes in pixels
   }
 
-  // `scene.situations` are in the order of urgency: the first has the best place for its label.
-  draw(scene) {
+  // Draws what lies below the robots, and places the labels: the first of `scene.situations`, the most urgent, has the best place.
+  below(scene) {
+    for (const situation of [...scene.situations].reverse()) this.outline(situation, scene.picked.has(situation.id));
+    for (const situation of scene.situations) if (scene.picked.has(situation.id)) this.links(situation, scene);
+    this.map.pen.globalAlpha = 1;
     this.labels = [];
-    const isPicked = ({ id }) => id === scene.pointed || id === scene.chosen;
-    for (const situation of scene.situations) if (isPicked(situation)) this.links(situation, scene);
-    for (const situation of [...scene.situations].reverse()) this.outline(situation, isPicked(situation));
-    for (const situation of scene.situations) this.label(situation, isPicked(situation), scene.nowS);
+    for (const situation of scene.situations) if (!situation.endedMs) this.labels.push(this.label(situation, scene.nowS));
+  }
+
+  above(scene) {
+    for (const label of [...this.labels].reverse()) this.pill(label, scene.picked.has(label.id));
     this.map.pen.globalAlpha = 1;
   }
 
@@ -72,24 +78,27 @@ export class SituationLayer {
     pen.setLineDash([]);
   }
 
-  label(situation, picked, nowS) {
-    const { pen, ink, unit } = this.map, { severity, acknowledgement, situation_kind: kind, endedMs } = situation, colour = ink[severity];
-    const text = endedMs ? `✓ ${KINDS[kind]}: over` : `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
-    const filled = !endedMs && !acknowledgement && (severity !== "caution" || picked), high = 21 * unit;
-    pen.font = `700 ${13 * unit}px system-ui, sans-serif`;
-    const label = this.place(this.shape(situation).box, pen.measureText(text).width + 14 * unit, high);
-    this.labels.push({ ...label, id: situation.id });
-    pen.globalAlpha = strengthOf(situation);
+  label(situation, nowS) {
+    const { pen, unit } = this.map, { id, severity, acknowledgement, situation_kind: kind } = situation;
+    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
+    pen.font = FONT(unit);
+    return { id, text, severity, isAnswered: Boolean(acknowledgement), ...this.place(this.shape(situation).box, pen.measureText(text).width + 14 * unit, 21 * unit) };
+  }
+
+  pill({ text, severity, isAnswered, left, top, wide, high }, picked) {
+    const { pen, ink, unit } = this.map, filled = picked || (!isAnswered && severity !== "caution");
+    pen.globalAlpha = isAnswered ? ANSWERED : 1;
     pen.beginPath();
-    pen.roundRect(label.left, label.top, label.wide, high, 6 * unit);
-    pen.fillStyle = filled ? colour : ink.halo;
+    pen.roundRect(left, top, wide, high, 6 * unit);
+    pen.fillStyle = filled ? ink[severity] : ink.halo;
     pen.fill();
-    pen.strokeStyle = colour;
+    pen.strokeStyle = ink[severity];
     pen.lineWidth = 1.5;
     pen.stroke();
-    pen.fillStyle = filled ? ink.halo : colour;
+    pen.fillStyle = filled ? ink.halo : ink[severity];
+    pen.font = FONT(unit);
     pen.textAlign = "center";
-    pen.fillText(text, label.left + label.wide / 2, label.top + 15 * unit);
+    pen.fillText(text, left + wide / 2, top + 15 * unit);
   }
 
   // Beside the outline where the label covers no other: above, below, right, left, then ever further up.
@@ -103,11 +112,11 @@ export class SituationLayer {
   }
 }
 
-function overlap(a, b) {
+export function overlap(a, b) {
   return a.left < b.left + b.wide && b.left < a.left + a.wide && a.top < b.top + b.high && b.top < a.top + a.high;
 }
 
 function strengthOf({ endedMs, acknowledgement }) {
   if (endedMs) return Math.max(0, 0.7 * (1 - (Date.now() - endedMs) / FADE_MS));
-  return acknowledgement ? 0.65 : 1;
+  return acknowledgement ? ANSWERED : 1;
 }

@@ -9,6 +9,8 @@ export const KINDS = {
 };
 export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };
 const CHANGED_S = 15; // advice is new for so long
+const LONG_S = 120; // what is open for longer has the time of day since when it is
+const ENDINGS = [["by itself", "Nothing to do: it ends by itself"], ["not by itself", "No advice. It does not end by itself"], ["", "No advice. It ends "]];
 
 export function clock(atS) {
   return new Date(atS * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
@@ -34,16 +36,22 @@ export function what(revision) {
   return revision.summary.replace(/,? in \d+ s\b/, "");
 }
 
+// The same without the names at its end, for where the robots are listed beside it.
+export function gist(situation) {
+  const text = what(situation), at = text.lastIndexOf(": "), names = text.slice(at + 2).split(/, | and /);
+  return at > 0 && names.every((name) => situation.names.includes(name) || /^\d+ more$/.test(name)) ? text.slice(0, at) : text;
+}
+
 export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
 // What to do: the first thing, and the other things after it. Without advice, how it ends.
 export function toDo({ advice, ends }) {
   if (advice) {
-    const [first, ...then] = advice.text.split(", then ");
-    return { first: sentence(first), then: then.map((step) => `then ${step}`).join(", ") };
+    const [first, ...then] = advice.text.split("; ");
+    return { first: sentence(first), then: then.map((step) => `Then: ${step}`).join("; ") };
   }
-  return ends.startsWith("not by itself") ? { first: "", then: `No advice. It does not end by itself${ends.slice("not by itself".length)}.` }
-    : { first: "", then: `Nothing to do: it ends ${ends}.` };
+  const found = ENDINGS.find(([start]) => ends.startsWith(start));
+  return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.` };
 }
 
 // Why the advice has changed, as long as that is news.
@@ -53,8 +61,8 @@ export function change({ advice }, nowS) {
 }
 
 export function since(situation, nowS) {
-  const sinceS = seconds(situation.since_at);
-  return `since ${clock(sinceS)}, ${span(nowS - sinceS)}`;
+  const sinceS = seconds(situation.since_at), forS = nowS - sinceS;
+  return forS < LONG_S ? `for ${span(forS)}` : `since ${clock(sinceS).slice(0, 5)}`;
 }
 
 export function sentence(text) { return text.charAt(0).toUpperCase() + text.slice(1); }

@@ -126,7 +126,7 @@ def shown(number: int, *robots: int, revision: int = 1, left_s: float = 30.0, **
 
 def advice(i: int, seconds: float = 4.0, because: str = "") -> SituationAdvice:
     wait = Action(robot=robot(f"A-{i}"), name=name(i), action="wait", seconds=seconds)
-    text = f"{name(i)} should wait {seconds:.0f} s, then {name(i)} should go first"
+    text = f"{name(i)} should wait {seconds:.0f} s; {name(i)} should go first"
     return SituationAdvice(actions=(wait,), text=text, since_at=moment(time.time()), changed_because=because)
 
 
@@ -142,7 +142,8 @@ def warning(number: int, situation_id: str | None = None) -> ConflictAdvisory:
 
 
 async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: "Browser", face: Served) -> None:
-    critical = shown(3, 6, 7, severity="critical", situation_kind="head_on")
+    sentence = f"{name(6)} and others meet in 5 s at Column 3: {name(6)}, {name(7)} and 2 more"
+    critical = shown(3, 6, 7, severity="critical", situation_kind="head_on", summary=sentence)
     await face.publish(shown(1, 0, 1, left_s=60), shown(2, 3, 4, left_s=40), critical, warning(1), warning(2))
     async with opened(browser, face) as page:
         assert await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)") == [f"situation-{i}" for i in (3, 2, 1)]
@@ -150,8 +151,9 @@ async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: 
         assert "Critical" in card
         assert "Head-on in a lane" in card
         assert f"{name(6)} and others meet at Column 3" in card, "the countdown beside it says when"
+        assert f"{name(7)}" not in card, "its robots are listed beside the sentence"
         assert await text(page, "#situations .first") == f"{name(6)} should wait 4 s"
-        assert await text(page, "#situations .then") == f", then {name(6)} should go first"
+        assert await text(page, "#situations .then") == f"Then: {name(6)} should go first"
         first = await text(page, "#situations .when")
         assert first.startswith("in ")
         await until(page, f"document.querySelector('#situations .when').textContent !== '{first}'")
@@ -192,6 +194,8 @@ async def test_a_card_without_advice_says_how_it_ends(browser: "Browser", face: 
         stuck = shown(1, 0, 1, revision=2, advice=None, ends="not by itself: somebody must move one of them")
         await face.publish(stuck)
         await until(page, f"{CARDS}[0].textContent.includes('It does not end by itself: somebody must move one')")
+        await face.publish(shown(1, 0, 1, revision=3, advice=None, ends=f"once {name(1)} moves on"))
+        await until(page, f"{CARDS}[0].textContent.includes('No advice. It ends once {name(1)} moves on.')")
 
 
 async def test_changed_advice_says_why(browser: "Browser", face: Served) -> None:
@@ -212,7 +216,7 @@ async def test_what_became_part_of_another_situation_fades_and_the_other_flashes
         await face.publish(cleared(joins, "it became part of another situation", joined_into=stays.id))
         await page.wait_for_selector("#situations .flash")
         assert await page.get_attribute("#situations .flash", "data-id") == stays.id
-        assert (await text(page, "#situations .ended .then")).startswith("Now part of “Knot of robots”")
+        assert await text(page, "#situations .ended .then") == "Now part of “Knot of robots”"
 
 
 async def test_the_focus_stays_on_a_card_while_cards_change_places(browser: "Browser", face: Served) -> None:
@@ -235,6 +239,17 @@ async def test_keys_alone_reach_everything_on_a_card(browser: "Browser", face: S
             await page.keyboard.press("Tab")
             reached.append(await page.evaluate("document.activeElement.className || document.activeElement.id"))
         assert reached == ["chip advised", "chip", "show", "take", "count", "machines-count"]
+
+
+async def test_cards_keep_their_order_while_somebody_points_at_them(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, left_s=60), shown(2, 4, 5, left_s=40))
+    order = f"{CARDS}.map((card) => card.dataset.id).join()"
+    async with opened(browser, face) as page:
+        await page.hover('[data-id="situation-1"]')
+        await face.publish(shown(1, 0, 1, revision=2, severity="critical"))
+        await page.wait_for_selector('[data-id="situation-1"].critical')
+        assert await page.evaluate(order) == "situation-2,situation-1"
+        await until(page, f"{order} === 'situation-1,situation-2'")
 
 
 async def test_a_situation_without_a_place_has_no_map_button(browser: "Browser", face: Served) -> None:
@@ -276,9 +291,9 @@ async def test_a_situation_is_outlined_on_the_map_and_can_be_chosen_there(browse
         box = await page.locator("#map").bounding_box()
         assert box
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        await page.mouse.click(x + 150, y - 20)  # far from it, at a scale of at least 28 pixels a metre
+        await page.mouse.click(x, box["y"] + 30)
         await page.wait_for_selector(".chosen", state="detached")
-        await page.mouse.click(x, y - 40)
+        await page.mouse.click(x, y)
         await page.wait_for_selector('[data-id="situation-2"].chosen')
         await page.click('[data-id="situation-1"] .chip >> nth=2')
         await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
