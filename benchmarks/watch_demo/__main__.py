@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks.watch_demo.following import Follow
 from benchmarks.watch_demo.judging import rows_of, stops_of, summary
 from benchmarks.watch_demo.watching import Watch
 
@@ -37,11 +38,14 @@ def main() -> None:
     options.add_argument("--minutes", type=float, default=10.0)
     options.add_argument("--robots", type=int, default=12)
     options.add_argument("--seed", type=int, default=1)
+    options.add_argument(
+        "--follow", type=Follow, choices=list(Follow), default=Follow.NONE, help="advice that robots follow"
+    )
     options.add_argument("--site", type=Path, help="by default the demo's")
     options.add_argument("--json", type=Path, help="also write the results to this file")
     args = options.parse_args()
     began, seconds = time.perf_counter(), args.minutes * 60
-    watch = Watch(args.robots, args.seed, args.site)
+    watch = Watch(args.robots, args.seed, args.site, args.follow)
     watch.run(seconds)
     rows = rows_of(watch, seconds)
     figures = summary(watch, rows, args.robots, seconds)

@@ -107,6 +107,8 @@ def summary(watch: Watch, rows: list[dict[str, Any]], robots: int, seconds: floa
         "fresh_stops": len(fresh),
         "fresh_stops_per_robot_hour": round(len(fresh) / hours, 1),
         "fresh_stops_told_2_s_ahead": round(len(warned) / len(fresh), 2) if fresh else None,
+        "lost_time": asdict(watch.lost_time.now()),
+        "passed_on": dict(watch.follower.counts),
         "encounters": len(watch.floor.truth.encounters),
         "longest_alert_s": round(max((_lasted_s(row, seconds) for row in conflicts), default=0.0), 1),
         "shortest_gap_between_alerts_of_a_pair_s": _shortest_gap_s(conflicts),

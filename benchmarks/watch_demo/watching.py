@@ -7,8 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
+from benchmarks.watch_demo.following import Follow, Follower
+from benchmarks.watch_demo.lost_time import LostTimeCounter
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine.engine import Engine
+from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo_site import demo_site
@@ -47,12 +51,15 @@ class Alert:
 class Watch:
     """A run, step by step."""
 
-    def __init__(self, robots: int, seed: int, site: Path | None = None) -> None:
+    def __init__(self, robots: int, seed: int, site: Path | None = None, follow: Follow = Follow.NONE) -> None:
         self._site = load(site or demo_site())
         self.clearance_m = self._site.conflict.clearance_m
         self.floor = Floor(robots, seed, START_S, self.clearance_m)
         self._fleet, self._engine, self._post = fast_fleet_of(self._site, Measures()), Engine(self._site), Post()
         self._everything = True
+        self.situations = SituationLifecycle(PlaceNames.of(self._site).describe)
+        self.follower = Follower(self.floor.world, follow, START_S)
+        self.lost_time = LostTimeCounter(self.floor.world)
         self.alerts: dict[str, Alert] = {}
         self.most_open = 0
         self.open_s = 0.0
@@ -70,8 +77,12 @@ class Watch:
             self._fleet.receive(raw, arrival_s, connection)
         self._engine.receive(self._fleet.next_batch(now_s, self._everything))
         self._everything = False
-        for advisory in self._engine.step(now_s):
+        revisions = self._engine.step(now_s)
+        for revision in self.situations.published(now_s, revisions):
+            self.follower.pass_on(revision)
+        for advisory in revisions:
             self._take(advisory)
+        self.lost_time.update(STEP_S)
         standing = self.floor.truth.stood_s > 0
         open_now = [alert for alert in self.alerts.values() if alert.cleared_s == inf]
         for alert in open_now:

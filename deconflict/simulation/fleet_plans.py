@@ -50,7 +50,9 @@ def plan_of(world: World, row: int, floor: int, here: Floats, waits: PlannedWait
     """The plan of a robot of the world whose location is `here`."""
     doing, left_s = world.doing[row], float(world.until_s[row] - world.t_s)
     if doing == Activity.DRIVING:
-        return _driving(world, row, floor, here, waits)
+        plan = _driving(world, row, floor, here, waits)
+        instructed_mps, instructed_s = world.instructions.top_of_mps(row, world.t_s)
+        return _later(plan, instructed_s) if instructed_mps == 0.0 else plan
     if doing == Activity.BACKING:
         return _backing(world, row, floor, here)
     if doing == Activity.HOLDING and left_s > 0:
@@ -79,6 +81,9 @@ def _driving(world: World, row: int, floor: int, here: Floats, waits: PlannedWai
     now_mps = max(float(world.speed_mps[row]), MOVING_MPS)
     most_mps = np.where(driven_m < HELD_UP_M, world.braking.top_of_mps(row, world.t_s), np.inf)
     speeds = np.minimum(limit_mps[ahead:] * world.pace[row], np.sqrt(now_mps**2 + 2 * gain * driven_m))
+    instructed_mps, instructed_s = world.instructions.top_of_mps(row, world.t_s)
+    if 0.0 < instructed_mps < np.inf:
+        most_mps = np.where(driven_m < instructed_mps * instructed_s, np.minimum(most_mps, instructed_mps), most_mps)
     speeds = np.minimum(speeds, np.maximum(most_mps, MOVING_MPS))
     mean_mps = (np.concatenate([[now_mps], speeds[:-1]]) + speeds) / 2
     after_s = np.concatenate([[0.0], np.cumsum(gaps_m / mean_mps)])

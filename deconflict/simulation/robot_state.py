@@ -94,7 +94,8 @@ def _state(world: World, row: int) -> str:
         return "navigating" if riding else _STANDING[kind]
     if doing == Activity.HALTED:
         return "idle" if world.person[row] else "waitingHumanEvent"
-    waits = doing == Activity.HOLDING or world.waited_s[row] > WAITING_AFTER_S
+    is_instructed = world.instructions.waits(row, world.t_s)
+    waits = is_instructed or doing == Activity.HOLDING or world.waited_s[row] > WAITING_AFTER_S
     if waits and world.members[row].make.tells_waiting:
         return "waitingExternalEvent"
     return "navigating"

@@ -5,6 +5,7 @@ from math import inf
 
 import pytest
 
+from benchmarks.watch_demo.following import Follow
 from benchmarks.watch_demo.judging import PairEvent, rows_of, summary, verdict
 from benchmarks.watch_demo.watching import Alert, Watch
 
@@ -58,3 +59,19 @@ def test_a_short_run_reports_what_happened() -> None:
     assert [row["became"] for row in nose_to_nose] == ["true (met)"]
     assert figures["alerts"] == sum(row["kind"] == "conflict" for row in rows)
     assert figures["most_open"] >= 1
+
+
+@pytest.mark.parametrize("follow", [Follow.ADVISORIES, Follow.SITUATIONS])
+def test_robots_wait_as_they_are_advised(follow: Follow) -> None:
+    watch = Watch(robots=40, seed=1, follow=follow)
+    watch.run(40.0)
+    lost = watch.lost_time.now()
+    assert watch.follower.counts["wait"] > 0
+    assert 0.0 < lost.advised_s <= lost.waited_s <= lost.lost_s + 1.0 <= lost.driven_s
+
+
+def test_nobody_waits_as_advised_if_nothing_is_followed() -> None:
+    watch = Watch(robots=40, seed=1)
+    watch.run(20.0)
+    assert not watch.follower.counts
+    assert watch.lost_time.now().advised_s == 0.0

@@ -15,6 +15,7 @@ from deconflict.simulation.driving.braking import MOVING_MPS, Braking
 from deconflict.simulation.driving.crossing_entry import CrossingEntry
 from deconflict.simulation.driving.crossings import Crossings, passages
 from deconflict.simulation.driving.drive_table import DriveTable
+from deconflict.simulation.driving.instructions import Instructions
 from deconflict.simulation.driving.mutual_waits import MutualWaits
 from deconflict.simulation.driving.passing import WALKING_MPS, Passings
 from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
@@ -94,7 +95,7 @@ class World:
         """(n,) preferred speed as a share of the greatest."""
         self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~self.person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
-        self.waits = MutualWaits(n, rng)
+        self.waits, self.instructions = MutualWaits(n, rng), Instructions(n)
         self.lines = CrossingEntry(self.crossings, layout, n)
         self.passings = Passings(np.array([make.lane_m for make in makes]))
         self.braking = Braking(self.members, self.passings, rng)
@@ -249,6 +250,7 @@ class World:
         pace_mps = np.where(
             seen.backing, BACKING_MPS, self.pace * np.minimum(planned_mps, self.braking.top_mps(self.t_s))
         )
+        pace_mps = np.minimum(pace_mps, self.instructions.top_mps(self.t_s))
         order = self.crossings.stop_m - self.progress_m, self.crossings.waits_for
         course = self.braking.course(seen, pace_mps, order, line, self.t_s, dt_s)
         self._drive(np.where(seen.backing, -course.wanted_mps, course.wanted_mps), dt_s)
@@ -285,14 +287,20 @@ class World:
         for robot in self.waits.out_of_patience():
             if self.doing[robot] != Activity.DRIVING:
                 continue
-            self.braking.let_go(robot)
             if self._rng.random() < CREEPS_SHARE:
+                self.braking.let_go(robot)
                 self.braking.creep(robot, self.t_s)
+                self.waits.restart(robot)
             else:
-                self.doing[robot] = Activity.BACKING
-                wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
-                self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
-            self.waits.restart(robot)
+                self.back_off(robot)
+
+    def back_off(self, robot: int) -> None:
+        """Let a driving robot drive backwards along its path for a few metres, and then stand for a while."""
+        self.braking.let_go(robot)
+        self.doing[robot] = Activity.BACKING
+        wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
+        self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
+        self.waits.restart(robot)
 
     def _use_batteries(self, dt_s: float) -> None:
         drain = np.where(self.person, 0.1, 1.0) * DRAIN_PER_S

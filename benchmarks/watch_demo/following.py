@@ -1,0 +1,104 @@
+"""A site service of the demo's floor: it passes the advice of situations, or of every advisory, on to the robots."""
+
+from collections import Counter
+from enum import StrEnum
+
+from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
+from deconflict.advisory import Action, Hold, Recommendation
+from deconflict.simulation.driving.traffic import Activity, World
+
+STALE_S = 1.5
+"""Advice may be based on reports this much older than the advice."""
+
+NOTHING_TO_DO = frozenset(("go_first", "look"))
+"""Actions for which a robot changes nothing."""
+
+
+class Follow(StrEnum):
+    """Whose advice is followed."""
+
+    NONE = "none"
+    ADVISORIES = "advisories"
+    """Holds and slots of every advisory."""
+    SITUATIONS = "situations"
+    """The actions of situations only."""
+
+
+class Follower:
+    """Passes advice on to the robots of a world. Its time 0 is `start_s`, seconds since the epoch."""
+
+    def __init__(self, world: World, follow: Follow, start_s: float) -> None:
+        self._world, self._follow, self._start_s = world, follow, start_s
+        self._row = {member.uuid: row for row, member in enumerate(world.members)}
+        self._instructed_s: dict[str, float] = {}
+        """By robot, when it was told something last, in the world's time."""
+        self._held: dict[str, tuple[Hold, ...]] = {}
+        """By advisory: the holds that were passed on last."""
+        self._done: set[tuple[str, str]] = set()
+        """By advisory and robot, or by situation and since when its advice stands: what was passed on."""
+        self.counts = Counter[str]()
+        """What was passed on, and what was left out because the robot had been told something else meanwhile, was not
+        driving, or can't do it."""
+
+    def pass_on(self, revision: AnyRevision) -> None:
+        """Pass on the advice of one revision."""
+        at_s = revision.updated_at.timestamp() - self._start_s
+        if isinstance(revision, Situation):
+            if self._follow is Follow.SITUATIONS and revision.advice:
+                self._pass_on_actions(revision.id, revision.advice, at_s)
+        elif self._follow is Follow.ADVISORIES and revision.recommendation:
+            self._pass_on_waits(revision.id, revision.recommendation, at_s)
+
+    def _pass_on_actions(self, situation_id: str, advice: SituationAdvice, at_s: float) -> None:
+        key = (situation_id, advice.since_at.isoformat())
+        if key not in self._done:
+            self._done.add(key)
+            for action in advice.actions:
+                self._act(action, at_s)
+
+    def _pass_on_waits(self, advisory_id: str, advice: Recommendation, at_s: float) -> None:
+        held, self._held[advisory_id] = self._held.get(advisory_id, ()), advice.holds
+        for hold in advice.holds if held != advice.holds else ():
+            self._wait(hold.robot, hold.hold_s, at_s)
+        for slot in advice.slots:
+            key = (advisory_id, slot.robot)
+            if slot.wait_s > 0 and key not in self._done:
+                self._done.add(key)
+                self._wait(slot.robot, slot.wait_s, at_s)
+
+    def _act(self, action: Action, at_s: float) -> None:
+        if action.action in NOTHING_TO_DO or (row := self._free_row(action.robot, at_s)) is None:
+            return
+        now_s, seconds = self._world.t_s, action.seconds or 0.0
+        match action.action:
+            case "wait":
+                self._world.instructions.wait(row, seconds, now_s)
+            case "slow_down":
+                self._world.instructions.slow_down(row, action.speed_mps or 0.0, seconds, now_s)
+            case "back_out":
+                self._world.back_off(row)
+            case _:
+                self.counts[f"cannot {action.action}"] += 1
+                return
+        self.counts[action.action] += 1
+        self._instructed_s[action.robot] = now_s
+
+    def _wait(self, robot: str, seconds: float, at_s: float) -> None:
+        row = self._free_row(robot, at_s)
+        if row is not None:
+            self._world.instructions.wait(row, seconds, self._world.t_s)
+            self.counts["wait"] += 1
+            self._instructed_s[robot] = self._world.t_s
+
+    def _free_row(self, robot: str, at_s: float) -> int | None:
+        """The row of a robot that can be told something: its plan is the one on which advice of `at_s` is based."""
+        row = self._row.get(robot.lower())
+        if row is None:
+            self.counts["not of the halls"] += 1
+        elif self._world.doing[row] != Activity.DRIVING:
+            self.counts["not driving"] += 1
+        elif at_s - STALE_S < self._instructed_s.get(robot, -STALE_S):
+            self.counts["told meanwhile"] += 1
+        else:
+            return row
+        return None
