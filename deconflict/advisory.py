@@ -80,7 +80,11 @@ class Action(Published):
     robot: Robot
     name: str = Field(description="name of the robot for people")
     action: ActionKind
-    seconds: float | None = Field(default=None, gt=0, description="how long to wait, or to keep the lower speed")
+    seconds: float | None = Field(
+        default=None,
+        gt=0,
+        description="how long to wait, or to keep the lower speed; null for as long as the other robot is ahead",
+    )
     speed_mps: float | None = Field(default=None, gt=0, description="the speed to slow down to")
     where: str = Field(default="", description="where to go or to look, for people; empty if it is the robot's place")
     resource: str | None = Field(default=None, description="id of the resource or zone that `where` names")

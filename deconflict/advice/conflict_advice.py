@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from deconflict.advice.actions.waiting import waits
+from deconflict.advice.actions.action_text import action_text
+from deconflict.advice.actions.chosen_actions import chosen_actions
 from deconflict.advice.deferred_answers import PairAdvice
 from deconflict.advice.document_limits import listed
 from deconflict.advice.holds.hold_planner import HoldPlan, plan_holds
@@ -11,9 +12,12 @@ from deconflict.advice.holds.hold_windows import STEP_S, HoldWindow, NearbyRobot
 from deconflict.advice.holds.plan_parts import PlanParts
 from deconflict.advice.priorities import WEIGHT
 from deconflict.advice.standing_advice import decide
-from deconflict.advisory import Hold, Recommendation
+from deconflict.advisory import Action, Hold, Recommendation
 from deconflict.settings.site import USUAL_ADVICE, Advice
 from ingest.batch import Pair
+
+HOLD_WORKS = "a hold keeps them apart now"
+NO_LONGER_WORKS = "what was advised before no longer keeps them apart"
 
 
 def advise_conflicts(
@@ -36,29 +40,47 @@ def advise_conflicts(
     parts, advice = PlanParts(decision.plan), PairAdvice()
     for pair in conflicts:
         before = standing.get(pair)
-        if decision.stands and before and before.holds:
+        if before is None:
+            advice[pair] = _pair_advice(parts, pair, None)
+        elif decision.stands and before.holds:
             advice[pair] = before
         else:
-            because = decision.because if before else ""
-            advice[pair] = _pair_advice(parts, pair).model_copy(update={"changed_because": because})
+            after = _pair_advice(parts, pair, before)
+            advice[pair] = before if _is_same(before, after) else _changed(before, after, decision.because)
     return advice
 
 
-def _pair_advice(parts: PlanParts, pair: Pair) -> Recommendation:
-    plan, holds = parts.plan, parts.of(pair)
-    problem = plan.problem
+def _is_same(before: Recommendation, after: Recommendation) -> bool:
+    """Whether both ask the same of the same robots, without holds: the time for which counts from the first."""
+    if before.holds or after.holds or not after.actions:
+        return False
+    first, second = ([(a.robot, a.action, a.speed_mps, a.where) for a in each.actions] for each in (before, after))
+    return first == second
+
+
+def _changed(before: Recommendation, after: Recommendation, because: str) -> Recommendation:
+    """The advice `after`, which says why it takes the place of `before`."""
+    if not because and (before.holds or before.actions):
+        because = HOLD_WORKS if after.holds and not before.holds else NO_LONGER_WORKS
+    return after.model_copy(update={"changed_because": because})
+
+
+def _pair_advice(parts: PlanParts, pair: Pair, before: Recommendation | None) -> Recommendation:
+    plan = parts.plan
+    is_planned = pair not in plan.unplanned
+    problem, holds = plan.problem, parts.of(pair) if is_planned else {}
     cost, bound = problem.cost(holds), _bound(plan, holds, pair)
     first_cost = _first_come_cost(plan, holds, pair)
-    is_planned = pair not in plan.unplanned
+    actions = chosen_actions(parts, pair, holds, before)
     return Recommendation(
         holds=tuple(Hold(robot=robot, hold_s=hold * STEP_S) for robot, hold in holds.items()),
-        actions=waits(parts, pair, holds) if holds else (),
+        actions=actions,
         cost_s=_seconds(cost),
         bound_s=_seconds(bound),
         first_come_cost_s=None if first_cost is None else _seconds(first_cost),
         expected_saving_s=0.0 if first_cost is None else _seconds(max(first_cost - cost, 0)),
         proven_optimal=is_planned and bound == cost,
-        note="" if is_planned else _needs_another_route(plan, pair),
+        note="" if is_planned else _no_plan(plan, pair, actions),
     )
 
 
@@ -82,13 +104,12 @@ def _first_come_cost(plan: HoldPlan, holds: Plan, pair: Pair) -> int | None:
     return plan.problem.cost({robot: hold for robot, hold in plan.first_come.items() if robot in concerned})
 
 
-def _needs_another_route(plan: HoldPlan, pair: Pair) -> str:
-    """Who has no plan together, and who needs another route."""
+def _no_plan(plan: HoldPlan, pair: Pair, actions: Sequence[Action]) -> str:
+    """Who has no plan together, and what they need instead."""
     robots, problem = plan.unplanned[pair], plan.problem
     names = [problem.planned[robot].name for robot in robots]
-    leaves = problem.first_to_yield(robots)
     what = f"no hold keeps {names[0]} and {names[1]} apart" if robots == pair else f"no hold works for {listed(names)}"
-    return f"{what}: {problem.planned[leaves].name} needs another route" if leaves else what
+    return f"{what}: {action_text(actions[0])}" if actions else what
 
 
 def _seconds(cost: int) -> float:

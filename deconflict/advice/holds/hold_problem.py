@@ -15,11 +15,11 @@ class PlannedRobots(dict[str, PlannedRobot]):
     """By UUID, those of the robots near each other that were asked for: most never are."""
 
     def __init__(self, near: NearbyRobots) -> None:
-        self._near = near
+        self.near = near
         self.present = frozenset(near.uuids)
 
     def __missing__(self, uuid: str) -> PlannedRobot:
-        robot = self[uuid] = self._near.planned(self._near.uuids.index(uuid))
+        robot = self[uuid] = self.near.planned(self.near.uuids.index(uuid))
         return robot
 
 
@@ -90,9 +90,10 @@ class HoldProblem:
         None if all of them stand.
         """
         movers = [robot for robot in robots if self.planned[robot].holdable or robot in self.left_out]
-        return min(movers, key=self._reluctance, default=None)
+        return min(movers, key=self.reluctance, default=None)
 
-    def _reluctance(self, robot: str) -> tuple[bool, int, float, str]:
+    def reluctance(self, robot: str) -> tuple[bool, int, float, str]:
+        """The order in which robots yield."""
         return (
             robot not in self.left_out,
             self.weight(robot),

@@ -182,14 +182,14 @@ def test_head_on_in_one_lane_needs_another_route() -> None:
     pair = ("east", "west")
     advice = advise_conflicts(near([through("east", 0.0), through("west", pi, priority=0.5)]), [pair], WINDOW)[pair]
     assert advice.holds == ()
-    assert advice.note == "no hold keeps east and west apart: west needs another route"
+    assert advice.note == "no hold keeps east and west apart: west should take another route"
 
 
 def test_a_robot_that_stands_is_not_told_to_wait() -> None:
     pair = ("a", "parked")
     advice = advise_conflicts(near([standing("parked", 0.0), through("a", 0.0)]), [pair], WINDOW)[pair]
     assert advice.holds == ()
-    assert advice.note == "no hold keeps a and parked apart: a needs another route"
+    assert advice.note == "no hold keeps a and parked apart: a should take another route"
 
 
 def test_no_hold_brings_another_pair_together() -> None:
@@ -239,10 +239,10 @@ def test_a_ring_without_a_plan_is_named_although_each_of_its_pairs_has_one() -> 
     met = [pair for pair in pairs_of(movers) if set(pair) <= set("abc") or pair == ("a", "d")]
     advice = advise_conflicts(near(movers), met, window, burdens_s={"acme": 0.0, "bolt": 9.0})
     assert {pair: advice[pair].note for pair in met} == {
-        ("a", "b"): "no hold works for a, b and c: b needs another route",
+        ("a", "b"): "no hold works for a, b and c: b should take another route",
         ("a", "c"): "",
         ("a", "d"): "",
-        ("b", "c"): "no hold works for a, b and c: b needs another route",
+        ("b", "c"): "no hold works for a, b and c: b should take another route",
     }
     assert advice["a", "c"].holds, "without b the others have a plan"
 

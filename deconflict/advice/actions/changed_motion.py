@@ -1,0 +1,117 @@
+"""A robot that moves otherwise than it forecasts: slower along its path, or back. And the proof that this helps.
+
+The proof is the sweep that proves holds. A motion is proven if the robot keeps apart from the other robot of the
+conflict until it has had its whole horizon, however late it is, and meets nobody whom it would not meet anyway. It ends
+where forecasts end that are continued: twice the longest hold after the horizon.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from deconflict.advice.holds.hold_planner import HoldPlan
+from deconflict.advice.holds.hold_problem import HoldProblem
+from deconflict.advice.holds.hold_windows import SHORT_S, STEP_S
+from deconflict.sweep.geometry.knots import KNOT, Knots, Robots, delayed
+from deconflict.sweep.sweep_once import first_contacts
+from ingest.batch import Ints, Pair
+
+STANDS_S = 600.0
+"""A robot that backs out stands behind for longer than any sweep looks."""
+
+
+class Motion(NamedTuple):
+    """One robot's changed motion."""
+
+    robot: str
+    knots: Knots
+    """From the start on; velocities are not filled."""
+    late_s: float
+    """How much later than by its forecast it gets through."""
+
+
+def own_knots(problem: HoldProblem, robot: str) -> Knots:
+    """A robot's knots, from its pose at the start on."""
+    near, start_s = problem.planned.near, problem.window.start_s
+    row = near.robots[near.uuids.index(robot)]
+    knots = near.knots[row["first"] : row["first"] + row["count"]]
+    return _cut(knots, start_s)
+
+
+def _cut(knots: Knots, from_s: float) -> Knots:
+    """The knots from a time on, the first of them at this time."""
+    first = max(int(np.searchsorted(knots["t"], from_s, side="right")) - 1, 0)
+    rest = knots[first:].copy()
+    passed_s = from_s - rest["t"][0]
+    for field, rate in (("x", "vx"), ("y", "vy"), ("yaw", "turn"), ("reported_yaw", "turn")):
+        rest[field][0] += rest[rate][0] * passed_s
+    rest["t"][0] = from_s
+    return rest
+
+
+def slowed(knots: Knots, share: float, lasting_s: float) -> Knots:
+    """The knots of a robot that drives at this share of its speeds for `lasting_s`, then as fast as before."""
+    start_s = knots["t"][0]
+    change_s = start_s + share * lasting_s
+    slow = knots[knots["t"] < change_s].copy()
+    slow["t"] = start_s + (slow["t"] - start_s) / share
+    if len(slow) == len(knots):
+        return slow
+    after = _cut(knots, change_s)
+    after["t"] += lasting_s - share * lasting_s
+    return np.concatenate([slow, after])
+
+
+def backed(knots: Knots, distance_m: float, speed_mps: float) -> Knots:
+    """The knots of a robot that drives straight back on its track, and then stands."""
+    pose = knots[0]
+    speed = float(np.hypot(pose["vx"], pose["vy"]))
+    yaw = pose["yaw"]
+    ahead = (pose["vx"] / speed, pose["vy"] / speed) if speed > 0.0 else (np.cos(yaw), np.sin(yaw))
+    back = np.repeat(knots[:1], 3)
+    back["x"][1:] -= distance_m * ahead[0]
+    back["y"][1:] -= distance_m * ahead[1]
+    back["t"] += np.array([0.0, distance_m / speed_mps, STANDS_S])
+    return back
+
+
+def proven(plan: HoldPlan, pair: Pair, motions: Sequence[Motion]) -> list[bool]:
+    """Whether each motion of a robot of `pair` keeps it apart and brings no other pair together.
+
+    The other robots are held as the plan says. The robot itself moves instead of its hold.
+    """
+    near, window, planned = plan.problem.planned.near, plan.problem.window, plan.found.plan
+    rows, others = np.array([near.uuids.index(motion.robot) for motion in motions]), len(near.uuids)
+    robots, knots = _with(near.robots, near.knots, rows, motions)
+    hold_s = np.zeros(len(robots))
+    hold_s[:others] = [planned.get(uuid, 0) * STEP_S for uuid in near.uuids]
+    until = (window.start_s, window.horizon_s, SHORT_S, 2 * window.longest_hold_s)
+    late = delayed(robots, knots, np.arange(len(robots)), hold_s, *until)
+    number, other = np.divmod(np.arange(len(motions) * others), others)
+    is_other = other != rows[number]
+    number, other = number[is_other], other[is_other]
+    late_s = np.clip([motion.late_s for motion in motions], hold_s.max(), 2 * window.longest_hold_s)[number]
+    a, b = np.concatenate([others + number, rows[number]]), np.concatenate([other, other])
+    until_s = np.tile(window.start_s + window.horizon_s + late_s, 2)
+    clearance_m = window.clearance_m
+    contact_s, _ = first_contacts(*late, a, b, now_s=window.start_s, until_s=until_s, clearance_m=clearance_m)
+    meets, met_before = (contact_s < np.inf).reshape(2, len(motions), others - 1)
+    partners = [_place_of_other(near.uuids, pair, motion.robot) for motion in motions]
+    keeps_apart = ~meets[np.arange(len(motions)), partners]
+    helps: list[bool] = (keeps_apart & ~(meets & ~met_before).any(axis=1)).tolist()
+    return helps
+
+
+def _place_of_other(uuids: Sequence[str], pair: Pair, robot: str) -> int:
+    """Where the other robot of a pair is among all robots but `robot`."""
+    return [uuid for uuid in uuids if uuid != robot].index(pair[pair[0] == robot])
+
+
+def _with(robots: Robots, knots: Knots, rows: Ints, motions: Sequence[Motion]) -> tuple[Robots, Knots]:
+    """The robots, followed by a copy of each of `rows` with its changed motion."""
+    copies = robots[rows].copy()
+    copies["count"] = [len(motion.knots) for motion in motions]
+    copies["first"] = len(knots) + np.cumsum(copies["count"]) - copies["count"]
+    every = np.concatenate([knots, *(motion.knots for motion in motions)]).astype(KNOT)
+    return np.concatenate([robots, copies]), every
