@@ -163,9 +163,9 @@ function list() {
   });
   setText($("count"), listed.length ? `(${listed.length})` : "");
   $("none").hidden = listed.length > 0;
-  setText($("none"), inPast ? "Nothing needed anybody at that moment." : feed.loaded ? "Nothing needs you." : "Loading…");
+  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? "Nothing needs you." : "Loading…");
   $("machines").hidden = !others.length;
-  setText($("machines-count"), `${plural(others.length, "warning")} for machines: they pass by themselves`);
+  setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
   if ($("machines").open) lines($("machines-lines"), others);
   const known = [...robots().values()], here = onFloor();
   for (const robot of known) vendors.indexOf(robot.vendor);

@@ -48,7 +48,7 @@ export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEV
 export function toDo({ advice, ends }) {
   if (advice) {
     const [first, ...then] = advice.text.split("; ");
-    return { first: sentence(first), then: then.map((step) => `Then: ${step}`).join("; ") };
+    return { first: sentence(first), then: then.length ? `Then: ${then.join("; ")}` : "" };
   }
   const found = ENDINGS.find(([start]) => ends.startsWith(start));
   return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.` };

@@ -197,6 +197,13 @@ def test_keys_alone_reach_the_floors_the_map_and_the_slider(browser: "Browser", 
         assert not missing
 
 
+def test_a_situation_of_the_service_is_a_card_and_is_shown_at_its_place(browser: "Browser", floor: Service) -> None:
+    press_first = "document.querySelector('#situations li:not(.ended) .show:not([hidden])')?.click()"
+    with opened(browser, floor) as page:
+        until(page, f"({press_first}, document.querySelector('#situations li.chosen'))")
+        keep(page, "situation")
+
+
 def test_the_slider_goes_back_to_what_was_recorded_and_live_returns(browser: "Browser", floor: Service) -> None:
     with opened(browser, floor, scheme="dark") as page:
         until(page, "/: [1-9]/.test(document.getElementById('map').ariaLabel)")
