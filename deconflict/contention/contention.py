@@ -208,19 +208,20 @@ class Contention:
         capacity = {resource.id: resource.capacity for resource in self.geometry.resources.values()}
         wants = place_wants(journeys, capacity)
         self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(in_way)])
-        refuges = self._refuges() if self._rings else []
+        found = blockages(in_way, self.robots)
+        found = self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s)
+        refuges = self._refuges() if self._rings or found else []
         for ring in self._rings:
             advice = self._advice.way_out(ring, self.robots, refuges, now_s)
             yield findings.deadlock(self.geometry, ring, advice, self.robots, now_s)
-        found = blockages(in_way, self.robots)
-        for blockage in self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s):
-            yield self._blockage(blockage, now_s)
+        for blocked in found:
+            yield self._blockage(blocked, refuges, now_s)
 
-    def _blockage(self, blocked: Blockage, now_s: float) -> Finding:
+    def _blockage(self, blocked: Blockage, refuges: Sequence[Refuge], now_s: float) -> Finding:
         """A blockage that is published, with what would help."""
         quiet_after_s = self._reading.quiet_after_s
         left_s = self._ordinary_blockages.left_s(blocked, self.robots, now_s)
-        floor = self.robots, self.geometry, self._refuges()
+        floor = self.robots, self.geometry, refuges
         advice = blockage_advice(blocked, *floor, left_s, quiet_after_s, now_s)
         return findings.blockage(blocked, advice, self.robots, quiet_after_s, now_s)
 

@@ -12,7 +12,7 @@ learned, and a robot of any vendor counts as one of another vendor.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import floor
 
 from deconflict.contention.ordinary.usual_durations import UsualDurations
@@ -26,6 +26,8 @@ CELL_M = 4.0
 """Places are square cells with sides of this length."""
 MOST_USUAL_S = 600.0
 """A robot that has stood longer than this in the way is never usual."""
+THERE_S = 0.5
+"""A robot that is there within this time waits."""
 ENDS_S = 3.0
 """A blockage that was not found for this long has ended."""
 
@@ -45,6 +47,19 @@ class _WatchedBlockage:
     is_published: bool = False
     waits: dict[str, tuple[float, float]] = field(default_factory=dict)
     """From when until when each robot has waited for it."""
+
+    def add_waits(self, blocked: Blockage, now_s: float) -> None:
+        """Add the robots that have come to the blocker. One that creeps behind it waits, too."""
+        for robot, from_s in zip(blocked.holds_up, blocked.from_s, strict=True):
+            if from_s < now_s + THERE_S:
+                began_s = self.waits[robot][0] if robot in self.waits else min(from_s, now_s)
+                self.waits[robot] = (began_s, now_s)
+
+    def with_waits_so_far(self, blocked: Blockage) -> Blockage:
+        """What a look has found, with the waits that earlier looks have seen begin."""
+        waits = zip(blocked.holds_up, blocked.from_s, strict=True)
+        from_s = tuple(min(at_s, self.waits.get(robot, (at_s, at_s))[0]) for robot, at_s in waits)
+        return replace(blocked, from_s=from_s)
 
 
 class OrdinaryBlockages:
@@ -92,10 +107,12 @@ class OrdinaryBlockages:
         stood_s, settings = now_s - blocked.since_s, self._settings
         if stood_s < settings.stand_s:
             return False
+        blocked = watched.with_waits_so_far(blocked)
         others_from_s = _others_wait_from_s(blocked, robots) if watched.is_ordinary else list(blocked.from_s)
-        until_s = now_s + self.left_s(blocked, robots, now_s)
-        if others_from_s and until_s - min(others_from_s) >= settings.least_wait_s:
-            return True
+        if others_from_s:
+            until_s = now_s + self.left_s(blocked, robots, now_s)
+            if until_s - min(others_from_s) >= settings.least_wait_s:
+                return True
         if stood_s < settings.fleet_wait_s or now_s - min(blocked.from_s) < settings.least_wait_s:
             return False
         return stood_s > min(self._of_fleet.usual_s(watched.place, now_s), MOST_USUAL_S)
@@ -111,10 +128,7 @@ class OrdinaryBlockages:
         watched.found_s = now_s
         watched.is_of_fleet &= not _others_wait_from_s(blocked, robots)
         watched.is_ordinary = not needs_person(blocker, self._quiet_after_s, now_s)
-        for robot, from_s in zip(blocked.holds_up, blocked.from_s, strict=True):
-            if from_s < now_s:
-                began_s = watched.waits[robot][0] if robot in watched.waits else from_s
-                watched.waits[robot] = (began_s, now_s)
+        watched.add_waits(blocked, now_s)
         return watched
 
     def _forget_ended(self, now_s: float) -> None:
