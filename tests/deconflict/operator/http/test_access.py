@@ -205,6 +205,7 @@ async def test_a_page_of_another_site_is_refused_even_without_people(tmp_path: P
         ("GET", "/robots", "read"),
         ("WEBSOCKET", "/advisories/stream", "read"),
         ("POST", "/advisories/1/acknowledgement", "acknowledge"),
+        ("POST", "/situations/1/acknowledgement", "acknowledge"),
         ("DELETE", "/webhooks/1", "administer"),
     ],
 )

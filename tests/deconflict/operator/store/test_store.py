@@ -10,10 +10,12 @@ from threading import Thread
 import pytest
 
 from deconflict.advisory import Acknowledgement, Hold, Recommendation
+from deconflict.operator.store.listing_filter import ListingFilter
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
-from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
+from deconflict.operator.store.tables import latest
+from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made, situation
 
 ROOT = Path(__file__).parents[4]
 
@@ -429,3 +431,14 @@ def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None
     again = reopened(store)
     assert [(advisory.id, advisory.seq) for advisory in again.after(0)] == [("advisory-1", 1), ("advisory-2", 2)]
     again.close()
+
+
+def test_situations_are_listed_by_an_index_of_their_own(store: Store) -> None:
+    store.append([made(number) if number % 50 else situation(number) for number in range(1, 500)])
+    statements: list[str] = []
+    with closing(sqlite3.connect(store.path)) as db:
+        db.set_trace_callback(statements.append)
+        found = latest(db, ListingFilter("all", kind="situation"), 2)
+        plan = " ".join(row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statements[0]}"))
+    assert [each.id for each in found] == ["situation-450", "situation-400"]
+    assert "situations_by_seq" in plan
