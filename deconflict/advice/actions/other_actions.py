@@ -14,7 +14,7 @@ from ingest.batch import Pair
 
 SPEED_SHARES = (0.75, 0.5, 0.25)
 LASTING_S = (4.0, 8.0)
-"""Which lower speeds are tried, beside that of the other robot, and for how long, beside for good."""
+"""Which lower speeds are tried, beside that of the other robot, and for how long, beside the whole horizon."""
 SLOWEST_MPS = 0.2
 """No robot is asked to drive slower."""
 BACK_M, BACK_MPS = (2.0, 4.0, 6.0), 0.5
@@ -27,8 +27,7 @@ class Slowing(NamedTuple):
     cost_s: float
     """How late it is at the horizon, weighted by priority."""
     speed_mps: float
-    lasting_s: float | None
-    """None for as long as the other robot is ahead."""
+    lasting_s: float
     motion: Motion
 
 
@@ -64,7 +63,7 @@ def _slowings(plan: HoldPlan, robot: str, other: str) -> Iterator[Slowing]:
             late_s = lasting_s * (1 - share)
             yield Slowing(weight * late_s, speed_mps, lasting_s, Motion(robot, slowed(knots, share, lasting_s), late_s))
         motion = Motion(robot, slowed(knots, share, inf), horizon_s / share - horizon_s)
-        yield Slowing(weight * horizon_s * (1 - share), speed_mps, None, motion)
+        yield Slowing(weight * horizon_s * (1 - share), speed_mps, horizon_s, motion)
 
 
 def _speed_mps(knots: Knots) -> float:

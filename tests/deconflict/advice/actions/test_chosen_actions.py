@@ -28,8 +28,9 @@ def meet(*robots: SeenRobot) -> set[tuple[str, str]]:
 
 def slower(x_m: float, action: Action, usual_mps: float) -> SeenRobot:
     """Robot a eastward as the action says, then as fast as before, for 20 s."""
+    assert action.seconds
     assert action.speed_mps
-    slow_s = action.seconds or 20.0
+    slow_s = action.seconds if action.seconds < WINDOW.horizon_s else 20.0
     change_m = x_m + slow_s * action.speed_mps
     times_s, x = [0, slow_s, 40], [x_m, change_m, change_m + (40 - slow_s) * usual_mps]
     return SeenRobot(action.robot, robot(times_s, x, [0.0] * 3, 0.0, SIZE_M))
@@ -43,7 +44,7 @@ def test_a_follower_that_is_faster_slows_down() -> None:
     assert advice.holds == ()
     assert kinds(advice) == [("a", "slow_down"), ("b", "go_first")]
     assert meet(slower(-7.0, advice.actions[0], 1.5), ahead) == set()
-    assert advice.note == "no hold keeps a and b apart: a should slow down to 0.5 m/s"
+    assert advice.note == "no hold keeps a and b apart: a should slow down to 0.5 m/s for 10 s"
 
 
 def test_slowing_down_takes_the_place_of_a_long_wait_that_costs_more() -> None:
