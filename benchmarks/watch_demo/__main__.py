@@ -1,7 +1,8 @@
 """The advisories of the demo, and their true outcomes: `python -m benchmarks.watch_demo --minutes 10 --robots 12`.
 
 It runs the demo's robots and the service with a simulated clock and without sockets. It prints one line for each
-advisory: when it was raised, the robots, the probability, its true outcome, and how it ended.
+advisory: when it was raised, the robots, the probability, its true outcome, and how it ended. The last lines are the
+figures of situations, as those of a replay (`docs/replay.md`) but by what truly happened.
 """
 
 import argparse
@@ -13,7 +14,9 @@ from typing import Any
 
 from benchmarks.watch_demo.following import Follow
 from benchmarks.watch_demo.judging import rows_of, stops_of, summary
+from benchmarks.watch_demo.situation_truth import situation_truth
 from benchmarks.watch_demo.watching import Watch
+from metrics.report.situation_section import sentence
 
 
 def line(row: dict[str, Any]) -> str:
@@ -49,12 +52,15 @@ def main() -> None:
     watch.run(seconds)
     rows = rows_of(watch, seconds)
     figures = summary(watch, rows, args.robots, seconds)
+    situations = watch.situation_scores.figures(situation_truth(watch, seconds))
     for row in rows:
         print(line(row))
     print(f"{seconds / (time.perf_counter() - began):.0f} times real time", file=sys.stderr)
     print(json.dumps(figures, indent=2))
+    print(sentence(situations))
+    print(json.dumps({name: value for name, value in situations.items() if name != "cases"}, indent=2))
     if args.json:
-        document = {"summary": figures, "advisories": rows, "stops": stops_of(watch, rows)}
+        document = {"summary": figures, "advisories": rows, "stops": stops_of(watch, rows), "situations": situations}
         args.json.write_text(json.dumps(document, indent=1) + "\n")
 
 

@@ -1,5 +1,6 @@
 """The service on the demo's floor: every advisory as a person sees it, with the true state of its robots."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot, inf
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
 from benchmarks.watch_demo.following import Follow, Follower
 from benchmarks.watch_demo.lost_time import LostTimeCounter
+from deconflict.advisories.situations.situation import Situation, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine.engine import Engine
@@ -16,7 +18,11 @@ from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo_site import demo_site
+from ingest.batch import Batch
 from ingest.measures.measures import Measures
+from metrics.scoring.contention_scores import ContentionScores
+from metrics.scoring.situation_scores import SituationScores
+from metrics.truth.advised_waits import AdvisedWaits
 
 START_S = 1_790_000_000.0
 
@@ -58,6 +64,12 @@ class Watch:
         self._fleet, self._engine, self._post = fast_fleet_of(self._site, Measures()), Engine(self._site), Post()
         self._everything = True
         self.situations = SituationLifecycle(PlaceNames.of(self._site).describe)
+        self.situation_scores, self.contention, self.waits = (
+            SituationScores(),
+            ContentionScores(self._site),
+            AdvisedWaits(),
+        )
+        self._is_followed = follow is not Follow.NONE
         self.follower = Follower(self.floor.world, follow, START_S)
         self.lost_time = LostTimeCounter(self.floor.world)
         self.alerts: dict[str, Alert] = {}
@@ -75,13 +87,16 @@ class Watch:
         now_s = self.floor.now_s
         for arrival_s, raw, connection in self._post.arrived(now_s):
             self._fleet.receive(raw, arrival_s, connection)
-        self._engine.receive(self._fleet.next_batch(now_s, self._everything))
+        batch = self._fleet.next_batch(now_s, self._everything)
+        self._engine.receive(batch)
         self._everything = False
         revisions = self._engine.step(now_s)
-        for revision in self.situations.published(now_s, revisions):
+        published = self.situations.published(now_s, revisions)
+        for revision in published:
             self.follower.pass_on(revision)
         for advisory in revisions:
             self._take(advisory)
+        self._score(now_s, batch, revisions, situations_of(published))
         self.lost_time.update(STEP_S)
         standing = self.floor.truth.stood_s > 0
         open_now = [alert for alert in self.alerts.values() if alert.cleared_s == inf]
@@ -89,6 +104,15 @@ class Watch:
             alert.stands_s = [alert.stands_s[k] + STEP_S * bool(standing[row]) for k, row in enumerate(alert.rows)]
         conflicts = sum(alert.kind == "conflict" for alert in open_now)
         self.most_open, self.open_s = max(self.most_open, conflicts), self.open_s + STEP_S * conflicts
+
+    def _score(
+        self, now_s: float, batch: Batch, advisories: Sequence[AnyAdvisory], situations: Sequence[Situation]
+    ) -> None:
+        self.contention.add_batch(batch)
+        self.contention.add_output(now_s, advisories)
+        self.situation_scores.add(now_s, situations)
+        if self._is_followed:
+            self.waits.add(now_s, self._engine.foresight.robots_following_advice(now_s))
 
     def _take(self, advisory: AnyAdvisory) -> None:
         if advisory.id not in self.alerts:

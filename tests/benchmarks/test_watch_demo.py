@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.watch_demo.following import Follow
 from benchmarks.watch_demo.judging import PairEvent, rows_of, summary, verdict
+from benchmarks.watch_demo.situation_truth import situation_truth
 from benchmarks.watch_demo.watching import Alert, Watch
 
 YIELDED, MET, ORDERED = PairEvent(20.0, 24.0, "yielded"), PairEvent(40.0, 41.0, "met"), PairEvent(20.0, 24.0, "ordered")
@@ -59,6 +60,9 @@ def test_a_short_run_reports_what_happened() -> None:
     assert [row["became"] for row in nose_to_nose] == ["true (met)"]
     assert figures["alerts"] == sum(row["kind"] == "conflict" for row in rows)
     assert figures["most_open"] >= 1
+    situations = watch.situation_scores.figures(situation_truth(watch, 30.0))
+    assert situations["true"] == situations["situations"] >= 1
+    assert situations["foreseen"]["outcomes"] >= 1
 
 
 @pytest.mark.parametrize("follow", [Follow.ADVISORIES, Follow.SITUATIONS])
