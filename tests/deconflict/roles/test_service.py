@@ -13,34 +13,41 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
 from deconflict.advice import hold_requests
-from deconflict.advisory import ADVISORY, AdvisoryState
+from deconflict.advisories.situations.situation import REVISION, AnyRevision, advisories_of
+from deconflict.advisory import AdvisoryState
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import EngineSettings
 from ingest.recording.log_reader import LogReader, Tick
 from ingest.settings import Vendor
 from metrics.monitoring.exposition import combine, render
-from tests.deconflict.roles.made_service import CROSSING, SITE, Course, drive, running
+from tests.deconflict.roles.made_service import CROSSING, SITE, Course, Running, drive, running
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.replayed import replayed
 from tests.helpers.saying import HALL, identity, status
 
 
+def stream_of(service: Running) -> str:
+    """The address of everything that is published."""
+    return f"ws://{service.face}/advisories/stream?after=0&kinds=situation,advisory"
+
+
 async def test_crossing_robots_have_an_advisory_from_raised_to_cleared(tmp_path: Path) -> None:
-    async with running(tmp_path) as service, connect(f"ws://{service.face}/advisories/stream?after=0") as stream:
+    async with running(tmp_path) as service, connect(stream_of(service)) as stream:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
-        advisories = []
+        revisions: list[AnyRevision] = []
         async with asyncio.timeout(PATIENCE_S):
             async for message in stream:
-                advisories.append(ADVISORY.validate_json(message))
-                if advisories[-1].state is AdvisoryState.CLEARED:
+                revisions.append(REVISION.validate_json(message))
+                if revisions[-1].kind == "conflict" and revisions[-1].state is AdvisoryState.CLEARED:
                     break
         driving.cancel()
+        advisories = advisories_of(revisions)
         assert {advisory.id for advisory in advisories} == {advisories[0].id}
         assert advisories[0].state is AdvisoryState.RAISED
         assert advisories[0].vendors == ("Alder", "Alder")
         assert advisories[0].location
         assert advisories[0].location.datum == HALL
-        assert [advisory.seq for advisory in advisories] == list(range(1, len(advisories) + 1))
+        assert [revision.seq for revision in revisions] == list(range(1, len(revisions) + 1))
         listed = (await service.get("/advisories?state=cleared")).json()["advisories"]
         assert [row["id"] for row in listed] == [advisories[0].id]
         assert any(advisory.recommendation for advisory in advisories)
@@ -49,7 +56,7 @@ async def test_crossing_robots_have_an_advisory_from_raised_to_cleared(tmp_path:
 
 
 async def test_conflicts_are_published_even_if_advice_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hold_requests, "advise_holds", broken)
+    monkeypatch.setattr(hold_requests, "advise_conflicts", broken)
     async with running(tmp_path) as service:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 14))
         await service.until("/advisories", lambda answer: "no advice could be worked out" in json.dumps(answer))
@@ -145,13 +152,18 @@ def seconds_between(earlier: str, later: str) -> float:
     return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
 
 
-async def test_the_recording_replays_to_the_same_advisories(tmp_path: Path) -> None:
+async def test_the_recording_replays_to_the_same_advisories_and_situations(tmp_path: Path) -> None:
     async with running(tmp_path) as service:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 60))
         listed = await service.until("/advisories?state=cleared", lambda answer: len(answer["advisories"]) == 1)
         driving.cancel()
         live = (await service.get(f"/advisories/{listed['advisories'][0]['id']}")).json()["advisories"]
-    assert [again | {"seq": 0} for again in replay(tmp_path / "log")] == [each | {"seq": 0} for each in live]
+        (situation,) = (await service.get("/situations?state=all")).json()["situations"]
+        life = (await service.get(f"/situations/{situation['id']}")).json()["situations"]
+    again, unnumbered = replay(tmp_path / "log"), {"seq": 0}
+    assert [each for each in again if each["kind"] == "conflict"] == [each | unnumbered for each in live]
+    situations = [each for each in again if each["kind"] == "situation"]
+    assert situations[: len(life)] == [each | unnumbered for each in life]
 
 
 async def test_an_overloaded_service_shows_it_still_warns_and_replays_to_the_same_advisories(tmp_path: Path) -> None:
