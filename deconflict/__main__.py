@@ -102,6 +102,12 @@ def _add_simulations(commands: Commands) -> None:
         "drills", nargs="*", metavar="NAME", type=_drill_named, help="the drills to run; without names, all"
     )
     drill_parser.add_argument("--ignore", action="store_true", help="let the simulated robots ignore all advice")
+    drill_parser.add_argument(
+        "--advice",
+        choices=("advisories", "situations"),
+        default="advisories",
+        help="whose advice the simulated robots follow (default: advisories)",
+    )
     drill_parser.set_defaults(run=_drill)
 
 
@@ -258,7 +264,7 @@ def _drill(args: argparse.Namespace) -> int:
     from deconflict.simulation.drills import drill_run  # noqa: PLC0415 - loads the engine
     from deconflict.simulation.drills.drill_scripts import DRILLS  # noqa: PLC0415 - loads the simulated world
 
-    return drill_run.drill(args.drills or DRILLS, render, ignored=args.ignore)
+    return drill_run.drill(args.drills or DRILLS, render, ignored=args.ignore, source=args.advice)
 
 
 def _site_import(args: argparse.Namespace) -> int:

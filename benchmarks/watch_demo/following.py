@@ -1,7 +1,8 @@
 """A site service of the demo's floor: it passes the advice of situations, or of every advisory, on to the robots."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from enum import StrEnum
+from math import inf
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
 from deconflict.advisory import Action, Hold, Recommendation
@@ -34,6 +35,8 @@ class Follower:
         """By robot, when it was told something last, in the world's time."""
         self._held: dict[str, tuple[Hold, ...]] = {}
         """By advisory: the holds that were passed on last."""
+        self._slowed = defaultdict[str, list[int]](list)
+        """By situation: the robots that were told to drive slowly by the advice that stands."""
         self._done: set[tuple[str, str]] = set()
         """By advisory and robot, or by situation and since when its advice stands: what was passed on."""
         self.counts = Counter[str]()
@@ -44,17 +47,22 @@ class Follower:
         """Pass on the advice of one revision."""
         at_s = revision.updated_at.timestamp() - self._start_s
         if isinstance(revision, Situation):
-            if self._follow is Follow.SITUATIONS and revision.advice:
+            if self._follow is Follow.SITUATIONS:
                 self._pass_on_actions(revision.id, revision.advice, at_s)
         elif self._follow is Follow.ADVISORIES and revision.recommendation:
             self._pass_on_waits(revision.id, revision.recommendation, at_s)
 
-    def _pass_on_actions(self, situation_id: str, advice: SituationAdvice, at_s: float) -> None:
-        key = (situation_id, advice.since_at.isoformat())
-        if key not in self._done:
+    def _pass_on_actions(self, situation_id: str, advice: SituationAdvice | None, at_s: float) -> None:
+        """Pass on new advice. Robots that drive slowly by the advice before may drive as usual."""
+        key = (situation_id, advice.since_at.isoformat() if advice else "")
+        if key in self._done:
+            return
+        for row in self._slowed.pop(situation_id, ()):
+            self._world.instructions.slow_down(row, inf, 0.0, self._world.t_s)
+        if advice:
             self._done.add(key)
             for action in advice.actions:
-                self._act(action, at_s)
+                self._act(situation_id, action, at_s)
 
     def _pass_on_waits(self, advisory_id: str, advice: Recommendation, at_s: float) -> None:
         held, self._held[advisory_id] = self._held.get(advisory_id, ()), advice.holds
@@ -66,15 +74,16 @@ class Follower:
                 self._done.add(key)
                 self._wait(slot.robot, slot.wait_s, at_s)
 
-    def _act(self, action: Action, at_s: float) -> None:
+    def _act(self, situation_id: str, action: Action, at_s: float) -> None:
         if action.action in NOTHING_TO_DO or (row := self._free_row(action.robot, at_s)) is None:
             return
-        now_s, seconds = self._world.t_s, action.seconds or 0.0
+        now_s = self._world.t_s
         match action.action:
             case "wait":
-                self._world.instructions.wait(row, seconds, now_s)
+                self._world.instructions.wait(row, action.seconds or 0.0, now_s)
             case "slow_down":
-                self._world.instructions.slow_down(row, action.speed_mps or 0.0, seconds, now_s)
+                self._world.instructions.slow_down(row, action.speed_mps or inf, action.seconds or inf, now_s)
+                self._slowed[situation_id].append(row)
             case "back_out":
                 self._world.back_off(row)
             case _:

@@ -113,5 +113,5 @@ def _action(
         where=where,
         resource=slot.resource,
         start_at=slot.start_at,
-        end_at=slot.end_at if action == "take_another_route" else None,
+        end_at=slot.end_at,
     )

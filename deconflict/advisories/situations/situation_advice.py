@@ -5,17 +5,23 @@ says why.
 """
 
 from collections.abc import Collection, Iterable, Sequence
+from math import inf
 from typing import NamedTuple
 
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.situations.situation import MOST_ACTIONS, SituationAdvice
-from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, moment
+from deconflict.advisories.situations.stakes import SERVICE_REACTION_S, preventable_cost_of
+from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation, moment
 
 LEAST_WAIT_S = 3.0
 """Nobody can have a robot wait for less."""
 STANDS_S = 4.0
 """Advice stands for so long at least, if it is not refused."""
+
+
+Key = tuple[str, str, bool]
+"""The robot, the kind of action, and whether it is vague: what stays the same while advice stands."""
 
 
 class Proposal(NamedTuple):
@@ -25,8 +31,8 @@ class Proposal(NamedTuple):
     predicted_s: float
 
     @property
-    def key(self) -> tuple[str, str]:
-        return self.action.robot, self.action.action
+    def key(self) -> Key:
+        return _key(self.action)
 
 
 def proposals_of(advisories: Iterable[AnyAdvisory], robots: Collection[str], now_s: float) -> list[Proposal]:
@@ -34,23 +40,46 @@ def proposals_of(advisories: Iterable[AnyAdvisory], robots: Collection[str], now
     found = [
         Proposal(action, advisory.predicted_at.timestamp())
         for advisory in advisories
-        for action in actions_of(advisory)
-        if action.robot in robots and is_useful(action, advisory, now_s)
+        for action in useful_actions(advisory, now_s)
+        if action.robot in robots
     ]
-    found.sort(key=lambda proposal: (proposal.action.action == "go_first", proposal.predicted_s, proposal.action.robot))
+    found.sort(key=lambda proposal: (_rank(proposal.action), proposal.predicted_s, proposal.action.robot))
     first = {proposal.action.robot: proposal for proposal in reversed(found)}
     return [proposal for proposal in found if first[proposal.action.robot] is proposal]
 
 
-def actions_of(advisory: AnyAdvisory) -> Sequence[Action]:
-    return advisory.recommendation.actions if advisory.recommendation else ()
+def _rank(action: Action) -> int:
+    """What is not vague comes first, and what changes nothing last."""
+    return 2 if action.action == "go_first" else int(_is_vague(action))
 
 
-def is_useful(action: Action, advisory: AnyAdvisory, now_s: float) -> bool:
-    """Whether there is still time for it, and somebody can carry it out."""
-    if action.action == "wait" and (action.seconds or 0.0) < LEAST_WAIT_S:
-        return False
-    return not isinstance(advisory, ConflictAdvisory) or advisory.time_left_s(now_s) > 0
+def _key(action: Action) -> Key:
+    return action.robot, action.action, _is_vague(action)
+
+
+def _is_vague(action: Action) -> bool:
+    """Whether it does not say where to go."""
+    return action.action == "take_another_route" and not action.where
+
+
+def useful_actions(advisory: AnyAdvisory, now_s: float) -> Sequence[Action]:
+    """The actions on an advisory that can still be carried out; none if waiting costs more than what it prevents."""
+    advice = advisory.recommendation
+    if advice is None:
+        return ()
+    waits_s = [action.seconds or 0.0 for action in advice.actions if action.action == "wait"]
+    prevented_s = preventable_cost_of(advisory, now_s, SERVICE_REACTION_S)
+    if isinstance(advisory, ConflictAdvisory) and sum(waits_s) > prevented_s:
+        return ()
+    return [action for action in advice.actions if _is_timely(action, advice, now_s)]
+
+
+def _is_timely(action: Action, advice: Recommendation, now_s: float) -> bool:
+    """Whether somebody can carry out an action: it is long enough, and its time is not over since it was advised."""
+    if action.action != "wait" or action.seconds is None:
+        return True
+    ends_s = advice.given_at.timestamp() + action.seconds if advice.given_at else inf
+    return action.seconds >= LEAST_WAIT_S and now_s < ends_s
 
 
 def revised_advice(
@@ -68,7 +97,7 @@ def revised_advice(
 
 def _reason_to_change(
     before: SituationAdvice,
-    keys: Collection[tuple[str, str]],
+    keys: Collection[Key],
     proposed: Sequence[Proposal],
     robots: Collection[str],
     now_s: float,
@@ -77,10 +106,10 @@ def _reason_to_change(
     first, stood_s = before.actions[0], now_s - before.since_at.timestamp()
     if first.robot not in robots:
         return f"{first.name} is no longer part of it"
-    if first.seconds is not None and stood_s >= first.seconds:
-        is_same = bool(proposed) and proposed[0].key == (first.robot, first.action)
+    if first.seconds is not None and stood_s >= max(action.seconds or 0.0 for action in before.actions):
+        is_same = bool(proposed) and proposed[0].key == _key(first)
         return f"it is not over for {first.name} yet" if is_same else f"the time for {first.name} is over"
-    if stood_s < STANDS_S or (first.robot, first.action) in keys:
+    if stood_s < STANDS_S or _key(first) in keys:
         return None
     if not proposed:
         return None if first.seconds is not None else f"{first.name} no longer needs to"

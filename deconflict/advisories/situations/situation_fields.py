@@ -44,6 +44,11 @@ def updated(
     return before.next_revision(**_fields(before, group, advisories, stakes, place, now_s))
 
 
+def has_first_advice(before: Situation, advisories: Sequence[AnyAdvisory], now_s: float) -> bool:
+    """Whether there is something to do now, and there was nothing before."""
+    return before.advice is None and bool(proposals_of(advisories, names_of(advisories).keys(), now_s))
+
+
 def _fields(
     before: Situation | None,
     group: Group,

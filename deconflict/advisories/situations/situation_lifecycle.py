@@ -21,7 +21,7 @@ from ingest.batch import FloorPoint
 LINGERS_S = 10.0
 """A situation is cleared once it has not been worth a reaction for so long."""
 UPDATE_GAP_S = 4.0
-"""Shortest time between two revisions, unless severity rises."""
+"""Shortest time between two revisions, unless severity rises or there is advice at last."""
 LOOK_S = 1.0
 """A situation without news is looked at again after this time, as less and less of it can be prevented."""
 WORTH_S = 1.5
@@ -136,7 +136,11 @@ class SituationLifecycle:
             watched.look_s = min(watched.look_s, closes_s)
         if not advisories:
             return None
-        if not _is_due(before, now_s) and not rises(situation_fields.severity(stakes, before), before.severity):
+        if not (
+            _is_due(before, now_s)
+            or rises(situation_fields.severity(stakes, before), before.severity)
+            or situation_fields.has_first_advice(before, advisories, now_s)
+        ):
             return None
         after = situation_fields.updated(before, group, advisories, stakes, self._place(group), now_s)
         return after if is_news(before, after) else None

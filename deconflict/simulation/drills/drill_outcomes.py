@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from deconflict.advisories.severity import SEVERITIES
+from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
 from deconflict.simulation.drills.drill_scripts import Drill, DrillSetup
 
@@ -25,9 +26,9 @@ class DrillOutcome:
     advised: str = ""
     """Summary of its first revision with advice."""
     passed_on: list[str] = field(default_factory=list)
-    """Summary of every advisory whose advice was passed on to robots."""
+    """Summary of every advisory, or advice of every situation, that was passed on to robots."""
     promised_s: float = 0.0
-    """Total predicted cost of that advice."""
+    """Total predicted cost of that advice; of situations' advice, the seconds of waiting that it asks for."""
     late_s: float = 0.0
     """Total delay of all its robots against their first plans."""
     worst: str = ""
@@ -40,10 +41,15 @@ class DrillOutcome:
     """Kinds of all advisories raised about its robots, in order."""
 
     @property
+    def resolved(self) -> bool:
+        """Whether its advisory is cleared and all its robots have reached their goals."""
+        return bool(self.ended) and self.through
+
+    @property
     def kept(self) -> bool:
         """Whether following the advice ended the conflict at the predicted cost."""
         on_time = abs(self.late_s - self.promised_s) <= CLOSE_S
-        return bool(self.lead_s) and bool(self.ended) and self.through and bool(self.passed_on) and on_time
+        return bool(self.lead_s) and self.resolved and bool(self.passed_on) and on_time
 
 
 class DrillOutcomes:
@@ -60,9 +66,16 @@ class DrillOutcomes:
         self._first: dict[str, DrillOutcome] = {}
         """By id of the advisory that a drill should cause: its drill's outcome."""
 
-    def add_revision(self, advisory: AnyAdvisory, passed_on_s: float | None) -> None:
+    def add_revision(self, revision: AnyRevision, passed_on_s: float | None) -> None:
         """Add one revision. `passed_on_s` is the cost of what robots were told; None if they were told nothing."""
-        outcome = self._of[advisory.robots[0]]
+        outcome = self._of[revision.robots[0]]
+        if passed_on_s is not None:
+            outcome.passed_on.append(_advised(revision))
+            outcome.promised_s += passed_on_s
+        if not isinstance(revision, Situation):
+            self._add_advisory(outcome, revision)
+
+    def _add_advisory(self, outcome: DrillOutcome, advisory: AnyAdvisory) -> None:
         if advisory.state is AdvisoryState.RAISED:
             outcome.kinds.append(advisory.kind)
             if advisory.kind == outcome.kind and outcome.lead_s is None:
@@ -72,9 +85,6 @@ class DrillOutcomes:
             outcome.worst = max(outcome.worst or Severity.CAUTION, advisory.severity, key=SEVERITIES.index)
             outcome.ended = advisory.cleared_because or ""
             outcome.advised = outcome.advised or (advisory.summary if advisory.recommendation else "")
-        if passed_on_s is not None:
-            outcome.passed_on.append(advisory.summary)
-            outcome.promised_s += passed_on_s
 
     def now(self) -> list[DrillOutcome]:
         """The outcomes so far."""
@@ -86,9 +96,15 @@ class DrillOutcomes:
 
     def over(self) -> bool:
         """Whether all robots have reached their goals and every drill's advisory is cleared."""
-        return all(outcome.through and outcome.ended for outcome in self.now())
+        return all(outcome.resolved for outcome in self.now())
 
 
 def documents(outcomes: Sequence[DrillOutcome]) -> list[dict[str, Any]]:
     """The outcomes as JSON documents."""
     return [asdict(outcome) | {"kept": outcome.kept} for outcome in outcomes]
+
+
+def _advised(revision: AnyRevision) -> str:
+    if isinstance(revision, Situation):
+        return revision.advice.text if revision.advice else ""
+    return revision.summary

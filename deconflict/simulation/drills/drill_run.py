@@ -9,6 +9,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -23,29 +24,40 @@ from deconflict.roles.service import run_in_one_process
 from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes, documents
 from deconflict.simulation.drills.drill_scripts import Drill, errand_group, set_up_drills
 from deconflict.simulation.drills.errands import STEP_S, ErrandGroup
-from deconflict.simulation.drills.site_service import SiteService
+from deconflict.simulation.drills.site_service import SERVICES, AdviceSource, SiteService, SituationService
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.simulation.vendors.senders import OWN_PATH, Sender, call
 
 LONGEST_S = 120.0
 
 
-def drill(drills: Sequence[Drill], exposition: Exposition, *, ignored: bool) -> int:
-    """Run drills at the same time. Returns 0 if all followed advice had the predicted cost. With `ignored` no robot
-    follows advice."""
+def drill(
+    drills: Sequence[Drill], exposition: Exposition, *, ignored: bool, source: AdviceSource = "advisories"
+) -> int:
+    """Run drills at the same time. With `ignored` no robot follows advice.
+
+    Returns 0 if all followed advice had the predicted cost; if situations were followed, whose advice predicts no cost,
+    if all drills were resolved.
+    """
     console = Console()
-    behaviour = "robots ignore the advice" if ignored else "robots follow the advice"
+    behaviour = "robots ignore the advice" if ignored else f"robots follow the advice of {source}"
     console.print(f"{len(drills)} drills at once, about a minute; {behaviour}")
     with TemporaryDirectory(prefix="deconflict-drill-") as data:
-        outcomes = asyncio.run(played(drills, Path(data), exposition, ignored=ignored))
+        outcomes = asyncio.run(played(drills, Path(data), exposition, ignored=ignored, source=source))
     console.print(_table(outcomes))
     sys.stdout.write(json.dumps(documents(outcomes)) + "\n")
-    kept = [outcome.kept for outcome, script in zip(outcomes, drills, strict=True) if script.heeds]
+    is_good = attrgetter("kept" if source == "advisories" else "resolved")
+    kept = [is_good(outcome) for outcome, script in zip(outcomes, drills, strict=True) if script.heeds]
     return 0 if ignored or all(kept) else 1
 
 
 async def played(
-    drills: Sequence[Drill], data: Path, exposition: Exposition, *, ignored: bool = False
+    drills: Sequence[Drill],
+    data: Path,
+    exposition: Exposition,
+    *,
+    ignored: bool = False,
+    source: AdviceSource = "advisories",
 ) -> list[DrillOutcome]:
     """The outcomes of these drills, once all robots have finished and all advisories are cleared, or after two
     minutes."""
@@ -53,7 +65,7 @@ async def played(
     errands, outcomes = errand_group(setups), DrillOutcomes(drills, setups)
     async with run_in_one_process(site, data, exposition) as (receiver, operator):
         start_s = time.time()
-        service = SiteService(errands, PlaceGeometry(site.resources, site.zones), start_s)
+        service = SERVICES[source](errands, PlaceGeometry(site.resources, site.zones), start_s)
         robots_url, url = f"ws://127.0.0.1:{receiver.receiver.port}", f"http://127.0.0.1:{operator.port}"
         playing = asyncio.create_task(_play(errands, robots_url, start_s))
         following = asyncio.create_task(_follow(url, service, outcomes))
@@ -70,10 +82,10 @@ async def played(
     return outcomes.now()
 
 
-async def _follow(url: str, service: SiteService, outcomes: DrillOutcomes) -> None:
+async def _follow(url: str, service: SiteService | SituationService, outcomes: DrillOutcomes) -> None:
     async with Client(url) as client:
-        async for advisory in client.follow(after=0):
-            outcomes.add_revision(advisory, service.pass_on(advisory))
+        async for revision in client.follow(after=0, kinds=("advisory", "situation")):
+            outcomes.add_revision(revision, service.pass_on(revision))
 
 
 async def _play(errands: ErrandGroup, url: str, start_s: float) -> None:

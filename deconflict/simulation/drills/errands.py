@@ -65,6 +65,8 @@ class Errand:
         self.t_s = 0.0
         self._stay_s, self._state = 0.0, "navigating"
         self._hold_s = 0.0
+        self._slow_mps, self._slow_s = PACE_MPS, 0.0
+        """A lower speed, and for how long it drives at it."""
         self.at = ""
         """Id of the place where it is."""
         self.due_s = self._timetable()[-1].after_s
@@ -103,8 +105,9 @@ class Errand:
 
     def _drive(self, visit: Visit, left_m: float, most_s: float) -> float:
         self.at = ""
-        used_s = min(left_m / PACE_MPS, most_s)
-        share = used_s * PACE_MPS / left_m
+        used_s = min(left_m / self.pace_mps, most_s, self._slow_s or most_s)
+        share = used_s * self.pace_mps / left_m
+        self._slow_s = max(self._slow_s - used_s, 0.0)
         self.x_m += share * (visit.x_m - self.x_m)
         self.y_m += share * (visit.y_m - self.y_m)
         return used_s
@@ -122,6 +125,11 @@ class Errand:
         return most_s
 
     @property
+    def pace_mps(self) -> float:
+        """Its speed when it drives."""
+        return self._slow_mps if self._slow_s > 0 else PACE_MPS
+
+    @property
     def drives(self) -> bool:
         """Whether it would drive now."""
         return bool(self.visits) and self._hold_s <= 0 and self._stay_s <= 0
@@ -136,6 +144,12 @@ class Errand:
         """Stand `more_s` longer before driving on. A negative value shortens an earlier wait."""
         if not self.ignores_advice:
             self._hold_s = max(self._hold_s + more_s, 0.0)
+            self.told_s = self.t_s
+
+    def slow_down(self, speed_mps: float, seconds: float) -> None:
+        """Drive at most at this speed for the next `seconds` of driving; with 0 s, as fast as usual again."""
+        if not self.ignores_advice:
+            self._slow_mps, self._slow_s = min(speed_mps, PACE_MPS), seconds
             self.told_s = self.t_s
 
     def go(self, visits: Sequence[Visit]) -> None:
@@ -186,7 +200,7 @@ class Errand:
             x_m=self.x_m,
             y_m=self.y_m,
             yaw_rad=self.yaw_rad,
-            linear_mps=PACE_MPS if moving else 0.0,
+            linear_mps=self.pace_mps if moving else 0.0,
             state=self._state,
             battery_pct=50.0,
             plan=FleetPlan(
@@ -204,7 +218,7 @@ class Errand:
     def _timetable(self) -> list[Knot]:
         """Its planned poses from now on without obstacles. It stays at the last."""
         x_m, y_m, yaw_rad = self.x_m, self.y_m, self.yaw_rad
-        after_s = self._hold_s + self._stay_s
+        after_s, slow_m = self._hold_s + self._stay_s, self._slow_mps * self._slow_s
         knots = [Knot(0.0, x_m, y_m, yaw_rad)]
         if after_s > 0:
             knots.append(Knot(after_s, x_m, y_m, yaw_rad))
@@ -215,7 +229,13 @@ class Errand:
                 if abs(turn_rad) > SLACK_RAD:
                     after_s, yaw_rad = after_s + abs(turn_rad) / TURN_RADPS, yaw_rad + turn_rad
                     knots.append(Knot(after_s, x_m, y_m, yaw_rad))
-                after_s += left_m / PACE_MPS
+                slowly_m = min(slow_m, left_m)
+                after_s, slow_m = after_s + slowly_m / self._slow_mps, slow_m - slowly_m
+                if 0 < slowly_m < left_m:
+                    share = slowly_m / left_m
+                    at = x_m + share * (visit.x_m - x_m), y_m + share * (visit.y_m - y_m)
+                    knots.append(Knot(after_s, *at, yaw_rad))
+                after_s += (left_m - slowly_m) / PACE_MPS
             x_m, y_m = visit.x_m, visit.y_m
             knots.append(Knot(after_s, x_m, y_m, yaw_rad, visit))
             if visit.stay_s > 0:

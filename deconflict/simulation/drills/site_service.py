@@ -1,82 +1,133 @@
-"""A site service that follows advisories: it tells robots to wait, and where to go first or instead."""
+"""Site services: one follows every advisory, the other one only situations. They instruct robots on errands."""
 
 from collections.abc import Iterable
+from datetime import datetime
+from math import inf
+from typing import Literal
 
-import shapely
-
-from deconflict.advisory import AnyAdvisory, Hold, Slot
+from deconflict.advisories.situations.situation import AnyRevision, Situation
+from deconflict.advisory import Action, ActionKind, Hold, Slot
 from deconflict.contention.robots.place_geometry import PlaceGeometry
-from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
+from deconflict.simulation.drills.dispatcher import Dispatcher
+from deconflict.simulation.drills.errands import Errand, ErrandGroup
 
-STALE_S = 1.5
-"""Advice may be based on reports this much older than the advice."""
-WORTH_S = 0.3
-"""A smaller change of a robot's arrival time is not passed on."""
+AdviceSource = Literal["advisories", "situations"]
+"""Whose advice a site service follows."""
 
 
 class SiteService:
-    """Passes advice on to the robots of a group."""
+    """Passes the holds and slots of every advisory on to the robots of a group."""
 
     def __init__(self, group: ErrandGroup, geometry: PlaceGeometry, start_s: float) -> None:
         """The group's time 0 is `start_s`, seconds since the epoch."""
-        self._group, self._geometry, self._start_s = group, geometry, start_s
+        self._dispatcher, self._zones = Dispatcher(group, geometry, start_s), geometry.zones
         self._held: dict[str, tuple[Hold, ...]] = {}
         """By advisory: the holds that were passed on last."""
 
-    def pass_on(self, advisory: AnyAdvisory) -> float | None:
+    def pass_on(self, advisory: AnyRevision) -> float | None:
         """Pass on the advice of a revision. Returns its cost; None if no robot was told anything."""
         advice = advisory.recommendation
         if advice is None:
             return None
-        at_s = advisory.updated_at.timestamp() - self._start_s
+        at_s = advisory.updated_at.timestamp() - self._dispatcher.start_s
         held, self._held[advisory.id] = self._held.get(advisory.id, ()), advice.holds
         held_s = [hold.hold_s for hold in advice.holds if held != advice.holds and self._hold(hold, at_s)]
         served = [self._serve(robot, slots, at_s) for robot, slots in _by_robot(advice.slots).items()]
         return advice.cost_s if any(served) else sum(held_s) if held_s else None
 
-    def _fresh(self, robot: str, at_s: float) -> Errand | None:
-        """The errand of a robot, if its plan has not changed since the reports on which advice of `at_s` is based."""
-        errand = self._group.by_uuid.get(robot)
-        return None if errand is None or errand.ignores_advice or at_s - STALE_S < errand.told_s else errand
-
     def _hold(self, hold: Hold, at_s: float) -> bool:
         """Pass on a hold. It is added to the plan that the robot reported."""
-        errand = self._fresh(hold.robot, at_s)
+        errand = self._dispatcher.fresh(hold.robot, at_s)
         if errand:
             errand.wait(hold.hold_s)
         return errand is not None
 
     def _serve(self, robot: str, slots: list[Slot], at_s: float) -> bool:
         """Make a robot arrive when its last slot begins. Before that it stays at the place of an earlier slot."""
-        errand = self._fresh(robot, at_s)
+        dispatcher, errand = self._dispatcher, self._dispatcher.fresh(robot, at_s)
         if errand is None:
             return False
         *first, last = slots
-        start_s = last.start_at.timestamp() - self._start_s
-        if zone := self._geometry.zones.get(last.resource):
-            return _shift_arrival(errand, errand.enters_s(shapely.Polygon(zone.polygon)), start_s)
-        is_moved = errand.comes_s(last.resource) is None
-        if is_moved:
-            errand.go_instead(self._visit(last.resource))
-        elsewhere = [self._visit(slot.resource) for slot in first if errand.comes_s(slot.resource) is None]
-        if elsewhere:
-            errand.go(elsewhere)
-            comes_s = errand.comes_s(last.resource) or start_s
-            errand.visits[0] = self._visit(first[0].resource, max(start_s - comes_s, 0.0))
-            return True
-        return (not first and _shift_arrival(errand, errand.comes_s(last.resource), start_s)) or is_moved
-
-    def _visit(self, place: str, stay_s: float = 0.0) -> Visit:
-        _, x_m, y_m = self._geometry.middle(place)
-        return Visit(x_m, y_m, place, stay_s)
+        start_s = last.start_at.timestamp() - dispatcher.start_s
+        is_moved = last.resource not in self._zones and dispatcher.go_instead(errand, last.resource)
+        if first and last.resource not in self._zones:
+            until_s = first[0].end_at.timestamp() - dispatcher.start_s
+            return dispatcher.go_first(errand, first[0].resource, until_s) or is_moved
+        return dispatcher.arrive(errand, last.resource, start_s) or is_moved
 
 
-def _shift_arrival(errand: Errand, comes_s: float | None, start_s: float) -> bool:
-    """Shift a robot's arrival. Returns whether the change was large enough to be passed on."""
-    if comes_s is None or abs(start_s - comes_s) < WORTH_S:
+class SituationService:
+    """Passes the actions of situations on to the robots of a group, each piece of advice once."""
+
+    def __init__(self, group: ErrandGroup, geometry: PlaceGeometry, start_s: float) -> None:
+        """The group's time 0 is `start_s`, seconds since the epoch."""
+        self._dispatcher = Dispatcher(group, geometry, start_s)
+        self._passed_on: dict[str, str] = {}
+        """By situation: since when the advice stands that was passed on last."""
+        self._slowed: dict[str, list[str]] = {}
+        """By situation: the robots that drive slowly for as long as its advice stands."""
+
+    def pass_on(self, situation: AnyRevision) -> float | None:
+        """Pass on new advice. Returns the seconds that robots were told to wait; None if none was told anything."""
+        if not isinstance(situation, Situation):
+            return None
+        advice, since = situation.advice, situation.advice.since_at.isoformat() if situation.advice else ""
+        if self._passed_on.get(situation.id, "") == since:
+            return None
+        self._passed_on[situation.id] = since
+        self._let_speed_up(situation)
+        if advice is None:
+            return None
+        at_s = situation.updated_at.timestamp() - self._dispatcher.start_s
+        done = [action for action in advice.actions if self._act(action, at_s)]
+        return sum(action.seconds or 0.0 for action in done) if done else None
+
+    def _let_speed_up(self, situation: Situation) -> None:
+        """Let robots drive as usual again that were slowed down for as long as advised."""
+        for robot in self._slowed.pop(situation.id, ()):
+            if errand := self._dispatcher.fresh(robot, inf):
+                errand.slow_down(errand.pace_mps, 0.0)
+        actions = situation.advice.actions if situation.advice else ()
+        self._slowed[situation.id] = [
+            action.robot for action in actions if action.action == "slow_down" and action.seconds is None
+        ]
+
+    def _act(self, action: Action, at_s: float) -> bool:
+        """Instruct the robot of an action. Returns whether it was told anything."""
+        errand = self._dispatcher.fresh(action.robot, at_s)
+        if errand is None:
+            return False
+        if action.action == "slow_down":
+            errand.slow_down(action.speed_mps or errand.pace_mps, action.seconds or inf)
+        elif action.resource and action.start_at and action.end_at:
+            return self._serve(errand, action.action, action.resource, action.start_at, action.end_at)
+        elif action.action == "wait":
+            errand.wait(action.seconds or 0.0)
+        else:
+            return False
+        return True
+
+    def _serve(self, errand: Errand, action: ActionKind, place: str, start_at: datetime, end_at: datetime) -> bool:
+        """Instruct a robot of an action about a place, at which it should be from `start_at` to `end_at`."""
+        dispatcher = self._dispatcher
+        start_s, end_s = (at.timestamp() - dispatcher.start_s for at in (start_at, end_at))
+        match action:
+            case "wait":
+                return dispatcher.arrive(errand, place, start_s)
+            case "take_another_route" if dispatcher.takes_its_place(errand, place):
+                is_moved = dispatcher.go_instead(errand, place)
+                return dispatcher.arrive(errand, place, start_s) or is_moved
+            case "take_another_route":
+                return dispatcher.go_first(errand, place, end_s)
+            case "back_out":
+                return dispatcher.back_out(errand, place, start_s)
         return False
-    errand.wait(start_s - comes_s)
-    return True
+
+
+SERVICES: dict[AdviceSource, type[SiteService] | type[SituationService]] = {
+    "advisories": SiteService,
+    "situations": SituationService,
+}
 
 
 def _by_robot(slots: Iterable[Slot]) -> dict[str, list[Slot]]:

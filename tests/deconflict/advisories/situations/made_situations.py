@@ -73,7 +73,7 @@ def advice(*actions: Action) -> Recommendation:
 
 
 def action(robot: str, name: Any = "wait", **fields: Any) -> Action:
-    seconds = {"seconds": 5.0} if name == "wait" else {}
+    seconds = {"seconds": 4.0} if name == "wait" else {}
     return Action(robot=robot, name=f"Robot {robot}", action=name, **(seconds | fields))
 
 

@@ -107,8 +107,15 @@ def test_severity_rises_at_once_and_other_news_waits() -> None:
     assert worse.severity is Severity.CRITICAL
 
 
+def test_the_first_advice_is_published_at_once() -> None:
+    situations, first = lifecycle(), conflict("ab")
+    situations.revise(NOW_S, [first])
+    (advised,) = situations.revise(NOW_S + 0.5, [first.next_revision(recommendation=advice(action("a")))])
+    assert advised.advice is not None
+
+
 def test_advice_names_robots_of_the_situation_only() -> None:
-    advised = conflict("ab", recommendation=advice(action("z"), action("a")))
+    advised = conflict("ab", recommendation=advice(action("z", "look"), action("a")))
     situation = raised([advised])
     assert situation.advice is not None
     assert [each.robot for each in situation.advice.actions] == ["a"]

@@ -13,3 +13,9 @@ async def test_following_the_advice_of_the_running_service_ends_each_drill_at_th
         assert outcome.ended, outcome
         assert outcome.advised, outcome
         assert outcome.kept is drill.heeds, outcome
+
+
+async def test_following_only_situations_of_the_running_service_resolves_each_drill(tmp_path: Path) -> None:
+    outcomes = await played(DRILLS, tmp_path, render, source="situations")
+    for outcome in outcomes:
+        assert outcome.resolved, outcome

@@ -47,6 +47,17 @@ def test_an_instruction_is_in_the_plan_and_costs_its_time() -> None:
     assert driven.late_s == pytest.approx(2.0)
 
 
+def test_a_robot_that_slows_down_for_a_while_drives_as_it_plans() -> None:
+    driven = errand()
+    driven.slow_down(0.4, 15.0)
+    plan, party = driven.robot().plan, ErrandGroup([driven])
+    for step in range(1, 300):
+        run(party, STEP_S)
+        values, _ = plan.at(np.array([step * STEP_S]))
+        assert (driven.x_m, driven.y_m) == pytest.approx(tuple(values[0, :2]), abs=1e-6)
+    assert driven.late_s == pytest.approx(15.0 * (1 - 0.4 / PACE_MPS), abs=1e-6)
+
+
 def test_a_robot_that_is_sent_elsewhere_stays_there_as_long() -> None:
     driven = errand()
     driven.go_instead(Visit(5, 7, "twin"))
