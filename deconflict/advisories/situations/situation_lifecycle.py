@@ -167,7 +167,7 @@ class SituationLifecycle:
         members = watched.group.members
         self._forget(watched)
         self._regrouped |= members
-        because = "it will pass by itself" if members else "nothing is foreseen there any more"
+        because = "nobody can prevent more of it" if members else "nothing is foreseen there any more"
         return before.cleared_revision(now_s, because).model_copy(update=NOTHING_LEFT)
 
     def _forget(self, watched: _Watched) -> None:
