@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, change, countdown, gist, plural, severityOf, short, since, toDo, urgency, what } from "./texts.js";
+import { KINDS, SIGNS, change, countdown, gist, plural, sentence, severityOf, short, since, toDo, urgency, what } from "./texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 2000; // cards keep their order for so long after the pointer moved over them, so that nobody presses a wrong one
@@ -76,7 +76,7 @@ export class Cards {
 
   fill(card, situation, { nowS, chosen, flashed, floorName, past, behind, situations, colour }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
-    const floor = situation.location ? floorName(situation.location.datum) : "", sentence = gist(situation);
+    const floor = situation.location ? floorName(situation.location.datum) : "", text = gist(situation);
     card.classList.remove("critical", "warning", "caution");
     card.classList.add(situation.severity);
     card.classList.toggle("chosen", situation.id === chosen);
@@ -84,15 +84,15 @@ export class Cards {
     card.classList.toggle("flash", flashed.has(situation.id));
     card.classList.toggle("answered", Boolean(answer));
     card.classList.toggle("advised", Boolean(first));
-    setText(parts.severity, ended ? "✓ Over" : severityOf(situation));
+    setText(parts.severity, ended ? "✓ Closed" : severityOf(situation));
     setText(parts.kind, KINDS[situation.situation_kind]);
     setText(parts.when, ended ? "" : countdown(situation, nowS));
-    setText(parts.what, sentence);
+    setText(parts.what, text);
     setText(parts.first, ended ? "" : first);
     setText(parts.then, ended ? over(situation, situations) : then);
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
-    setText(parts.since, [situation.location && !sentence.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
+    setText(parts.since, [situation.location && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
     showText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
     setText(parts.take, answer ? "Acknowledge again" : "Acknowledge");
     parts.show.setAttribute("aria-label", `Show on the map: ${what(situation)}`);
@@ -146,7 +146,7 @@ export function lines(list, advisories) {
 
 function over(situation, situations) {
   const into = situations.get(situation.joined_into);
-  return into ? `Now part of “${KINDS[into.situation_kind]}”` : situation.cleared_because ?? "";
+  return into ? `Now part of “${KINDS[into.situation_kind]}”` : sentence(situation.cleared_because ?? "");
 }
 
 function rank(advised, { uuid }) {

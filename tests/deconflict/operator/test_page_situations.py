@@ -182,7 +182,7 @@ async def test_when_nothing_is_open_the_page_says_so(browser: "Browser", face: S
         await page.wait_for_selector("#none", state="hidden")
         await face.publish(cleared(only, "nothing is foreseen there any more"))
         await until(page, "document.getElementById('none').offsetParent !== null")
-        assert "nothing is foreseen there any more" in await text(page, "#situations .ended .then")
+        assert "Nothing is foreseen there any more" in await text(page, "#situations .ended .then")
         await page.wait_for_selector("#situations .ended", state="detached")
 
 
