@@ -74,7 +74,7 @@ export class Cards {
     return card;
   }
 
-  fill(card, situation, { nowS, chosen, flashed, floorName, past, behind, situations, colour }) {
+  fill(card, situation, { nowS, chosen, flashed, floorName, floorShown, past, behind, situations, colour }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
     const floor = situation.location ? floorName(situation.location.datum) : "", text = gist(situation);
     card.classList.remove("critical", "warning", "caution");
@@ -92,7 +92,7 @@ export class Cards {
     setText(parts.then, ended ? over(situation, situations) : then);
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
-    setText(parts.since, [situation.location && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
+    setText(parts.since, [situation.location && situation.location.datum !== floorShown && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
     showText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
     setText(parts.take, answer ? "Acknowledge again" : "Acknowledge");
     parts.show.setAttribute("aria-label", `Show on the map: ${what(situation)}`);

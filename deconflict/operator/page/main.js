@@ -158,7 +158,7 @@ function list() {
   const listed = open(), inPast = past.atS !== null, grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
   cards.show(listed, ended(), {
-    nowS: nowS(), chosen, flashed, floorName, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
+    nowS: nowS(), chosen, flashed, floorName, floorShown: floor, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
   });
   setText($("count"), listed.length ? `(${listed.length})` : "");

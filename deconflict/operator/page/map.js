@@ -251,18 +251,19 @@ export class FloorMap {
     }
   }
 
-  // A robot's label, unless it would cover one of `taken`.
+  // A robot's label below it, or else above it, unless both would cover one of `taken`.
   name(robot, scene, rank, taken) {
     const { pen, camera, ink, unit } = this, isBold = rank > LABEL.other, size = isBold ? 13 : 11;
     const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s${likely(robot)}` : "";
     const advised = scene.advised.has(robot.uuid) ? `: ${ACTIONS[scene.advised.get(robot.uuid)]}` : "";
     const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${advised}`;
     const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * unit;
-    const x = camera.px(robot.x), y = camera.py(robot.y) + below;
+    const x = camera.px(robot.x), middle = camera.py(robot.y), ys = [middle + below, middle - below + size * unit * 0.8];
     pen.font = `${size * unit}px system-ui, sans-serif`;
-    const wide = pen.measureText(name).width, box = { left: x - wide / 2, top: y - size * unit, wide, high: size * unit };
-    if (rank < LABEL.picked && taken.some((other) => overlap(box, other))) return;
-    taken.push(box);
+    const wide = pen.measureText(name).width, boxAt = (y) => ({ left: x - wide / 2, top: y - size * unit, wide, high: size * unit });
+    const y = ys.find((each) => !taken.some((other) => overlap(boxAt(each), other))) ?? (rank >= LABEL.picked ? ys[0] : null);
+    if (y === null) return;
+    taken.push(boxAt(y));
     this.text(name, x, y, size, isBold ? ink.ink : ink.faint, isBold ? "600 " : "");
   }
 
