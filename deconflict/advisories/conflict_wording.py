@@ -27,7 +27,7 @@ _NAMESPACE = sha1(ADVISORIES.bytes, usedforsecurity=False)
 WIDE_INTERVAL = 0.2
 """A probability comes with its interval if that is at least so wide."""
 
-_VERBS = {
+ENCOUNTER_VERBS = {
     EncounterClass.HEAD_ON: "meet head-on",
     EncounterClass.CROSSING: "cross",
     EncounterClass.FOLLOWING: "close up in the same direction",
@@ -187,7 +187,7 @@ def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place_
     elif is_obstacle and a.standing and not b.standing:
         what = f"{b.subject} reaches {_obstacle(a)}"
     else:
-        what = f"{a.subject} and {b.subject} {_VERBS[met.encounter_class]}"
+        what = f"{a.subject} and {b.subject} {ENCOUNTER_VERBS[met.encounter_class]}"
     return short_text(f"{what} in {time_s:.0f} s, {place_name}", MOST_SUMMARY_BYTES)
 
 

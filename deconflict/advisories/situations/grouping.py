@@ -1,31 +1,33 @@
 """Which open advisories belong to one situation. Pure.
 
 An advisory joins a group on its floor that it fits, first of all one that shares a robot with it. A group has an extent
-of at most `MOST_EXTENT_M`, or at most `MOST_ROBOTS`. Few robots that are farther apart are a group only if they are
-within `NEAR_M` or share advisories. When a group outgrows both bounds, its newest advisories split off. Two groups that
-fit well within the bounds join, and the oldest keeps its id.
+of at most `MOST_EXTENT_M`; or of at most `NEAR_M`, and at most `MOST_ROBOTS` robots. When a group outgrows this, its
+newest advisories split off. Two groups that fit well within the bounds join, and the oldest keeps its id.
 """
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import floor, hypot, inf
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from deconflict.advisories.conflict_wording import new_id
 from deconflict.advisory import AnyAdvisory
 
 MOST_EXTENT_M, JOINED_EXTENT_M = 10.0, 8.0
 """Largest diagonal of the box around the places of a group's advisories; and when two groups join."""
-MOST_ROBOTS, JOINED_ROBOTS = 8, 8
+MOST_ROBOTS, JOINED_ROBOTS = 8, 7
 """Most robots of a group with a larger extent; and when two groups join."""
+NEAR_M = 20.0
+"""Largest extent of a group of few robots."""
 UNBOUNDED = frozenset(("contention", "double_occupancy", "crowd"))
 """Kinds of advisories whose robots do not count: their place bounds them."""
-NEAR_M = 20.0
-"""Largest extent of a group of few robots that share no advisories."""
 LEAST_OPEN_S = 5.0
 """A situation is open for at least so long, so that a person can read it. Until then its group joins no older one."""
 NOWHERE = (0.0, 0.0)
+Cell = tuple[str, int, int]
+"""A datum and the number of a square of `NEAR_M`."""
+Key = TypeVar("Key", str, Cell)
 
 
 class Box(NamedTuple):
@@ -92,9 +94,9 @@ class Group:
     """By id of the advisory, in the order in which they came."""
     box: Box = field(default_factory=Box)
     """Around its advisories, or where the last ones were."""
-    robots: frozenset[str] = frozenset()
+    robots: set[str] = field(default_factory=set)
     """The robots of its advisories, or of the last ones."""
-    counted: frozenset[str] = frozenset()
+    counted: set[str] = field(default_factory=set)
     """Those that count for `MOST_ROBOTS`."""
 
     def add(self, advisory_id: str, member: Member) -> None:
@@ -108,7 +110,8 @@ class Group:
     def update(self) -> None:
         """Work out anew what follows from its members."""
         if self.members:
-            self.box, self.robots, self.counted = Box(), frozenset(), frozenset()
+            self.box, self.robots, self.counted = Box(), set(), set()
+            self.datum = next(iter(self.members.values())).datum
             self._include(self.members.values())
 
     def _include(self, members: Iterable[Member]) -> None:
@@ -125,12 +128,17 @@ class Group:
         extent_m = self.box.including(other.box).extent_m
         if extent_m <= most_extent_m:
             return True
-        is_linked = extent_m <= NEAR_M or not self.robots.isdisjoint(other.robots)
-        return is_linked and len(self.counted | other.counted) <= most_robots
+        more = sum(robot not in self.counted for robot in other.counted)
+        return extent_m <= NEAR_M and len(self.counted) + more <= most_robots
 
     @property
     def has_outgrown(self) -> bool:
-        return self.box.extent_m > MOST_EXTENT_M and len(self.counted) > MOST_ROBOTS
+        extent_m, is_large = self.box.extent_m, len(self.counted) > MOST_ROBOTS
+        return extent_m > NEAR_M or (extent_m > MOST_EXTENT_M and is_large) or self._is_on_two_floors
+
+    @property
+    def _is_on_two_floors(self) -> bool:
+        return any(member.datum != self.datum for member in self.members.values())
 
     @property
     def age_key(self) -> tuple[bool, float, str]:
@@ -153,11 +161,11 @@ class Grouping:
         """By id."""
         self._group_of: dict[str, Group] = {}
         """By id of the advisory."""
-        self._near: defaultdict[tuple[str, int, int], set[str]] = defaultdict(set)
+        self._near: defaultdict[Cell, set[str]] = defaultdict(set)
         """By datum and cell of `NEAR_M`, the ids of the groups with a box there."""
         self._with_robot: defaultdict[str, set[str]] = defaultdict(set)
         """By robot, the ids of its groups."""
-        self._keys: dict[str, tuple[set[tuple[str, int, int]], frozenset[str]]] = {}
+        self._keys: dict[str, tuple[set[Cell], set[str]]] = {}
         """By id of the group, its cells and robots in the two indices."""
         self._deferred: set[str] = set()
         """Ids of groups that may join others once their situations have been open long enough."""
@@ -219,13 +227,13 @@ class Grouping:
             self._group_of[advisory_id] = alone
             self._index(alone)
             return alone
-        group = min(fitting, key=lambda group: (not group.robots & member.robots, *_rank(group, member)))
+        group = min(fitting, key=lambda group: (group.robots.isdisjoint(member.robots), *_rank(group, member)))
         self._add(advisory_id, member, group)
-        self._index(group)
+        self._index_member(group, member)
         return group
 
     def _alone(self, advisory_id: str, member: Member, now_s: float, split_from: str | None = None) -> Group:
-        group = Group(new_id(f"situation {advisory_id}", now_s), now_s, member.datum, split_from)
+        group = Group(new_id(f"situation {split_from} {advisory_id}", now_s), now_s, member.datum, split_from)
         group.add(advisory_id, member)
         return group
 
@@ -235,13 +243,13 @@ class Grouping:
 
     def _split(self, group: Group, now_s: float) -> Iterator[Group]:
         """Let the newest advisories leave a group that has outgrown its bounds; the groups that they make."""
-        if not group.has_outgrown and len({member.datum for member in group.members.values()}) <= 1:
+        if not group.has_outgrown:
             return
         members = sorted(group.members.items(), key=lambda item: (item[1].raised_s, item[0]))
-        group.members, group.datum = {}, members[0][1].datum
-        parts = [group]
+        group.members = {}
+        parts, split_from = [group], group.id if group.opened_s is not None else group.split_from
         for advisory_id, member in members:
-            alone = self._alone(advisory_id, member, now_s, group.id)
+            alone = self._alone(advisory_id, member, now_s, split_from)
             part = group if not group.members else next((part for part in parts if part.takes(alone)), None)
             if part is None:
                 parts.append(alone)
@@ -266,7 +274,7 @@ class Grouping:
             ]
             if not others:
                 continue
-            other = min(others, key=lambda other: (not other.robots & group.robots, *other.age_key))
+            other = min(others, key=lambda other: (other.robots.isdisjoint(group.robots), *other.age_key))
             oldest, youngest = sorted((group, other), key=lambda each: each.age_key)
             if youngest.opened_s is not None and now_s - youngest.opened_s < LEAST_OPEN_S:
                 self._deferred.add(youngest.id)
@@ -288,26 +296,35 @@ class Grouping:
         return [self.groups[other_id] for other_id in sorted((near | linked) - {group.id})]
 
     def _index(self, group: Group) -> None:
-        keys = _cells(group), group.robots
-        if self._keys.get(group.id) == keys:
-            return
-        self._unindex(group)
-        self._keys[group.id] = keys
-        for cell in keys[0]:
-            self._near[cell].add(group.id)
-        for robot in keys[1]:
-            self._with_robot[robot].add(group.id)
+        """Bring the two indices up to date after any change of a group."""
+        cells, robots = self._keys.get(group.id, (set(), set()))
+        new_cells = _cells(group)
+        self._set(group.id, self._near, cells - new_cells, new_cells - cells)
+        self._set(group.id, self._with_robot, robots - group.robots, group.robots - robots)
+        self._keys[group.id] = new_cells, set(group.robots)
+
+    def _index_member(self, group: Group, member: Member) -> None:
+        """Bring them up to date after an advisory has joined a group."""
+        cells, robots = self._keys.setdefault(group.id, (set(), set()))
+        new_cells = _cells(group)
+        self._set(group.id, self._near, cells - new_cells, new_cells - cells)
+        self._set(group.id, self._with_robot, (), member.robots - robots)
+        robots |= member.robots
+        self._keys[group.id] = new_cells, robots
 
     def _unindex(self, group: Group) -> None:
-        cells, robots = self._keys.pop(group.id, ((), ()))
-        for cell in cells:
-            self._near[cell].discard(group.id)
-            if not self._near[cell]:
-                del self._near[cell]
-        for robot in robots:
-            self._with_robot[robot].discard(group.id)
-            if not self._with_robot[robot]:
-                del self._with_robot[robot]
+        cells, robots = self._keys.pop(group.id, (set(), set()))
+        self._set(group.id, self._near, cells, ())
+        self._set(group.id, self._with_robot, robots, ())
+
+    @staticmethod
+    def _set(group_id: str, index: defaultdict[Key, set[str]], removed: Iterable[Key], added: Iterable[Key]) -> None:
+        for key in removed:
+            index[key].discard(group_id)
+            if not index[key]:
+                del index[key]
+        for key in added:
+            index[key].add(group_id)
 
 
 def _rank(group: Group, member: Member) -> tuple[float, str]:
@@ -315,11 +332,8 @@ def _rank(group: Group, member: Member) -> tuple[float, str]:
     return group.box.distance_m(member.x_m, member.y_m), group.id
 
 
-def _cells(group: Group, margin: int = 0) -> set[tuple[str, int, int]]:
-    """The cells of the corners of its box and those between, with so many more on each side. A long box, whose
-    group no other can join by distance, has those of its corners only."""
+def _cells(group: Group, margin: int = 0) -> set[Cell]:
+    """The squares that its box touches, with so many more on each side."""
     west, south, east, north = (floor(bound_m / NEAR_M) for bound_m in group.box)
-    xs = {west, east} if east - west > 1 else {*range(west, east + 1)}
-    ys = {south, north} if north - south > 1 else {*range(south, north + 1)}
-    around = range(-margin, margin + 1)
-    return {(group.datum, x + dx, y + dy) for x in xs for y in ys for dx in around for dy in around}
+    xs, ys = (range(low - margin, high + margin + 1) for low, high in ((west, east), (south, north)))
+    return {(group.datum, x, y) for x in xs for y in ys}

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
+from deconflict.advice.document_limits import MOST_ACTIONS, MOST_ROBOTS
 from deconflict.advisory import Action, Advisory, AnyAdvisory, Published, Robot
 
-MOST_ACTIONS = 3
 MOST_CORNERS = 16
 MOST_ADVISORIES = 40
 
@@ -31,7 +31,9 @@ class Situation(Advisory):
 
     kind: Literal["situation"] = "situation"
     situation_kind: SituationKind = Field(description="what is going on")
-    robots: tuple[Robot, ...] = Field(max_length=20, description="UUIDs of the first twenty robots, in ascending order")
+    robots: tuple[Robot, ...] = Field(
+        max_length=MOST_ROBOTS, description="UUIDs of the first twenty robots, in ascending order"
+    )
     recommendation: None = Field(default=None, exclude=True)
     situation_id: None = Field(default=None, exclude=True)
     advice: SituationAdvice | None = Field(default=None, description="one thing to do; null if nothing helps any more")

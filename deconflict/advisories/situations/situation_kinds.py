@@ -19,6 +19,8 @@ KIND_OF: dict[str, SituationKind] = {
 }
 """By the kind of an advisory that is not a conflict."""
 SILENT = "(silent)"
+CLEARLY = 1.5
+"""A situation changes its kind only if the other kind costs so many times as much."""
 
 
 class Matter(NamedTuple):
@@ -26,19 +28,29 @@ class Matter(NamedTuple):
 
     kind: SituationKind
     principal: AnyAdvisory
+    advisories: tuple[AnyAdvisory, ...]
+    """Those that are about it."""
     culprit: str | None
     """UUID of the robot that stands or is silent in the way of the others; None if there is no such robot."""
 
 
-def matter_of(advisories: Sequence[AnyAdvisory]) -> Matter:
-    """What the advisories that cost most are about. Conflicts count together."""
+def matter_of(advisories: Sequence[AnyAdvisory], kind_before: SituationKind | None = None) -> Matter:
+    """What the advisories that cost most are about. Conflicts count together. What was of `kind_before` stays so unless
+    the other costs `CLEARLY` more."""
     conflicts = [advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory)]
     others = [advisory for advisory in advisories if not isinstance(advisory, ConflictAdvisory)]
-    dearest = max(others, key=lambda advisory: (cost_of(advisory), advisory.id), default=None)
-    if dearest is None or sum(map(cost_of, conflicts)) > cost_of(dearest):
+    dearest = max(others, key=lambda advisory: (_weight(advisory, kind_before), advisory.id), default=None)
+    if dearest is None:
+        return _matter_of_conflicts(conflicts)
+    was_conflict = kind_before is not None and kind_before not in KIND_OF.values()
+    if sum(map(cost_of, conflicts)) * (CLEARLY if was_conflict else 1.0) > _weight(dearest, kind_before):
         return _matter_of_conflicts(conflicts)
     culprit = dearest.blocker if isinstance(dearest, BlockageAdvisory) else None
-    return Matter(KIND_OF[dearest.kind], dearest, culprit)
+    return Matter(KIND_OF[dearest.kind], dearest, (dearest,), culprit)
+
+
+def _weight(advisory: AnyAdvisory, kind_before: SituationKind | None) -> float:
+    return cost_of(advisory) * (CLEARLY if KIND_OF[advisory.kind] == kind_before else 1.0)
 
 
 def _matter_of_conflicts(conflicts: Sequence[ConflictAdvisory]) -> Matter:
@@ -46,11 +58,11 @@ def _matter_of_conflicts(conflicts: Sequence[ConflictAdvisory]) -> Matter:
     culprit = _culprit(conflicts)
     if culprit:
         is_silent = any(basis_of(conflict, culprit).endswith(SILENT) for conflict in conflicts)
-        return Matter("silent_robot" if is_silent else "obstacle", principal, culprit)
+        return Matter("silent_robot" if is_silent else "obstacle", principal, tuple(conflicts), culprit)
     if len({robot for conflict in conflicts for robot in conflict.robots}) > 2:
-        return Matter("knot", principal, None)
+        return Matter("knot", principal, tuple(conflicts), None)
     is_head_on = principal.encounter_class is EncounterClass.HEAD_ON
-    return Matter("head_on" if is_head_on else "meeting", principal, None)
+    return Matter("head_on" if is_head_on else "meeting", principal, tuple(conflicts), None)
 
 
 def basis_of(conflict: ConflictAdvisory, robot: str) -> str:

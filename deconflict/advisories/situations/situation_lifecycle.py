@@ -9,12 +9,14 @@ Pure: revisions of advisories and the time in, revisions of situations out.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import hypot
 
 from deconflict.advisories.severity import rises
 from deconflict.advisories.situations import situation_fields
-from deconflict.advisories.situations.grouping import LEAST_OPEN_S, Box, Group, Grouping, Join, Member
+from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
 from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisories.situations.stakes import Stakes, stakes_of
+from deconflict.advisories.situations.situation_fields import NOTHING_LEFT
+from deconflict.advisories.situations.stakes import Stakes, severity_of_stakes, stakes_of
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
 from ingest.batch import FloorPoint
 
@@ -27,7 +29,10 @@ LOOK_S = 1.0
 WORTH_S = 1.5
 """Less loss that can be prevented is not worth a reaction."""
 
-NOTHING_LEFT: dict[str, object] = {"advice": None, "advisories": (), "more_advisories": 0}
+FALLS_S = 3.0
+"""A severity falls once it has been too high for so long."""
+MOVED_S, MOVED_M = 3.0, 5.0
+"""A larger change of the time or place of the first event is news."""
 
 Describe = Callable[[Sequence[FloorPoint]], Sequence[str]]
 """Where points are, for a person."""
@@ -40,7 +45,9 @@ class _Watched:
     group: Group
     situation: Situation | None = None
     last_s: float = 0.0
-    """When it had an advisory last."""
+    """When it was worth a reaction last."""
+    held_s: float = 0.0
+    """When its severity was not too high last."""
     look_s: float = 0.0
     """When it is looked at next, unless there is news."""
 
@@ -58,6 +65,8 @@ class SituationLifecycle:
         """By id of the group."""
         self._regrouped: dict[str, Member] = {}
         """Advisories that the next pass groups, by id: restored ones, and those of a situation that was cleared."""
+        self._now_s = 0.0
+        """Time of the last pass."""
 
     def open(self) -> list[Situation]:
         """The newest revision of every open situation."""
@@ -71,14 +80,15 @@ class SituationLifecycle:
     def restore(self, situations: Iterable[Situation], advisories: Iterable[AnyAdvisory]) -> None:
         """Continue what was open before a restart."""
         self._advisories = {advisory.id: advisory for advisory in advisories}
-        ungrouped = set(self._advisories)
-        for situation in situations:
-            members = {name: Member.of(self._advisories[name]) for name in situation.advisories if name in ungrouped}
-            group = _restored_group(situation, members)
-            self._grouping.restore(group)
-            self._watched[group.id] = _Watched(group, situation, situation.updated_at.timestamp())
-            ungrouped -= group.members.keys()
         self._regrouped = {name: Member.of(advisory) for name, advisory in self._advisories.items()}
+        members_of: dict[str | None, dict[str, Member]] = {}
+        for name, member in self._regrouped.items():
+            members_of.setdefault(self._advisories[name].situation_id, {})[name] = member
+        for situation in situations:
+            group = _restored_group(situation, members_of.get(situation.id, {}))
+            self._grouping.restore(group)
+            updated_s = situation.updated_at.timestamp()
+            self._watched[group.id] = _Watched(group, situation, updated_s, updated_s)
 
     def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
         """The revisions of advisories with the ids of their situations, then the revisions of situations."""
@@ -89,6 +99,7 @@ class SituationLifecycle:
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
         """The revisions of situations that follow from those of advisories, and from the time."""
+        self._follow_clock(now_s)
         changed = self._regrouped | {revision.id: self._take(revision) for revision in revisions}
         self._regrouped = {}
         groups, joins = self._grouping.update(now_s, changed)
@@ -102,6 +113,14 @@ class SituationLifecycle:
                 made.append(revision)
                 self._keep(watched, revision)
         return made
+
+    def _follow_clock(self, now_s: float) -> None:
+        """Look at everything at once if the clock has gone back."""
+        if now_s < self._now_s:
+            for watched in self._watched.values():
+                watched.look_s = now_s
+                watched.last_s, watched.held_s = min(watched.last_s, now_s), min(watched.held_s, now_s)
+        self._now_s = now_s
 
     def _take(self, revision: AnyAdvisory) -> Member | None:
         if revision.state is AdvisoryState.CLEARED:
@@ -130,19 +149,17 @@ class SituationLifecycle:
             return self._raised(watched, advisories, stakes, now_s)
         if is_worth(stakes):
             watched.last_s = now_s
-        elif now_s >= (closes_s := _closes_s(watched, before)):
+        elif now_s >= (closes_s := watched.last_s + LINGERS_S):
             return self._ended(watched, before, now_s)
         else:
             watched.look_s = min(watched.look_s, closes_s)
         if not advisories:
+            return situation_fields.emptied(before, now_s) if before.advisories else None
+        severity = _severity(watched, before, stakes, now_s)
+        is_urgent = rises(severity, before.severity) or situation_fields.has_first_advice(before, advisories, now_s)
+        if not is_urgent and not _is_due(before, now_s):
             return None
-        if not (
-            _is_due(before, now_s)
-            or rises(situation_fields.severity(stakes, before), before.severity)
-            or situation_fields.has_first_advice(before, advisories, now_s)
-        ):
-            return None
-        after = situation_fields.updated(before, group, advisories, stakes, self._place(group), now_s)
+        after = situation_fields.updated(before, group, advisories, stakes, severity, self._place(group), now_s)
         return after if is_news(before, after) else None
 
     def _raised(
@@ -152,7 +169,7 @@ class SituationLifecycle:
             self._forget(watched)
         if not is_worth(stakes):
             return None
-        watched.last_s = now_s
+        watched.last_s = watched.held_s = now_s
         return situation_fields.raised(watched.group, advisories, stakes, self._place(watched.group), now_s)
 
     def _place(self, group: Group) -> str:
@@ -180,13 +197,17 @@ def is_worth(stakes: Stakes) -> bool:
     return stakes.service_prevents_s >= WORTH_S or stakes.claim_severity is not Severity.CAUTION
 
 
-def _closes_s(watched: _Watched, situation: Situation) -> float:
-    """When a situation is cleared that is not worth a reaction any more."""
-    return max(watched.last_s + LINGERS_S, situation.raised_at.timestamp() + LEAST_OPEN_S)
+def _severity(watched: _Watched, before: Situation, stakes: Stakes, now_s: float) -> Severity:
+    """The severity from now on: higher at once, lower after a while."""
+    severity = severity_of_stakes(stakes, before.severity)
+    if not rises(before.severity, severity):
+        watched.held_s = now_s
+    return before.severity if now_s - watched.held_s < FALLS_S and rises(before.severity, severity) else severity
 
 
 def _is_due(before: Situation, now_s: float) -> bool:
-    return now_s - before.updated_at.timestamp() >= UPDATE_GAP_S
+    """Whether a revision is due; also if the clock has gone back."""
+    return not 0.0 <= now_s - before.updated_at.timestamp() < UPDATE_GAP_S
 
 
 def is_news(before: Situation, after: Situation) -> bool:
@@ -197,7 +218,17 @@ def is_news(before: Situation, after: Situation) -> bool:
         or before.robots != after.robots
         or before.advice != after.advice
         or before.advisories != after.advisories
+        or _is_elsewhere(before, after)
+        or (before.time_to_conflict_s > 0) != (after.time_to_conflict_s > 0)
+        or abs((after.predicted_at - before.predicted_at).total_seconds()) > MOVED_S
     )
+
+
+def _is_elsewhere(before: Situation, after: Situation) -> bool:
+    if before.location is None or after.location is None:
+        return before.location != after.location
+    moved_m = hypot(after.location.x - before.location.x, after.location.y - before.location.y)
+    return before.location.datum != after.location.datum or moved_m > MOVED_M
 
 
 def stamped(revision: AnyAdvisory, situation_id: str | None, id_before: str | None) -> AnyAdvisory:
@@ -213,5 +244,5 @@ def _restored_group(situation: Situation, members: dict[str, Member]) -> Group:
     datum, x_m, y_m = (place.datum, place.x, place.y) if place else ("", 0.0, 0.0)
     began_s, opened_s = situation.since_at.timestamp(), situation.raised_at.timestamp()
     group = Group(situation.id, began_s, datum, situation.split_from, opened_s, members, Box(x_m, y_m, x_m, y_m))
-    group.robots = frozenset(situation.robots)
+    group.robots = set(situation.robots)
     return group

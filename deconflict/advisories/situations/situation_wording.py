@@ -3,12 +3,15 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
+from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
 from deconflict.advisories.situations.situation import SituationKind
 from deconflict.advisories.situations.situation_kinds import Matter
-from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ContentionAdvisory
+from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory
 
 MOST_NAMED = 4
 """Robots that a sentence names."""
+LONG_S = 100.0
+"""From here on times are given in minutes."""
 ENDS: dict[SituationKind, str] = {
     "meeting": "by itself, once they have passed each other",
     "head_on": "once one of them makes way for the other",
@@ -31,10 +34,9 @@ def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
     return dict(sorted(names.items()))
 
 
-def sentence(matter: Matter, names: Mapping[str, str], left_s: float, place: str) -> str:
-    """What is going on, for a person. The first event begins in `left_s`; `place` is a phrase such as "in Aisle 3 on
-    Ground hall"."""
-    return short_text(_sentence(matter, names, left_s, place), MOST_SUMMARY_BYTES)
+def sentence(matter: Matter, now_s: float, place: str) -> str:
+    """What is going on, for a person. `place` is a phrase such as "in Aisle 3 on Ground hall"."""
+    return short_text(_sentence(matter, now_s, place), MOST_SUMMARY_BYTES)
 
 
 def ending(matter: Matter, names: Mapping[str, str]) -> str:
@@ -42,32 +44,41 @@ def ending(matter: Matter, names: Mapping[str, str]) -> str:
     return ENDS[matter.kind].format(culprit=names.get(matter.culprit or "", "it"))
 
 
-def _sentence(matter: Matter, names: Mapping[str, str], left_s: float, place: str) -> str:
-    principal, when = matter.principal, _when(left_s)
+def _sentence(matter: Matter, now_s: float, place: str) -> str:
+    principal = matter.principal
+    left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
+    match principal:
+        case ConflictAdvisory():
+            return f"{_conflict(matter, principal, _when(left_s))}, {place}"
+        case BlockageAdvisory():
+            names = names_of([principal])
+            held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
+            stood_s = now_s - principal.since_at.timestamp()
+            return f"{names[principal.blocker]} has stood for {stood_s:.0f} s {place}, in the way of {held_up}"
+        case ContentionAdvisory(kind="contention") if principal.queue_length:
+            return _queue(principal, left_s)
+    return principal.summary.split("; ")[0]
+
+
+def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
+    names = names_of(matter.advisories)
     others = _named([name for robot, name in names.items() if robot != matter.culprit])
     culprit = names.get(matter.culprit or "", "")
     match matter.kind:
         case "knot":
-            return f"{len(names)} robots get in each other's way {when}, {place}: {others}"
+            return f"{len(names)} robots get in each other's way {when}: {others}"
         case "obstacle":
-            return f"{culprit} stands in the way of {others}, {place}"
+            return f"{culprit} stands in the way of {others} {when}"
         case "silent_robot":
-            return f"{culprit} is silent, and {others} will come to its place {when}, {place}"
-        case "blocked_aisle" if isinstance(principal, BlockageAdvisory):
-            held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
-            stood_s = (principal.updated_at - principal.since_at).total_seconds()
-            return f"{culprit} has stood for {stood_s:.0f} s {place}, in the way of {held_up}"
-        case "queue" if isinstance(principal, ContentionAdvisory):
-            return _queue(principal, names)
-    return principal.summary.split(";")[0]
+            return f"{culprit} is silent, and {others} will come to its place {when}"
+    return f"{others} {ENCOUNTER_VERBS[principal.encounter_class]} {when}"
 
 
-def _queue(contention: ContentionAdvisory, names: Mapping[str, str]) -> str:
+def _queue(contention: ContentionAdvisory, left_s: float) -> str:
     label, count = contention.resource_name, contention.queue_length
-    if contention.kind == "double_occupancy" or not count:
-        return contention.summary.split(";")[0]
-    waiting = "1 robot waits" if count == 1 else f"{count} robots wait"
-    return f"{waiting} for {label}, up to {contention.wait_s:.0f} s: {_named(list(names.values()))}"
+    waiting = "1 robot" if count == 1 else f"{count} robots"
+    verb = ("waits" if count == 1 else "wait") if left_s < 1 else f"will wait {_when(left_s)}"
+    return f"{waiting} {verb} for {label}, up to {contention.wait_s:.0f} s; {len(contention.robots)} robots need it"
 
 
 def _named(names: Sequence[str]) -> str:
@@ -78,4 +89,6 @@ def _named(names: Sequence[str]) -> str:
 
 
 def _when(left_s: float) -> str:
-    return f"in {left_s:.0f} s" if left_s >= 1 else "now"
+    if left_s < 1:
+        return "now"
+    return f"in {left_s:.0f} s" if left_s < LONG_S else f"in {left_s / 60:.0f} min"

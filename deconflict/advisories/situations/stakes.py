@@ -29,7 +29,7 @@ ENCOUNTER_COST_S = {
 """What the two robots lose if they get in each other's way."""
 HELD_UP_COST_S, LOCKED_COST_S, CROWD_COST_S = 15.0, 60.0, 60.0
 """What a robot loses behind a blocker, and in a deadlock; and what a crowd costs."""
-LASTS_S = 10.0
+LASTS_S = 7.0
 """An encounter that began longer ago will not pass by itself: somebody can still end it."""
 SAVED_SHARE = 0.1
 """The share of a queue's waits that a person can prevent, if no advice says how much it saves."""
@@ -39,8 +39,8 @@ WARNING_COST_S, CRITICAL_COST_S = 3.0, 40.0
 """What a situation costs at least that is a warning, or critical."""
 WARNING_S, CRITICAL_S = 30.0, 12.0
 """What begins later is less severe."""
-KEPT_SHARE = 0.6
-"""A severity falls only once the cost is below this share of its bound."""
+KEPT_SHARE, SLACK_S = 0.6, 2.0
+"""A severity falls only once the cost is below this share of its bound, or the time beyond its bound by so much."""
 
 
 class Stakes(NamedTuple):
@@ -64,7 +64,9 @@ def cost_of(advisory: AnyAdvisory) -> float:
         case ConflictAdvisory():
             return (advisory.probability or 0.0) * ENCOUNTER_COST_S[advisory.encounter_class]
         case ContentionAdvisory():
-            return min(advisory.wait_s * max(advisory.queue_length, 1), MOST_WAIT_S) * (advisory.probability or 1.0)
+            return min(advisory.wait_s * max(advisory.queue_length, 1), MOST_WAIT_S) * (
+                1.0 if advisory.probability is None else advisory.probability
+            )
         case DeadlockAdvisory():
             return LOCKED_COST_S * len(advisory.cycle)
         case BlockageAdvisory():
@@ -103,17 +105,18 @@ def preventable_cost_of(advisory: AnyAdvisory, now_s: float, reaction_s: float) 
 
 
 def severity_of_stakes(stakes: Stakes, before: Severity | None) -> Severity:
-    """By what a person can still prevent: its cost, and the time left. It falls only if the cost is clearly lower."""
-    level = _level(stakes, 1.0)
+    """By what a person can still prevent: its cost, and the time left. It falls if one is clearly out of its bound."""
+    level = _level(stakes, 1.0, 0.0)
     if before is not None:
-        level = max(level, min(SEVERITIES.index(before), _level(stakes, KEPT_SHARE)))
+        level = max(level, min(SEVERITIES.index(before), _level(stakes, KEPT_SHARE, SLACK_S)))
     return max(SEVERITIES[level], stakes.claim_severity, key=SEVERITIES.index)
 
 
-def _level(stakes: Stakes, share: float) -> int:
-    """The severity as an index in `SEVERITIES`, with the bounds of the cost taken `share` times."""
+def _level(stakes: Stakes, share: float, slack_s: float) -> int:
+    """The severity as an index in `SEVERITIES`. `share` eases the bounds of the cost, `slack_s` those of the time."""
     if stakes.preventable_s is None:
         return 0
-    is_warning = stakes.person_prevents_s >= share * WARNING_COST_S and stakes.preventable_s <= WARNING_S
-    is_critical = stakes.person_prevents_s >= share * CRITICAL_COST_S and stakes.preventable_s <= CRITICAL_S
+    cost_s, left_s = stakes.person_prevents_s / share, stakes.preventable_s - slack_s
+    is_warning = cost_s >= WARNING_COST_S and left_s <= WARNING_S
+    is_critical = cost_s >= CRITICAL_COST_S and left_s <= CRITICAL_S
     return is_warning + is_critical

@@ -1,19 +1,20 @@
 """Which advice a situation gives, how long it stands, and why it changes."""
 
+from deconflict.advisories.situations.action_sets import proposal_of
 from deconflict.advisories.situations.situation import SituationAdvice
-from deconflict.advisories.situations.situation_advice import STANDS_S, proposals_of, revised_advice
-from deconflict.advisory import Action, AnyAdvisory, moment
+from deconflict.advisories.situations.situation_advice import STANDS_S, revised_advice
+from deconflict.advisory import AnyAdvisory, EncounterClass, moment
 from tests.deconflict.advisories.situations.made_situations import NOW_S, action, advice, blockage, conflict, queue
 
 
 def revised(before: SituationAdvice | None, now_s: float, *advisories: AnyAdvisory) -> SituationAdvice | None:
     robots = {robot for advisory in advisories for robot in advisory.robots}
-    return revised_advice(before, proposals_of(advisories, robots, now_s), robots, now_s)
+    return revised_advice(before, proposal_of(advisories, robots, now_s), robots, now_s)
 
 
 def test_the_first_to_do_comes_first() -> None:
     soon = conflict("ab", 5.0, recommendation=advice(action("b")))
-    later = conflict("bc", 9.0, recommendation=advice(action("c"), action("b", "slow_down", speed_mps=0.5)))
+    later = conflict("bc", 9.0, recommendation=advice(action("c")))
     found = revised(None, NOW_S, later, soon)
     assert found is not None
     assert found.text == "Robot b should wait 4 s; Robot c should wait 4 s"
@@ -24,15 +25,98 @@ def test_nobody_has_to_wait_for_less_than_a_person_can_do() -> None:
     assert revised(None, NOW_S, short) is None
 
 
-def test_at_most_three_actions_are_advised() -> None:
-    many, more = (conflict(pair, recommendation=advice(action(pair[0]), look(pair[1]))) for pair in ("ab", "cd"))
-    found = revised(None, NOW_S, many, more)
+def test_advice_stands_while_it_is_proposed_anywhere() -> None:
+    first = conflict("ab", 30.0, recommendation=advice(action("a", "slow_down", seconds=20.0, speed_mps=0.5)))
+    before = revised(None, NOW_S, first)
+    other = conflict("bc", 29.0, recommendation=advice(action("c")))
+    assert revised(before, NOW_S + 2 * STANDS_S, other, first) == before
+
+
+def test_a_change_says_why() -> None:
+    slowing = advice(action("a", "slow_down", seconds=20.0, speed_mps=0.5))
+    before = revised(None, NOW_S, conflict("ab", recommendation=slowing))
+    other = conflict("ab", 30.0, recommendation=advice(action("b")))
+    after = revised(before, NOW_S + STANDS_S, other)
+    assert after is not None
+    assert (after.actions[0].robot, after.changed_because) == ("b", "Robot a need not do it any more")
+
+
+def test_advice_stands_for_some_seconds_at_least() -> None:
+    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"))))
+    assert revised(before, NOW_S + 1, conflict("ab", recommendation=advice(action("b")))) == before
+
+
+def test_a_wait_that_is_over_is_no_advice() -> None:
+    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"))))
+    assert revised(before, NOW_S + 5, conflict("ab")) is None
+
+
+def test_a_wait_is_not_asked_for_again_after_its_time() -> None:
+    given = advice(action("a")).model_copy(update={"given_at": moment(NOW_S)})
+    waiting = conflict("ab", 30.0, recommendation=given)
+    before = revised(None, NOW_S, waiting)
+    assert before is not None
+    assert revised(before, NOW_S + 5, waiting) is None
+
+
+def test_what_is_left_of_a_wait_is_advised() -> None:
+    given = advice(action("a", seconds=20.0)).model_copy(update={"given_at": moment(NOW_S - 15)})
+    found = revised(None, NOW_S, conflict("ab", 10.0, recommendation=given, encounter_class=EncounterClass.HEAD_ON))
     assert found is not None
-    assert len(found.actions) == 3
+    assert found.actions[0].seconds == 5.0
 
 
-def look(robot: str) -> Action:
-    return action(robot, "look")
+def test_a_wait_that_nobody_asks_for_ends() -> None:
+    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a", seconds=60.0))))
+    assert revised(before, NOW_S + STANDS_S, conflict("ab")) is None
+
+
+def test_advice_to_a_robot_that_has_left_the_situation_ends() -> None:
+    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("b"), action("a"))))
+    assert revised(before, NOW_S + 1, conflict("bc", recommendation=advice(action("b")))) != before
+
+
+def test_something_more_urgent_takes_the_place_of_advice_that_stands() -> None:
+    stands = blockage("xab", predicted_at=moment(NOW_S + 60), recommendation=advice(action("x", "look")))
+    before = revised(None, NOW_S, stands)
+    urgent = conflict("cd", 8.0, now_s=NOW_S + STANDS_S, recommendation=advice(action("c")))
+    after = revised(before, NOW_S + STANDS_S, stands, urgent)
+    assert after is not None
+    assert [each.robot for each in after.actions] == ["c", "x"]
+    assert after.changed_because == "Robot c has less time left"
+
+
+def test_robots_in_an_unsolved_conflict_are_not_both_sent_first() -> None:
+    found = revised(
+        None,
+        NOW_S,
+        conflict("ab", recommendation=advice(action("a"), action("b", "go_first"))),
+        conflict("ac", recommendation=advice(action("a"), action("c", "go_first"))),
+        conflict("bc"),
+    )
+    assert found is not None
+    assert [(each.robot, each.action) for each in found.actions] == [("a", "wait")]
+
+
+def test_robots_of_a_ring_do_not_all_wait() -> None:
+    ring = [conflict(pair, recommendation=advice(action(waiter))) for pair, waiter in (("ab", "a"), ("bc", "b"))]
+    last = conflict("ca", 9.0, recommendation=advice(action("c")))
+    found = revised(None, NOW_S, *ring, last)
+    assert found is not None
+    assert [each.robot for each in found.actions] == ["a", "b"]
+
+
+def test_the_actions_of_one_plan_are_taken_whole_or_not_at_all() -> None:
+    first, other = (
+        conflict(pair, recommendation=advice(*(action(robot, "look") for robot in pair))) for pair in ("ab", "cd")
+    )
+    found = revised(None, NOW_S, first, other)
+    assert found is not None
+    assert [each.robot for each in found.actions] == ["a", "b"]
+
+
+def test_a_plan_with_a_robot_that_the_situation_does_not_list_is_left_out() -> None:
+    assert revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"), action("z")))) is None
 
 
 def test_a_wait_that_costs_more_than_the_conflict_is_no_advice() -> None:
@@ -48,38 +132,11 @@ def test_waits_of_one_recommendation_cost_together() -> None:
     assert revised(None, NOW_S, both) is None
 
 
-def test_a_wait_is_advised_once_although_its_recommendation_stands() -> None:
-    given = advice(action("a")).model_copy(update={"given_at": moment(NOW_S)})
-    advised = conflict("ab", recommendation=given)
-    before = revised(None, NOW_S, advised)
-    assert before is not None
-    assert revised(before, NOW_S + 3.9, advised) == before
-    assert revised(before, NOW_S + 4.1, advised) is None
-    assert revised(None, NOW_S + 4.1, advised) is None
-
-
 def test_advice_stands_until_everybody_has_had_their_time() -> None:
     first = conflict("ab", 5.0, recommendation=advice(action("a", seconds=3.0)))
     second = conflict("bc", 9.0, recommendation=advice(action("c", seconds=4.5)))
     before = revised(None, NOW_S, first, second)
-    assert revised(before, NOW_S + 3.5, first) == before
-
-
-def test_advice_stands_while_it_is_proposed_anywhere() -> None:
-    first = conflict("ab", recommendation=advice(action("a", "slow_down", speed_mps=0.5, seconds=20.0)))
-    before = revised(None, NOW_S, first)
-    other = conflict("bc", 4.0, recommendation=advice(action("c")))
-    assert revised(before, NOW_S + 2 * STANDS_S, other, first) == before
-
-
-def test_a_change_says_why() -> None:
-    before = revised(
-        None, NOW_S, conflict("ab", recommendation=advice(action("a", "slow_down", speed_mps=0.5, seconds=20.0)))
-    )
-    other = conflict("ab", 30.0, recommendation=advice(action("b")))
-    after = revised(before, NOW_S + STANDS_S, other)
-    assert after is not None
-    assert (after.actions[0].robot, after.changed_because) == ("b", "Robot b is now the first to act")
+    assert revised(before, NOW_S + 3.5, conflict("ab"), conflict("bc")) == before
 
 
 def test_advice_that_says_where_to_go_takes_the_place_of_vague_advice() -> None:
@@ -90,21 +147,6 @@ def test_advice_that_says_where_to_go_takes_the_place_of_vague_advice() -> None:
     after = revised(before, NOW_S + STANDS_S, vague, twin)
     assert after is not None
     assert after.text == "Robot a should go to Lift 2"
-
-
-def test_advice_stands_for_some_seconds_at_least() -> None:
-    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"))))
-    assert revised(before, NOW_S + 1, conflict("ab", recommendation=advice(action("b")))) == before
-
-
-def test_a_wait_that_is_over_is_no_advice() -> None:
-    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"))))
-    assert revised(before, NOW_S + 5, conflict("ab")) is None
-
-
-def test_advice_to_a_robot_that_has_left_the_situation_ends() -> None:
-    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"))))
-    assert revised(before, NOW_S + 1, conflict("bc")) is None
 
 
 def test_a_person_is_asked_to_look_at_a_blocker() -> None:

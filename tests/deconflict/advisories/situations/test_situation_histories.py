@@ -8,9 +8,11 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deconflict.advisories.situations.grouping import LEAST_OPEN_S, MOST_EXTENT_M, MOST_ROBOTS
-from deconflict.advisories.situations.situation import MOST_ACTIONS, Situation
-from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advice.document_limits import MOST_ACTIONS
+from deconflict.advisories.situations.grouping import LEAST_OPEN_S, MOST_EXTENT_M, MOST_ROBOTS, NEAR_M
+from deconflict.advisories.situations.situation import Situation
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle, is_worth
+from deconflict.advisories.situations.stakes import stakes_of
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Location, moment
 from tests.helpers.made_advisories import made
 
@@ -68,7 +70,7 @@ class History:
             "predicted_at": moment(self.now_s + left_s),
             "time_to_conflict_s": left_s,
             "probability": probability,
-            "location": Location(datum=FLOORS[number % 2], x=place[0], y=place[1]),
+            "location": Location(datum=FLOORS[place[0] == 30], x=place[0], y=place[1]),
         }
         if known is None:
             self.raised += 1
@@ -84,9 +86,14 @@ class History:
         return revision
 
     def restart(self) -> None:
-        situations, advisories = self.lifecycle.open(), list(self.advisories.values())
+        situations = [Situation.model_validate_json(each.model_dump_json()) for each in self.lifecycle.open()]
+        advisories = [self._stored(advisory) for advisory in self.advisories.values()]
         self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
         self.lifecycle.restore(situations, advisories)
+
+    def _stored(self, advisory: ConflictAdvisory) -> ConflictAdvisory:
+        published = advisory.model_copy(update={"situation_id": self.lifecycle.situation_of(advisory.id)})
+        return ConflictAdvisory.model_validate_json(published.model_dump_json())
 
     def last(self) -> None:
         """Clear every advisory, and wait until no situation is open."""
@@ -108,6 +115,15 @@ def check_open(history: History) -> None:
     assert {name for name in of if name} <= {situation.id for situation in situations}
 
 
+def check_worth(history: History) -> None:
+    """Every advisory that has been worth a reaction for a while is in an open situation."""
+    lately_s = history.now_s - 1.5
+    for advisory in history.advisories.values():
+        if advisory.updated_at.timestamp() <= lately_s:
+            stakes = (stakes_of([advisory], at_s) for at_s in (lately_s, history.now_s))
+            assert not all(map(is_worth, stakes)) or history.lifecycle.situation_of(advisory.id)
+
+
 def check_bounds(history: History) -> None:
     """No situation outgrows its bounds."""
     parts = defaultdict(list)
@@ -118,7 +134,8 @@ def check_bounds(history: History) -> None:
         xs, ys = [each.location.x for each in advisories], [each.location.y for each in advisories]
         robots = {robot for each in advisories for robot in each.robots}
         assert len({each.location.datum for each in advisories}) == 1
-        assert hypot(max(xs) - min(xs), max(ys) - min(ys)) <= MOST_EXTENT_M or len(robots) <= MOST_ROBOTS
+        extent_m = hypot(max(xs) - min(xs), max(ys) - min(ys))
+        assert extent_m <= MOST_EXTENT_M or (extent_m <= NEAR_M and len(robots) <= MOST_ROBOTS)
 
 
 def check_chain(revisions: list[Situation]) -> None:
@@ -134,7 +151,7 @@ def check_chain(revisions: list[Situation]) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.tuples(CHANGES, st.booleans()), min_size=5, max_size=60), st.integers(0, 59))
+@given(st.lists(st.tuples(CHANGES, st.booleans()), min_size=5, max_size=60), st.integers(0, 30))
 def test_no_id_is_lost_doubled_or_used_again(history_of: list[tuple[list[Any], bool]], restarted_at: int) -> None:
     history = History()
     for number, (changes, is_quiet) in enumerate(history_of):
@@ -143,10 +160,13 @@ def test_no_id_is_lost_doubled_or_used_again(history_of: list[tuple[list[Any], b
         history.advance([] if is_quiet else changes)
         check_open(history)
         check_bounds(history)
+        check_worth(history)
     history.last()
     assert history.lifecycle.open() == []
     for revisions in history.revisions.values():
         check_chain(revisions)
+    known = set(history.revisions)
     for situation in (each for revisions in history.revisions.values() for each in revisions):
         assert (situation.joined_into is None) or (situation.state is AdvisoryState.CLEARED)
         assert situation.id not in {situation.joined_into, situation.split_from}
+        assert {situation.joined_into, situation.split_from} - {None} <= known

@@ -18,7 +18,7 @@ from tests.deconflict.advisories.situations.made_situations import (
 
 
 def test_conflicts_that_share_a_robot_are_one_situation() -> None:
-    situation = raised([conflict("ab"), conflict("bc", x_m=30.0)])
+    situation = raised([conflict("ab"), conflict("bc", x_m=15.0)])
     assert situation.robots == ("a", "b", "c")
     assert set(situation.advisories) == {"conflict ab", "conflict bc"}
 
@@ -54,7 +54,7 @@ def test_an_advisory_without_an_open_situation_has_no_id_of_one() -> None:
 def test_a_revision_that_clears_keeps_the_id_of_its_situation() -> None:
     situations, first = lifecycle(), conflict("ab")
     _, situation = situations.published(NOW_S, [first])
-    (cleared,) = situations.published(NOW_S + 1, [first.cleared_revision(NOW_S + 1, "they passed")])
+    cleared, _ = situations.published(NOW_S + 1, [first.cleared_revision(NOW_S + 1, "they passed")])
     assert cleared.situation_id == situation.id
 
 
@@ -115,10 +115,64 @@ def test_the_first_advice_is_published_at_once() -> None:
 
 
 def test_advice_names_robots_of_the_situation_only() -> None:
-    advised = conflict("ab", recommendation=advice(action("z", "look"), action("a")))
-    situation = raised([advised])
-    assert situation.advice is not None
-    assert [each.robot for each in situation.advice.actions] == ["a"]
+    advised = conflict("ab", recommendation=advice(action("z"), action("a")))
+    assert raised([advised]).advice is None
+
+
+def test_the_last_advisory_takes_the_advice_with_it() -> None:
+    situations, first = lifecycle(), conflict("ab", recommendation=advice(action("a")))
+    situations.revise(NOW_S, [first])
+    (empty,) = situations.revise(NOW_S + 1, [first.cleared_revision(NOW_S + 1, "they passed")])
+    assert (empty.advice, empty.advisories, empty.severity) == (None, (), Severity.CAUTION)
+    assert empty.state is AdvisoryState.UPDATED
+
+
+def test_a_conflict_that_does_not_pass_keeps_its_situation() -> None:
+    situations = lifecycle()
+    (situation,) = situations.revise(NOW_S, [conflict("ab", 6.0)])
+    for second in range(1, 60):
+        assert {revision.id for revision in situations.revise(NOW_S + second, [])} <= {situation.id}
+    assert [each.id for each in situations.open()] == [situation.id]
+
+
+def test_an_advisory_that_changes_its_floor_leaves_the_others() -> None:
+    situations = lifecycle()
+    conflicts = [conflict("ab"), conflict("cd", x_m=1.0)]
+    situations.revise(NOW_S, conflicts)
+    upstairs = conflict("cd").location.model_copy(update={"datum": "another floor"})
+    situations.revise(NOW_S + UPDATE_GAP_S, [conflicts[1].next_revision(location=upstairs)])
+    floors = {each.location.datum: each.robots for each in situations.open() if each.location}
+    assert sorted(floors.values()) == [("a", "b"), ("c", "d")]
+
+
+def test_queues_at_several_docks_are_situations_of_their_own() -> None:
+    docks = [queue("abc", id=f"dock {index}", location=conflict("ab", x_m=60.0 * index).location) for index in range(5)]
+    assert len(lifecycle().revise(NOW_S, docks)) == 5
+
+
+def test_a_clock_that_goes_back_freezes_nothing() -> None:
+    situations, first = lifecycle(), conflict("ab")
+    situations.revise(NOW_S, [first])
+    situations.revise(NOW_S - 3600, [first.cleared_revision(NOW_S - 3600, "they passed")])
+    (cleared,) = situations.revise(NOW_S - 3600 + LINGERS_S, [])
+    assert cleared.state is AdvisoryState.CLEARED
+
+
+def test_a_severity_falls_only_after_a_while() -> None:
+    situations, first = lifecycle(), conflict("ab", 20.0)
+    situations.revise(NOW_S, [first])
+    likely, unlikely = (first.next_revision(probability=p) for p in (0.8, 0.3))
+    for second in range(1, 20):
+        situations.revise(NOW_S + second, [(likely, unlikely)[second % 2]])
+        assert [each.severity for each in situations.open()] == [Severity.WARNING]
+
+
+def test_the_sentence_follows_the_time_left() -> None:
+    situations, first = lifecycle(), conflict("ab", 20.0)
+    (situation,) = situations.revise(NOW_S, [first])
+    assert situation.summary == "Robot a and Robot b cross in 20 s, in Aisle 3"
+    later = [revision for second in range(1, 25) for revision in situations.revise(NOW_S + second, [])]
+    assert "Robot a and Robot b cross now, in Aisle 3" in [revision.summary for revision in later]
 
 
 def test_a_restored_situation_goes_on_under_its_id() -> None:

@@ -1,0 +1,150 @@
+"""The advice on the advisories of a situation, and as much of it as agrees. Pure.
+
+The actions of one advisory were worked out together, so they are taken as a whole or not at all. Sets are taken in the
+order of their events while they agree: no robot has two different actions, no robots wait for each other in a ring, and
+there are at most three actions. What is vague comes last. Waits before a conflict are lost for certain, so they are
+advised only if the conflict is expected to cost more.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
+from deconflict.advice.document_limits import MOST_ACTIONS
+from deconflict.advisories.situations.stakes import SERVICE_REACTION_S, preventable_cost_of
+from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation
+
+GO_FIRST = "go_first"
+Key = tuple[str, str, bool]
+"""The robot, the kind of action, and whether it is vague: what stays the same while advice stands."""
+
+
+class ActionSet(NamedTuple):
+    """What one advisory advises."""
+
+    actions: tuple[Action, ...]
+    predicted_s: float
+    """When the event begins that it prevents."""
+    waits: frozenset[tuple[str, str]]
+    """Robots that wait, each with the robot that passes."""
+
+
+@dataclass(slots=True)
+class Proposal:
+    """The actions that agree, the first to do first."""
+
+    actions: tuple[Action, ...] = ()
+    predicted_s: float = 0.0
+    """When the event begins that the first action prevents."""
+    asked_s: Mapping[Key, float] = field(default_factory=dict)
+    """By key of every action that any advisory asks for: when the event begins that it prevents."""
+
+
+def proposal_of(advisories: Sequence[AnyAdvisory], robots: Collection[str], now_s: float) -> Proposal:
+    """The actions for `robots`, the robots that a situation lists."""
+    sets = sorted(_sets_of(advisories, robots, now_s), key=_rank)
+    asked_s: dict[Key, float] = {}
+    for each in sets:
+        for action in each.actions:
+            asked_s.setdefault(key_of(action), each.predicted_s)
+    asked_s = {key: at_s for key, at_s in asked_s.items() if not key[2] or (*key[:2], False) not in asked_s}
+    actions = _agreed(sets, _unsolved(advisories))
+    if not actions:
+        return Proposal(asked_s=asked_s)
+    return Proposal(actions, asked_s[key_of(actions[0])], asked_s)
+
+
+def key_of(action: Action) -> Key:
+    return action.robot, action.action, _is_vague(action)
+
+
+def _is_vague(action: Action) -> bool:
+    """Whether it does not say where to go."""
+    return action.action == "take_another_route" and not action.where
+
+
+def _rank(actions: ActionSet) -> tuple[bool, float, str]:
+    return any(map(_is_vague, actions.actions)), actions.predicted_s, actions.actions[0].robot
+
+
+def _sets_of(advisories: Iterable[AnyAdvisory], robots: Collection[str], now_s: float) -> Iterable[ActionSet]:
+    for advisory in advisories:
+        advice = advisory.recommendation
+        if advice is None:
+            continue
+        actions = tuple(action for each in advice.actions if (action := _left_of(each, advice, advisory, now_s)))
+        is_for_them = all(action.robot in robots for action in actions)
+        if actions and is_for_them and _is_worth_waiting(advisory, actions, now_s):
+            yield ActionSet(actions, advisory.predicted_at.timestamp(), _waits(advisory, actions))
+
+
+def _is_worth_waiting(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:
+    """Whether the waits before a conflict cost no more than what they can still prevent."""
+    waits_s = sum(action.seconds or 0.0 for action in actions if action.action == "wait")
+    prevented_s = preventable_cost_of(advisory, now_s, SERVICE_REACTION_S)
+    return not isinstance(advisory, ConflictAdvisory) or 0.0 < prevented_s >= waits_s
+
+
+def _left_of(action: Action, advice: Recommendation, advisory: AnyAdvisory, now_s: float) -> Action | None:
+    """What is left of an action to do; None if a wait is over, or too short for people."""
+    if action.action != "wait" or action.seconds is None:
+        return action
+    given_at = advice.given_at if isinstance(advisory, ConflictAdvisory) else None
+    passed_s = max(now_s - given_at.timestamp(), 0.0) if given_at else 0.0
+    left_s = float(round(action.seconds - passed_s))
+    if left_s < SHORTEST_WAIT_S:
+        return None
+    return action if left_s == action.seconds else action.model_copy(update={"seconds": left_s})
+
+
+def _waits(advisory: AnyAdvisory, actions: Sequence[Action]) -> frozenset[tuple[str, str]]:
+    waiting = {action.robot for action in actions if action.action == "wait"}
+    if not isinstance(advisory, ConflictAdvisory):
+        return frozenset()
+    passing = set(advisory.robots) - waiting
+    return frozenset((waiter, robot) for waiter in waiting & set(advisory.robots) for robot in passing)
+
+
+def _unsolved(advisories: Iterable[AnyAdvisory]) -> set[str]:
+    """The robots of conflicts that have no advice: nobody can say which of the two goes first."""
+    return {
+        robot
+        for advisory in advisories
+        if isinstance(advisory, ConflictAdvisory)
+        if not advisory.recommendation or not advisory.recommendation.actions
+        for robot in advisory.robots
+    }
+
+
+def _agreed(sets: Iterable[ActionSet], unsolved: Collection[str]) -> tuple[Action, ...]:
+    """The actions of as many sets as agree; at most one robot goes first, after what the others do."""
+    taken: dict[str, Action] = {}
+    waits: set[tuple[str, str]] = set()
+    for each in sets:
+        merged = taken | {action.robot: _longer(action, taken.get(action.robot)) for action in each.actions}
+        is_same = all(action.action == merged[robot].action for robot, action in taken.items())
+        if is_same and len(merged) <= MOST_ACTIONS and not _has_ring(waits | each.waits):
+            taken, waits = merged, waits | each.waits
+    first = [action for action in taken.values() if action.action == GO_FIRST and action.robot not in unsolved]
+    return (*(action for action in taken.values() if action.action != GO_FIRST), *first[:1])
+
+
+def _longer(action: Action, other: Action | None) -> Action:
+    """Of two waits of one robot the longer one."""
+    is_shorter = (
+        other is not None and other.action == action.action and (other.seconds or 0.0) >= (action.seconds or 0.0)
+    )
+    return other if other is not None and is_shorter else action
+
+
+def _has_ring(waits: Iterable[tuple[str, str]]) -> bool:
+    """Whether robots wait for each other in a ring."""
+    left = set(waits)
+    while left:
+        waiters = {waiter for waiter, _ in left}
+        held = {(waiter, passing) for waiter, passing in left if passing in waiters}
+        if held == left:
+            return True
+        left = held
+    return False
