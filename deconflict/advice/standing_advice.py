@@ -31,6 +31,10 @@ class StandingHold(NamedTuple):
 
     whole: int
     left: int
+    given_s: float
+
+
+NO_HOLD = StandingHold(0, 0, 0.0)
 
 
 def decide(
@@ -44,8 +48,10 @@ def decide(
     holds = _standing_holds(standing, plan.problem)
     if not holds:
         return Decision(plan, stands=False)
-    driving = {robot: hold for robot, hold in holds.items() if plan.problem.planned[robot].holdable}
-    if not driving and all(hold.left <= 0 for hold in holds.values()):
+    planned = plan.problem.planned
+    driving = {robot: hold for robot, hold in holds.items() if planned[robot].holdable}
+    waiting = [robot for robot in driving if planned[robot].waited_s < holds[robot].given_s]
+    if not waiting and all(hold.left <= 0 for hold in holds.values()):
         return Decision(plan, stands=False, because=DONE)
     refused = ""
     for candidate in _candidates(driving, plan.problem.window.steps):
@@ -60,10 +66,10 @@ def _standing_holds(standing: Mapping[Pair, Recommendation], problem: HoldProble
     """By robot that is still near, its longest hold."""
     holds: dict[str, StandingHold] = {}
     for advice in standing.values():
-        since_s = problem.window.start_s - advice.given_at.timestamp() if advice.given_at else 0.0
+        given_s = advice.given_at.timestamp() if advice.given_at else problem.window.start_s
         for hold in advice.holds:
-            whole, left = ceil(hold.hold_s / STEP_S), ceil((hold.hold_s - since_s) / STEP_S)
-            holds[hold.robot] = max(StandingHold(whole, left), holds.get(hold.robot, StandingHold(0, 0)))
+            whole, left = ceil(hold.hold_s / STEP_S), ceil((given_s + hold.hold_s - problem.window.start_s) / STEP_S)
+            holds[hold.robot] = max(StandingHold(whole, left, given_s), holds.get(hold.robot, NO_HOLD))
     return {robot: hold for robot, hold in holds.items() if robot in problem.planned.present}
 
 

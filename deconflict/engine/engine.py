@@ -72,7 +72,8 @@ class Engine:
         self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, PlaceNames.of(site))
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
         self._conflicts.restore(advisory for advisory in restored if isinstance(advisory, ConflictAdvisory))
-        self._advice = EngineAdvice(site, self.live, self._sweep.sweeper, self.measures, submit, burdens_s, crowds)
+        asking = self._sweep.sweeper, self.measures, submit, burdens_s, crowds, self.foresight.last_advised_wait_s
+        self._advice = EngineAdvice(site, self.live, *asking)
         shared = site, self.live, self._crowds, self.measures, restored, self._advice.queue_advice
         self._shared = SharedAdvisories(*shared, enabled=not conflicts_only)
         self._map_drift = MapDrift.at(site.resources)

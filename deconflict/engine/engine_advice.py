@@ -1,6 +1,6 @@
 """All advice of one engine: holds for conflicts, slots for queues, and what both have in common."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from deconflict.advice.deferred_answers import AsyncAnswers, Submit
 from deconflict.advice.hold_requests import MOST_NEAR, NEAR_M, HoldRequests
@@ -29,10 +29,11 @@ class EngineAdvice:
         submit: Submit,
         burdens_s: Mapping[str, float] | None,
         crowds: Mapping[str, int],
+        last_waited_s: Callable[[str], float],
     ) -> None:
         """`submit` has an answer worked out; `burdens_s` are the seconds that each vendor has waited by now. `crowds`
-        has the robots that are in a crowd, and may change."""
-        self._live, self._sweeper, self._crowds = live, sweeper, crowds
+        has the robots that are in a crowd, and may change. `last_waited_s` is when a robot last waited as advised."""
+        self._live, self._sweeper, self._crowds, self._last_waited_s = live, sweeper, crowds, last_waited_s
         self._priorities = Priorities(site.vendors)
         self.submit = submit
         self._answers = AsyncAnswers(submit)
@@ -67,8 +68,12 @@ class EngineAdvice:
         uuids = self._live.group_with_nearest(group & self._live.robots.keys(), NEAR_M, MOST_NEAR, self._crowds)
         rows = [(robot.batch, robot.row) for robot in map(self._live.robots.__getitem__, uuids)]
         vendors = [batch.vendors[row] for batch, row in rows]
-        return NearbyRobots(uuids, vendors, *self._sweeper.copied(uuids), lambda i: self._planned(*rows[i]))
+        waited_s = [self._last_waited_s(uuid) for uuid in uuids]
+        near = uuids, vendors, *self._sweeper.copied(uuids)
+        return NearbyRobots(*near, lambda i: self._planned(*rows[i], waited_s[i]))
 
-    def _planned(self, batch: Batch, row: int) -> PlannedRobot:
+    def _planned(self, batch: Batch, row: int, waited_s: float) -> PlannedRobot:
         vendor, holdable = batch.vendors[row], int(batch.basis[row]) != Basis.STATIONARY
-        return PlannedRobot(batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]))
+        return PlannedRobot(
+            batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]), waited_s
+        )

@@ -36,6 +36,8 @@ class PlannedRobot(NamedTuple):
     """False if it stands anyway."""
     priority: float = 1.0
     """Weight of a second of its waiting."""
+    waited_s: float = -inf
+    """When it was last seen to wait as advised, seconds since the epoch."""
 
 
 class NearbyRobots(NamedTuple):

@@ -105,6 +105,10 @@ class AdviceFollowers:
         columns = (self._advised_until_s, self._was_moving, self._since_s, self._last_s)
         return _record_waits(*columns, slots, event_s, stand, ONE_WAIT_S)
 
+    def last_wait_s(self, slot: int | None) -> float:
+        """When a robot was last seen to wait as advised; -inf if it never was, or without a slot."""
+        return -np.inf if slot is None else float(self._last_s[slot])
+
     def waiting(self, since_s: float) -> Ints:
         """Slots of the robots that were seen to wait at `since_s` or later."""
         return np.flatnonzero(self._last_s >= since_s) if self._is_any_advised else NOBODY

@@ -55,8 +55,7 @@ from ingest.measures.measures import Labels, Measures
 STAYS_S = 20.0
 """A robot that has stood for at least this time is expected to stay."""
 DISTRUSTED = 2.0
-"""A robot contradicts its forecasts if its errors a second ahead are more than this many 90 % bands, averaged over a
-few reports."""
+"""A robot contradicts its forecasts if, over a few reports, its errors a second ahead are this many 90 % bands."""
 
 PAIR_FIELDS = frozenset(PAIR.names or ())
 ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
@@ -277,6 +276,10 @@ class ProbabilityEstimator:
     def robots_following_advice(self, now_s: float) -> list[str]:
         """UUIDs of the robots that wait as advised, by their newest reports."""
         return sorted(self._robots.uuids[slot] for slot in self._followers.waiting(now_s - JOINED_S).tolist())
+
+    def last_advised_wait_s(self, uuid: str) -> float:
+        """When a robot was last seen to wait as advised; -inf if it never was."""
+        return self._followers.last_wait_s(self._robots.slots.get(uuid))
 
     def is_standing(self, uuid: str) -> bool:
         """Whether a robot stands, by its forecast or by its reports. False for an unknown robot."""

@@ -1,7 +1,7 @@
 """Robots near each other, from their forecasts."""
 
 from collections.abc import Mapping, Sequence
-from math import pi
+from math import inf, pi
 from typing import NamedTuple
 
 from deconflict.advice.holds.hold_planner import plan_holds
@@ -26,6 +26,7 @@ class SeenRobot(NamedTuple):
     vendor: str = "acme"
     holdable: bool = True
     priority: float = 1.0
+    waited_s: float = -inf
 
 
 def near(robots: Sequence[SeenRobot]) -> NearbyRobots:
@@ -33,7 +34,7 @@ def near(robots: Sequence[SeenRobot]) -> NearbyRobots:
     robots = sorted(robots, key=lambda robot: robot.robot)
     uuids, sweeper = [robot.robot for robot in robots], Sweeper(clearance_m=0.3)
     sweeper.update(uuids, Forecasts.joined(robot.forecast for robot in robots))
-    planned = [PlannedRobot(robot.robot, robot.vendor, robot.holdable, robot.priority) for robot in robots]
+    planned = [PlannedRobot(robot.robot, robot.vendor, *robot[3:]) for robot in robots]
     return NearbyRobots(uuids, [robot.vendor for robot in robots], *sweeper.copied(uuids), planned.__getitem__)
 
 

@@ -72,6 +72,13 @@ def test_a_robot_that_has_not_waited_by_its_time_may_still_do_so() -> None:
     assert again(before, A, B) is before
 
 
+def test_a_robot_that_has_waited_and_drives_on_is_advised_anew() -> None:
+    before = given(Hold(robot="a", hold_s=3.0), seconds_ago=4.0)
+    changed = again(before, A._replace(waited_s=NOW_S - 1.0), B)
+    assert held_s(changed) == {"a": 2.0}
+    assert changed.changed_because == DONE
+
+
 def test_the_first_advice_changes_nothing() -> None:
     question = partial(advise_conflicts, near([A, B]), [PAIR], replace(WINDOW))
     assert question()[PAIR].changed_because == ""
