@@ -10,9 +10,6 @@ from functools import partial
 from pathlib import Path
 
 from deconflict.advice.deferred_answers import Answer
-from deconflict.advisories.situations.situation import situations_of
-from deconflict.advisories.situations.situation_counts import count_situations, set_open_situations
-from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
@@ -20,6 +17,7 @@ from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.engine.place_names import PlaceNames
 from deconflict.roles.delivery import RETRY_S, Delivery
 from deconflict.roles.restoration import StoredState, stored_state
+from deconflict.roles.situation_publisher import SituationPublisher
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -55,7 +53,7 @@ class EngineRole:
         """Errors of solves since the last pass. Any thread appends."""
         self._kept_s = time.monotonic()
         self._load = LoadShedder(site.engine.deadline_s)
-        self._situations = SituationLifecycle(PlaceNames.of(site).describe)
+        self._situations = SituationPublisher(PlaceNames.of(site).describe)
 
     def run(self, stop: threading.Event, beat: Callable[[int], object] = lambda _: None) -> None:
         """Run until `stop` is set. Calls `beat` with the number of seconds that this may be silent from now."""
@@ -90,7 +88,7 @@ class EngineRole:
             request = b"changes"
             if changed := self._current_site.changed():
                 engine, request = engine.renewed(changed), EVERYTHING
-                self._situations.describe = PlaceNames.of(changed).describe
+                self._situations.renew(PlaceNames.of(changed).describe)
                 self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
         self._delivery.keep(engine.learned())
 
@@ -121,7 +119,7 @@ class EngineRole:
             stored.burdens_s,
             learned,
         )
-        self._situations.restore(stored.situations, stored.open)
+        self._situations.restore(stored.situations, engine.open())
         return engine
 
     def _timed(self, work: Callable[[], Answer]) -> Answer:
@@ -140,11 +138,9 @@ class EngineRole:
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s, self._load.effort, pending)
-        published = self._situations.published(batch.now_s, revisions)
+        published = self._situations.published(batch.now_s, revisions, engine.open, engine.measures)
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
-        count_situations(engine.measures, situations_of(published))
-        set_open_situations(engine.measures, self._situations.open())
         if timed:
             self._adapt_effort(engine.measures, took_s)
         failed = [self._failed.popleft() for _ in range(len(self._failed))]

@@ -107,6 +107,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_sweep_duration_seconds": histogram("Duration of one pass of the engine."),
     "deconflict_advice_waiting": gauge("Groups of conflicts that wait for advice to be requested."),
     "deconflict_advice_late_total": counter("Requests for advice whose answer came after its deadline."),
+    "deconflict_situation_failures_total": counter("Passes in which situations could not be made, and began anew."),
     "deconflict_advice_failures_total": counter("Requests for advice that ended in an error."),
     "deconflict_advice_solve_seconds": histogram("Time to compute the advice for one request."),
     "deconflict_message_to_advisory_seconds": histogram(

@@ -51,6 +51,18 @@ class Box(NamedTuple):
         """Length of the diagonal."""
         return hypot(self.east_m - self.west_m, self.north_m - self.south_m)
 
+    def extent_with_m(self, other: "Box") -> float:
+        """Length of the diagonal of the box around both. Called most of all, so it makes no box."""
+        west_m, south_m, east_m, north_m = self
+        other_west_m, other_south_m, other_east_m, other_north_m = other
+        width_m = (east_m if east_m > other_east_m else other_east_m) - (
+            west_m if west_m < other_west_m else other_west_m
+        )
+        depth_m = (north_m if north_m > other_north_m else other_north_m) - (
+            south_m if south_m < other_south_m else other_south_m
+        )
+        return hypot(width_m, depth_m)
+
     def distance_m(self, x_m: float, y_m: float) -> float:
         """From its centre."""
         return hypot((self.west_m + self.east_m) / 2 - x_m, (self.south_m + self.north_m) / 2 - y_m)
@@ -125,11 +137,10 @@ class Group:
         """Whether it and another group are one within these bounds."""
         if not self.datum or self.datum != other.datum:
             return False
-        extent_m = self.box.including(other.box).extent_m
+        extent_m = self.box.extent_with_m(other.box)
         if extent_m <= most_extent_m:
             return True
-        more = sum(robot not in self.counted for robot in other.counted)
-        return extent_m <= NEAR_M and len(self.counted) + more <= most_robots
+        return extent_m <= NEAR_M and len(self.counted | other.counted) <= most_robots
 
     @property
     def has_outgrown(self) -> bool:

@@ -1,0 +1,55 @@
+"""Situations of the engine's process. A fault in them never holds up advisories: machines act on those."""
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+
+from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
+from deconflict.advisories.situations.situation_counts import (
+    SITUATION_FAILURES,
+    count_situations,
+    set_open_situations,
+)
+from deconflict.advisories.situations.situation_lifecycle import Describe, SituationLifecycle
+from deconflict.advisory import AnyAdvisory
+from ingest.measures.measures import Measures
+
+log = logging.getLogger(__name__)
+
+
+class SituationPublisher:
+    """Adds situations to what a pass publishes."""
+
+    def __init__(self, describe: Describe) -> None:
+        self._lifecycle = SituationLifecycle(describe)
+
+    def renew(self, describe: Describe) -> None:
+        """Name places by a changed site."""
+        self._lifecycle.describe = describe
+
+    def restore(self, situations: Iterable[Situation], advisories: Iterable[AnyAdvisory]) -> None:
+        """Continue what was open before a restart."""
+        self._lifecycle.restore(situations, advisories)
+
+    def published(
+        self,
+        now_s: float,
+        revisions: Sequence[AnyAdvisory],
+        open_advisories: Callable[[], Iterable[AnyAdvisory]],
+        measures: Measures,
+    ) -> list[AnyRevision]:
+        """The revisions of a pass with the ids of their situations, and the revisions of situations."""
+        try:
+            published = self._lifecycle.published(now_s, revisions)
+        except Exception:
+            log.exception("situations can't be made and begin anew, which should be reported")
+            measures.count(SITUATION_FAILURES)
+            published = [*revisions, *self._begin_anew(now_s, open_advisories())]
+        count_situations(measures, situations_of(published))
+        set_open_situations(measures, self._lifecycle.open())
+        return published
+
+    def _begin_anew(self, now_s: float, open_advisories: Iterable[AnyAdvisory]) -> list[Situation]:
+        """Clear every situation; the advisories make new ones."""
+        before, self._lifecycle = self._lifecycle, SituationLifecycle(self._lifecycle.describe)
+        self._lifecycle.restore((), open_advisories)
+        return [situation.cleared_revision(now_s, "situations begin anew after a fault") for situation in before.open()]

@@ -1,0 +1,42 @@
+"""A fault in situations holds up no advisory."""
+
+from collections.abc import Sequence
+
+from deconflict.advisories.situations.situation import situations_of
+from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
+from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.roles.situation_publisher import SituationPublisher
+from ingest.batch import FloorPoint
+from ingest.measures.measures import Measures
+from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
+
+
+class Places:
+    """Names places, unless it is broken."""
+
+    is_broken = False
+
+    def describe(self, points: Sequence[FloorPoint]) -> list[str]:
+        if self.is_broken:
+            raise ArithmeticError("no such place")
+        return ["here"] * len(points)
+
+
+def test_advisories_are_published_although_situations_fail_and_these_begin_anew() -> None:
+    places, measures = Places(), Measures()
+    publisher, first, second = SituationPublisher(places.describe), conflict("ab"), conflict("cd", x_m=30.0)
+
+    def published(now_s: float, *revisions: AnyAdvisory) -> tuple[list[str], list[tuple[str, AdvisoryState]]]:
+        made = publisher.published(now_s, revisions, lambda: [first, second], measures)
+        return [each.id for each in made if each.kind != "situation"], [
+            (each.id, each.state) for each in situations_of(made)
+        ]
+
+    ((before, raised),) = published(NOW_S, first)[1]
+    places.is_broken = True
+    assert published(NOW_S + 1, second) == ([second.id], [(before, AdvisoryState.CLEARED)])
+    assert measures.values[SITUATION_FAILURES][()] == 1
+    places.is_broken = False
+    _, made = published(NOW_S + 2)
+    assert [state for _, state in made] == [raised, raised] == [AdvisoryState.RAISED] * 2
+    assert before not in dict(made)
