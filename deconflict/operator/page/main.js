@@ -87,7 +87,7 @@ function scene() {
   for (const robot of here) setPresence(robot, atS, unidentified);
   const situations = [...open().sort(urgency), ...ended()].filter((situation) => situation.location?.datum === floor);
   const picked = new Set([chosen, pointed.situation]), highlighted = new Set(situations.filter(({ id }) => picked.has(id)).flatMap((situation) => situation.robots));
-  const involved = new Map(), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
+  const involved = new Map(), first = new Set(situations.map(({ advice }) => advice?.actions[0].robot)), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
   for (const { id, severity, robots, advice } of situations.filter(({ endedMs }) => !endedMs).reverse()) {
     for (const uuid of robots) involved.set(uuid, severity);
     for (const { robot, action } of advice?.actions ?? []) advised.set(robot, action);
@@ -95,7 +95,7 @@ function scene() {
   }
   const known = floors().find((each) => each.id === floor);
   return {
-    floor, theme: root.dataset.theme, nowS: atS, robots: here, situations, involved, advised, highlighted, contended, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
+    floor, theme: root.dataset.theme, nowS: atS, robots: here, situations, involved, first, advised, highlighted, contended, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
     places: site.places.filter((place) => place.floor === floor), marks: known?.marks ?? [],
     exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),

@@ -10,7 +10,7 @@ const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
 const MOST_EXACT = 100; // with more robots, ribbons are drawn as lines of the robot's width
 const MOST_LABELLED = 120; // with more robots, only involved and chosen robots have a label
-const LABEL = { chosen: 3, picked: 2, advised: 1, involved: 0, other: -1 }; // whose label is drawn first
+const LABEL = { chosen: 4, picked: 3, first: 2, advised: 1, involved: 0, other: -1 }; // whose label is drawn first
 const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
 const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
 const SPECK_PX = 5;
@@ -261,7 +261,7 @@ export class FloorMap {
     const x = camera.px(robot.x), middle = camera.py(robot.y), ys = [middle + below, middle - below + size * unit * 0.8];
     pen.font = `${size * unit}px system-ui, sans-serif`;
     const wide = pen.measureText(name).width, boxAt = (y) => ({ left: x - wide / 2, top: y - size * unit, wide, high: size * unit });
-    const y = ys.find((each) => !taken.some((other) => overlap(boxAt(each), other))) ?? (rank >= LABEL.picked ? ys[0] : null);
+    const y = ys.find((each) => !taken.some((other) => overlap(boxAt(each), other))) ?? (rank >= LABEL.first ? ys[0] : null);
     if (y === null) return;
     taken.push(boxAt(y));
     this.text(name, x, y, size, isBold ? ink.ink : ink.faint, isBold ? "600 " : "");
@@ -307,9 +307,10 @@ function sign(path, x, y, yaw, size, mark) {
   path.closePath();
 }
 
-function rankOf({ uuid }, { robot, highlighted, advised, involved }) {
+function rankOf({ uuid }, { robot, highlighted, first, advised, involved }) {
   if (uuid === robot) return LABEL.chosen;
   if (highlighted.has(uuid)) return LABEL.picked;
+  if (first.has(uuid)) return LABEL.first;
   return advised.has(uuid) ? LABEL.advised : involved.has(uuid) ? LABEL.involved : LABEL.other;
 }
 
