@@ -10,7 +10,7 @@ const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
 const MOST_EXACT = 100; // with more robots, ribbons are drawn as lines of the robot's width
 const MOST_LABELLED = 120; // with more robots, only involved and chosen robots have a label
-const LABEL = { chosen: 4, picked: 3, first: 2, advised: 1, involved: 0, other: -1 }; // whose label is drawn first
+const LABEL = { chosen: 4, first: 3, picked: 2, advised: 1, involved: 0, other: -1 }; // whose label is drawn first
 const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
 const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
 const SPECK_PX = 5;
@@ -251,20 +251,20 @@ export class FloorMap {
     }
   }
 
-  // A robot's label below it, or else above it, unless both would cover one of `taken`.
+  // A robot's label below it, above it, right or left of it, where it covers none of `taken`.
   name(robot, scene, rank, taken) {
     const { pen, camera, ink, unit } = this, isBold = rank > LABEL.other, size = isBold ? 13 : 11;
     const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s${likely(robot)}` : "";
     const advised = scene.advised.has(robot.uuid) ? `: ${ACTIONS[scene.advised.get(robot.uuid)]}` : "";
     const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${advised}`;
     const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * unit;
-    const x = camera.px(robot.x), middle = camera.py(robot.y), ys = [middle + below, middle - below + size * unit * 0.8];
-    pen.font = `${size * unit}px system-ui, sans-serif`;
-    const wide = pen.measureText(name).width, boxAt = (y) => ({ left: x - wide / 2, top: y - size * unit, wide, high: size * unit });
-    const y = ys.find((each) => !taken.some((other) => overlap(boxAt(each), other))) ?? (rank >= LABEL.first ? ys[0] : null);
-    if (y === null) return;
-    taken.push(boxAt(y));
-    this.text(name, x, y, size, isBold ? ink.ink : ink.faint, isBold ? "600 " : "");
+    pen.font = `${isBold ? "600 " : ""}${size * unit}px system-ui, sans-serif`;
+    const [x, y, wide, high] = [camera.px(robot.x), camera.py(robot.y), pen.measureText(name).width, size * unit], beside = wide / 2 + below - 5 * unit;
+    const boxes = [[0, below], [0, high * 0.8 - below], [beside, high / 3], [-beside, high / 3]].map(([dx, dy]) => ({ left: x + dx - wide / 2, top: y + dy - high, wide, high }));
+    const box = boxes.find((each) => !taken.some((other) => overlap(each, other))) ?? (rank >= LABEL.first ? boxes[0] : null);
+    if (!box) return;
+    taken.push(box);
+    this.text(name, box.left + wide / 2, box.top + high, size, isBold ? ink.ink : ink.faint, isBold ? "600 " : "");
   }
 
   text(text, x, y, size, colour, weight = "") {
@@ -309,8 +309,8 @@ function sign(path, x, y, yaw, size, mark) {
 
 function rankOf({ uuid }, { robot, highlighted, first, advised, involved }) {
   if (uuid === robot) return LABEL.chosen;
-  if (highlighted.has(uuid)) return LABEL.picked;
   if (first.has(uuid)) return LABEL.first;
+  if (highlighted.has(uuid)) return LABEL.picked;
   return advised.has(uuid) ? LABEL.advised : involved.has(uuid) ? LABEL.involved : LABEL.other;
 }
 
