@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from datetime import datetime
-from math import inf
 from typing import Literal
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation
@@ -13,6 +12,9 @@ from deconflict.simulation.drills.errands import Errand, ErrandGroup
 
 AdviceSource = Literal["advisories", "situations"]
 """Whose advice a site service follows."""
+
+PASSES_S = 10.0
+"""A robot that should drive slowly while the other one is ahead does so for this time: the conflict is over then."""
 
 
 class SiteService:
@@ -64,33 +66,16 @@ class SituationService:
         self._dispatcher = Dispatcher(group, geometry, start_s)
         self._passed_on: dict[str, str] = {}
         """By situation: since when the advice stands that was passed on last."""
-        self._slowed: dict[str, list[str]] = {}
-        """By situation: the robots that drive slowly for as long as its advice stands."""
 
     def pass_on(self, situation: AnyRevision) -> float | None:
         """Pass on new advice. Returns the seconds that robots were told to wait; None if none was told anything."""
-        if not isinstance(situation, Situation):
+        advice = situation.advice if isinstance(situation, Situation) else None
+        if advice is None or self._passed_on.get(situation.id) == advice.since_at.isoformat():
             return None
-        advice, since = situation.advice, situation.advice.since_at.isoformat() if situation.advice else ""
-        if self._passed_on.get(situation.id, "") == since:
-            return None
-        self._passed_on[situation.id] = since
-        self._let_speed_up(situation)
-        if advice is None:
-            return None
+        self._passed_on[situation.id] = advice.since_at.isoformat()
         at_s = situation.updated_at.timestamp() - self._dispatcher.start_s
         done = [action for action in advice.actions if self._act(action, at_s)]
         return sum(action.seconds or 0.0 for action in done) if done else None
-
-    def _let_speed_up(self, situation: Situation) -> None:
-        """Let robots drive as usual again that were slowed down for as long as advised."""
-        for robot in self._slowed.pop(situation.id, ()):
-            if errand := self._dispatcher.fresh(robot, inf):
-                errand.slow_down(errand.pace_mps, 0.0)
-        actions = situation.advice.actions if situation.advice else ()
-        self._slowed[situation.id] = [
-            action.robot for action in actions if action.action == "slow_down" and action.seconds is None
-        ]
 
     def _act(self, action: Action, at_s: float) -> bool:
         """Instruct the robot of an action. Returns whether it was told anything."""
@@ -98,7 +83,7 @@ class SituationService:
         if errand is None:
             return False
         if action.action == "slow_down":
-            errand.slow_down(action.speed_mps or errand.pace_mps, action.seconds or inf)
+            errand.slow_down(action.speed_mps or errand.pace_mps, action.seconds or PASSES_S)
         elif action.resource and action.start_at and action.end_at:
             return self._serve(errand, action.action, action.resource, action.start_at, action.end_at)
         elif action.action == "wait":
