@@ -36,10 +36,11 @@ export function what(revision) {
   return revision.summary.replace(/,? in \d+ s\b/, "");
 }
 
-// The same without the names at its end, for where the robots are listed beside it.
+// The same without a list of its robots after a colon, for where they are listed beside it.
 export function gist(situation) {
-  const text = what(situation), at = text.lastIndexOf(": "), names = text.slice(at + 2).split(/, | and /);
-  return at > 0 && names.every((name) => situation.names.includes(name) || /^\d+ more$/.test(name)) ? text.slice(0, at) : text;
+  const names = [...situation.names].sort((a, b) => b.length - a.length).map((name) => name.replace(/[^\w ]/g, "\\$&"));
+  const robot = `(?:${[...names, "\\d+ more"].join("|")})`;
+  return what(situation).replace(new RegExp(`: ${robot}(?:(?:, | and )${robot})*(?=[,;]|$)`), "");
 }
 
 export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }

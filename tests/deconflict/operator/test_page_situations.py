@@ -142,7 +142,7 @@ def warning(number: int, situation_id: str | None = None) -> ConflictAdvisory:
 
 
 async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: "Browser", face: Served) -> None:
-    sentence = f"{name(6)} and others meet in 5 s at Column 3: {name(6)}, {name(7)} and 2 more"
+    sentence = f"{name(6)} and others meet in 5 s: {name(6)}, {name(7)} and 2 more, at Column 3"
     critical = shown(3, 6, 7, severity="critical", situation_kind="head_on", summary=sentence)
     await face.publish(shown(1, 0, 1, left_s=60), shown(2, 3, 4, left_s=40), critical, warning(1), warning(2))
     async with opened(browser, face) as page:
@@ -150,7 +150,7 @@ async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: 
         card = await text(page, "#situations > li")
         assert "Critical" in card
         assert "Head-on in a lane" in card
-        assert f"{name(6)} and others meet at Column 3" in card, "the countdown beside it says when"
+        assert f"{name(6)} and others meet, at Column 3" in card, "the countdown beside it says when"
         assert f"{name(7)}" not in card, "its robots are listed beside the sentence"
         assert await text(page, "#situations .first") == f"{name(6)} should wait 4 s"
         assert await text(page, "#situations .then") == f"Then: {name(6)} should go first"
