@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from deconflict.advice.deferred_answers import Answer
+from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
@@ -17,7 +18,6 @@ from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.engine.place_names import PlaceNames
 from deconflict.roles.delivery import RETRY_S, Delivery
 from deconflict.roles.restoration import StoredState, stored_state
-from deconflict.roles.situation_publisher import SituationPublisher
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -138,7 +138,7 @@ class EngineRole:
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s, self._load.effort, pending)
-        published = self._situations.published(batch.now_s, revisions, engine.open, engine.measures)
+        published = self._situations.published(batch.now_s, revisions, engine.measures)
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
         if timed:

@@ -72,6 +72,10 @@ class SituationLifecycle:
         """The newest revision of every open situation."""
         return [watched.situation for watched in self._watched.values() if watched.situation]
 
+    def advisories(self) -> list[AnyAdvisory]:
+        """The newest revision of every open advisory."""
+        return list(self._advisories.values())
+
     def situation_of(self, advisory_id: str) -> str | None:
         """The id of the open situation that an advisory is part of."""
         group = self._grouping.group_of(advisory_id)

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of, situations_of
-from deconflict.advisories.situations.situation_counts import count_situations, set_open_situations
-from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisory import AdvisoryState
 from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.site import Site
@@ -17,8 +16,8 @@ class StreamSituations:
     def __init__(self, site: Site, newest: Sequence[AnyRevision]) -> None:
         """Continues from what is open in the stream."""
         situations = situations_of(newest)
-        self._lifecycle = SituationLifecycle(PlaceNames(site.datums, (*site.resources, *site.zones)).describe)
-        self._lifecycle.restore(situations, advisories_of(newest))
+        self._publisher = SituationPublisher(PlaceNames.of(site).describe)
+        self._publisher.restore(situations, advisories_of(newest))
         self._decided = {situation.id: situation.revision for situation in situations}
         """The last revision that was decided here, by id of each situation until the stream has it as cleared."""
 
@@ -33,8 +32,6 @@ class StreamSituations:
         for situation in situations_of(written):
             if situation.state is AdvisoryState.CLEARED:
                 self._decided.pop(situation.id, None)
-        revisions = self._lifecycle.revise(now_s, advisories_of(written))
+        revisions = situations_of(self._publisher.published(now_s, advisories_of(written), measures))
         self._decided.update((revision.id, revision.revision) for revision in revisions)
-        count_situations(measures, revisions)
-        set_open_situations(measures, self._lifecycle.open())
         return revisions

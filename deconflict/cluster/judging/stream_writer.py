@@ -31,6 +31,8 @@ class StreamWriter:
         """The newest record of the stream, by key."""
         self._situation_of: dict[str, str] = {}
         """The id of the open situation, by id of each advisory that it lists."""
+        self._listed: dict[str, tuple[str, ...]] = {}
+        """The advisories that each open situation lists, by its id."""
 
     def note(self, record: StreamRecord) -> None:
         """Take in a record of the stream."""
@@ -42,13 +44,17 @@ class StreamWriter:
             self._newest.move_to_end(record.key)
             if isinstance(record.advisory, Situation):
                 self._note_situation(record.advisory)
+                self._newest.move_to_end(record.key, last=_is_open(record))  # nothing follows a cleared situation
         while len(self._newest) > REMEMBERED:
             self._newest.popitem(last=False)
 
     def _note_situation(self, situation: Situation) -> None:
-        listed = {} if situation.state is AdvisoryState.CLEARED else dict.fromkeys(situation.advisories, situation.id)
-        others = {advisory: other for advisory, other in self._situation_of.items() if other != situation.id}
-        self._situation_of = others | listed
+        for advisory_id in self._listed.pop(situation.id, ()):
+            if self._situation_of.get(advisory_id) == situation.id:
+                del self._situation_of[advisory_id]
+        if situation.state is not AdvisoryState.CLEARED:
+            self._listed[situation.id] = situation.advisories
+            self._situation_of.update(dict.fromkeys(situation.advisories, situation.id))
 
     def open(self) -> list[AnyRevision]:
         """The newest revision of every open advisory and situation."""

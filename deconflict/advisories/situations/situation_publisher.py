@@ -1,7 +1,7 @@
-"""Situations of the engine's process. A fault in them never holds up advisories: machines act on those."""
+"""Situations for all that is published. A fault in them never holds up advisories: machines act on those."""
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
 from deconflict.advisories.situations.situation_counts import (
@@ -30,26 +30,20 @@ class SituationPublisher:
         """Continue what was open before a restart."""
         self._lifecycle.restore(situations, advisories)
 
-    def published(
-        self,
-        now_s: float,
-        revisions: Sequence[AnyAdvisory],
-        open_advisories: Callable[[], Iterable[AnyAdvisory]],
-        measures: Measures,
-    ) -> list[AnyRevision]:
+    def published(self, now_s: float, revisions: Sequence[AnyAdvisory], measures: Measures) -> list[AnyRevision]:
         """The revisions of a pass with the ids of their situations, and the revisions of situations."""
         try:
             published = self._lifecycle.published(now_s, revisions)
         except Exception:
             log.exception("situations can't be made and begin anew, which should be reported")
             measures.count(SITUATION_FAILURES)
-            published = [*revisions, *self._begin_anew(now_s, open_advisories())]
+            published = [*revisions, *self._begin_anew(now_s)]
         count_situations(measures, situations_of(published))
         set_open_situations(measures, self._lifecycle.open())
         return published
 
-    def _begin_anew(self, now_s: float, open_advisories: Iterable[AnyAdvisory]) -> list[Situation]:
+    def _begin_anew(self, now_s: float) -> list[Situation]:
         """Clear every situation; the advisories make new ones."""
         before, self._lifecycle = self._lifecycle, SituationLifecycle(self._lifecycle.describe)
-        self._lifecycle.restore((), open_advisories)
+        self._lifecycle.restore((), before.advisories())
         return [situation.cleared_revision(now_s, "situations begin anew after a fault") for situation in before.open()]
