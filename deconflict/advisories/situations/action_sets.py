@@ -118,7 +118,8 @@ def _unsolved(advisories: Iterable[AnyAdvisory]) -> set[str]:
 
 
 def _agreed(sets: Iterable[ActionSet], unsolved: Collection[str]) -> tuple[Action, ...]:
-    """The actions of as many sets as agree; at most one robot goes first, after what the others do."""
+    """The actions of as many sets as agree. At most one robot goes first, after what the others do; that alone asks
+    nobody to do anything, and is no advice."""
     taken: dict[str, Action] = {}
     waits: set[tuple[str, str]] = set()
     for each in sets:
@@ -127,7 +128,8 @@ def _agreed(sets: Iterable[ActionSet], unsolved: Collection[str]) -> tuple[Actio
         if is_same and len(merged) <= MOST_ACTIONS and not _has_ring(waits | each.waits):
             taken, waits = merged, waits | each.waits
     first = [action for action in taken.values() if action.action == GO_FIRST and action.robot not in unsolved]
-    return (*(action for action in taken.values() if action.action != GO_FIRST), *first[:1])
+    others = [action for action in taken.values() if action.action != GO_FIRST]
+    return (*others, *first[:1]) if others else ()
 
 
 def _longer(action: Action, other: Action | None) -> Action:

@@ -98,6 +98,10 @@ def test_robots_in_an_unsolved_conflict_are_not_both_sent_first() -> None:
     assert [(each.robot, each.action) for each in found.actions] == [("a", "wait")]
 
 
+def test_that_a_robot_goes_first_is_no_advice_by_itself() -> None:
+    assert revised(None, NOW_S, conflict("ab", recommendation=advice(action("b", "go_first")))) is None
+
+
 def test_robots_of_a_ring_do_not_all_wait() -> None:
     ring = [conflict(pair, recommendation=advice(action(waiter))) for pair, waiter in (("ab", "a"), ("bc", "b"))]
     last = conflict("ca", 9.0, recommendation=advice(action("c")))
