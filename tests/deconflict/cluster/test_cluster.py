@@ -51,6 +51,8 @@ async def test_no_advisory_is_lost_or_doubled_if_an_engine_is_killed(tmp_path: P
         for each in driving:
             each.cancel()
         await asyncio.gather(*driving, return_exceptions=True)
+        await until(base, "/situations", lambda listed: not listed["situations"])
+        whole = await until(base, "/advisories?state=all", lambda listed: listed["seq"] >= whole["seq"])
         every = await lives(base)
         assert len(every) == len({life[0].robots for life in every}) == PAIRS
         for life in every:

@@ -62,10 +62,12 @@ async def serving(data: Path, advisories_bytes: int = 1 << 30) -> AsyncIterator[
 async def test_the_memory_of_the_operator_face_stops_growing(tmp_path: Path, traced: None) -> None:
     async with serving(tmp_path) as (_, engine):
         await tell(engine, range(TAIL_LENGTH))
-        before = kept_bytes()
-        await tell(engine, range(TAIL_LENGTH, 2 * TAIL_LENGTH))
-        grown = kept_bytes() - before
-    assert grown < LEFT_BYTES * TAIL_LENGTH
+        grown = []
+        for number in (1, 2):
+            before = kept_bytes()
+            await tell(engine, range(number * TAIL_LENGTH, (number + 1) * TAIL_LENGTH))
+            grown.append(kept_bytes() - before)
+    assert min(grown) < LEFT_BYTES * TAIL_LENGTH, "what is loaded once may grow once"
 
 
 async def test_what_was_removed_to_bound_the_database_is_counted_and_shown(tmp_path: Path) -> None:
