@@ -1,6 +1,6 @@
 """The fields of a situation's revisions. Whether a revision is due, others decide. Pure."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import shapely
@@ -56,6 +56,11 @@ def updated(
 def has_first_advice(before: Situation, advisories: Sequence[AnyAdvisory], now_s: float) -> bool:
     """Whether there is something to do now, and there was nothing before."""
     return before.advice is None and bool(proposal_of(advisories, before.robots, now_s).actions)
+
+
+def listed_robots(advisories: Iterable[AnyAdvisory]) -> set[str]:
+    """The robots that a situation with these advisories lists."""
+    return set(list(names_of(advisories))[:MOST_ROBOTS])
 
 
 def _fields(

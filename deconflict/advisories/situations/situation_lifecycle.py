@@ -22,8 +22,9 @@ from ingest.batch import FloorPoint
 
 LINGERS_S = 10.0
 """A situation is cleared once it has not been worth a reaction for so long."""
-UPDATE_GAP_S = 4.0
-"""Shortest time between two revisions, unless severity rises or there is advice at last."""
+UPDATE_GAP_S, JOINED_GAP_S = 4.0, 1.0
+"""Shortest time between two revisions, unless severity rises or there is advice at last; and before one that lists
+another robot."""
 LOOK_S = 1.0
 """A situation without news is looked at again after this time, as less and less of it can be prevented."""
 WORTH_S = 1.5
@@ -161,7 +162,8 @@ class SituationLifecycle:
             return situation_fields.emptied(before, now_s) if before.advisories else None
         severity = _severity(watched, before, stakes, now_s)
         is_urgent = rises(severity, before.severity) or situation_fields.has_first_advice(before, advisories, now_s)
-        if not is_urgent and not _is_due(before, now_s):
+        gap_s = UPDATE_GAP_S if situation_fields.listed_robots(advisories) <= {*before.robots} else JOINED_GAP_S
+        if not is_urgent and 0.0 <= now_s - before.updated_at.timestamp() < gap_s:
             return None
         after = situation_fields.updated(before, group, advisories, stakes, severity, self._place(group), now_s)
         return after if is_news(before, after) else None
@@ -207,11 +209,6 @@ def _severity(watched: _Watched, before: Situation, stakes: Stakes, now_s: float
     if not rises(before.severity, severity):
         watched.held_s = now_s
     return before.severity if now_s - watched.held_s < FALLS_S and rises(before.severity, severity) else severity
-
-
-def _is_due(before: Situation, now_s: float) -> bool:
-    """Whether a revision is due; also if the clock has gone back."""
-    return not 0.0 <= now_s - before.updated_at.timestamp() < UPDATE_GAP_S
 
 
 def is_news(before: Situation, after: Situation) -> bool:

@@ -4,7 +4,7 @@ from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
 from deconflict.advisories.situations.grouping import LEAST_OPEN_S
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
-from deconflict.advisory import AdvisoryState, Severity
+from deconflict.advisory import AdvisoryState, Severity, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -105,6 +105,14 @@ def test_severity_rises_at_once_and_other_news_waits() -> None:
     assert joined == []
     (worse,) = situations.revise(NOW_S + 0.2, [blockage("xabcd")])
     assert worse.severity is Severity.CRITICAL
+
+
+def test_a_robot_that_joins_is_listed_sooner_than_other_news() -> None:
+    situations, first = lifecycle(), conflict("ab")
+    situations.revise(NOW_S, [first])
+    assert situations.revise(NOW_S + 2, [first.next_revision(predicted_at=moment(NOW_S + 20))]) == []
+    (joined,) = situations.revise(NOW_S + 2.1, [conflict("bc")])
+    assert joined.robots == ("a", "b", "c")
 
 
 def test_the_first_advice_is_published_at_once() -> None:
