@@ -35,16 +35,16 @@ def _reason_to_change(before: SituationAdvice, proposal: Proposal, robots: Colle
     first, stood_s = before.actions[0], now_s - before.since_at.timestamp()
     left = next((action.name for action in before.actions if action.robot not in robots), None)
     if left is not None:
-        return f"{left} is no longer part of this"
+        return f"{left} is not part of this any more"
     asked_s = proposal.asked_s.get(key_of(first))
     if first.action == "wait" and stood_s >= max(action.seconds or 0.0 for action in before.actions):
-        return f"{first.name} should have waited by now"
+        return f"the time for {first.name} to wait is over"
     if 0.0 <= stood_s < STANDS_S:
         return None
     if asked_s is None:
-        return f"{first.name} need not do it any more"
+        return f"earlier advice to {first.name} does not help any more"
     sooner = proposal.actions[0] if proposal.actions and proposal.predicted_s < asked_s - SOONER_S else first
-    return None if sooner.robot == first.robot else f"{sooner.name} has less time left"
+    return None if sooner.robot == first.robot else f"there is less time for {sooner.name}"
 
 
 def _advice(proposal: Proposal, now_s: float, reason: str) -> SituationAdvice:

@@ -6,7 +6,7 @@ from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
 from deconflict.advisories.situations.situation import SituationKind
 from deconflict.advisories.situations.situation_kinds import Matter
-from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory
+from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory, DeadlockAdvisory
 
 MOST_NAMED = 4
 """Robots that a sentence names."""
@@ -21,7 +21,7 @@ ENDS: dict[SituationKind, str] = {
     "blocked_aisle": "once {culprit} moves on",
     "obstacle": "once {culprit} moves on, or the others have passed it",
     "silent_robot": "once {culprit} reports again, or somebody has found it",
-    "deadlock": "not by itself: somebody must move one of them",
+    "deadlock": "once one of them makes way",
     "identity": "once each robot is reported by its own vendor, from one place",
 }
 
@@ -55,6 +55,10 @@ def _sentence(matter: Matter, now_s: float, place: str) -> str:
             held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
             stood_s = now_s - principal.since_at.timestamp()
             return f"{names[principal.blocker]} has stood for {stood_s:.0f} s {place}, in the way of {held_up}"
+        case DeadlockAdvisory():
+            verb = "lock" if left_s < 1 else "will lock"
+            names_listed = _named(list(names_of([principal]).values()))
+            return f"{names_listed} {verb} each other {_when(left_s)}, {place}: each waits for the next"
         case ContentionAdvisory(kind="contention") if principal.queue_length:
             return _queue(principal, left_s)
     return principal.summary.split("; ")[0]

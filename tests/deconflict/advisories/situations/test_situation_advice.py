@@ -38,7 +38,10 @@ def test_a_change_says_why() -> None:
     other = conflict("ab", 30.0, recommendation=advice(action("b")))
     after = revised(before, NOW_S + STANDS_S, other)
     assert after is not None
-    assert (after.actions[0].robot, after.changed_because) == ("b", "Robot a need not do it any more")
+    assert (after.actions[0].robot, after.changed_because) == (
+        "b",
+        "earlier advice to Robot a does not help any more",
+    )
 
 
 def test_advice_stands_for_some_seconds_at_least() -> None:
@@ -83,7 +86,7 @@ def test_something_more_urgent_takes_the_place_of_advice_that_stands() -> None:
     after = revised(before, NOW_S + STANDS_S, stands, urgent)
     assert after is not None
     assert [each.robot for each in after.actions] == ["c", "x"]
-    assert after.changed_because == "Robot c has less time left"
+    assert after.changed_because == "there is less time for Robot c"
 
 
 def test_robots_in_an_unsolved_conflict_are_not_both_sent_first() -> None:
