@@ -3,14 +3,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 
+from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advisory import Action, ActionKind, Recommendation, Slot
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import RingLink
 
-LEAST_WAIT_S = 3.0
-"""Nobody can have a robot wait for less. A shorter wait is made longer: the order stays the same."""
 LEAST_SAVING_S = 1.0
 """An order of a queue that saves less needs no action: the robots wait there by themselves."""
 
@@ -84,7 +83,8 @@ def _is_overtaken(slot: Slot, other: Slot) -> bool:
 
 
 def _wait(slot: Slot, geometry: PlaceGeometry, robots: Mapping[str, RobotView]) -> Action:
-    seconds = float(ceil(max(slot.wait_s, LEAST_WAIT_S)))
+    """A short wait is made long enough for people: the order stays the same."""
+    seconds = float(ceil(max(slot.wait_s, SHORTEST_WAIT_S)))
     return _action(slot, robots, "wait", seconds=seconds, where=f"before {geometry.label(slot.resource)}")
 
 

@@ -58,9 +58,9 @@ def has_first_advice(before: Situation, advisories: Sequence[AnyAdvisory], now_s
     return before.advice is None and bool(proposal_of(advisories, before.robots, now_s).actions)
 
 
-def listed_robots(advisories: Iterable[AnyAdvisory]) -> set[str]:
-    """The robots that a situation with these advisories lists."""
-    return set(list(names_of(advisories))[:MOST_ROBOTS])
+def listed_robots(advisories: Iterable[AnyAdvisory]) -> list[str]:
+    """The robots that a situation with these advisories lists, in ascending order."""
+    return list(names_of(advisories))[:MOST_ROBOTS]
 
 
 def _fields(
@@ -74,7 +74,7 @@ def _fields(
 ) -> dict[str, Any]:
     matter, names = matter_of(advisories, before.situation_kind if before else None), names_of(advisories)
     vendors = {robot: vendor for each in advisories for robot, vendor in zip(each.robots, each.vendors, strict=True)}
-    listed = list(names)[:MOST_ROBOTS]
+    listed = listed_robots(advisories)
     soonest = min(advisories, key=lambda advisory: (advisory.time_left_s(now_s), advisory.id))
     left_s = soonest.time_left_s(now_s)
     members = sorted(group.members, key=lambda name: (group.members[name].raised_s, name))

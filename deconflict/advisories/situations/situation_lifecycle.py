@@ -29,7 +29,6 @@ LOOK_S = 1.0
 """A situation without news is looked at again after this time, as less and less of it can be prevented."""
 WORTH_S = 1.5
 """Less loss that can be prevented is not worth a reaction."""
-
 FALLS_S = 3.0
 """A severity falls once it has been too high for so long."""
 MOVED_S, MOVED_M = 3.0, 5.0
@@ -162,7 +161,8 @@ class SituationLifecycle:
             return situation_fields.emptied(before, now_s) if before.advisories else None
         severity = _severity(watched, before, stakes, now_s)
         is_urgent = rises(severity, before.severity) or situation_fields.has_first_advice(before, advisories, now_s)
-        gap_s = UPDATE_GAP_S if situation_fields.listed_robots(advisories) <= {*before.robots} else JOINED_GAP_S
+        has_joined = not set(situation_fields.listed_robots(advisories)).issubset(before.robots)
+        gap_s = JOINED_GAP_S if has_joined else UPDATE_GAP_S
         if not is_urgent and 0.0 <= now_s - before.updated_at.timestamp() < gap_s:
             return None
         after = situation_fields.updated(before, group, advisories, stakes, severity, self._place(group), now_s)

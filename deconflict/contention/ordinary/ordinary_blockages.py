@@ -11,10 +11,11 @@ What needs a person is nobody's ordinary work: from a blocker that is silent, sw
 learned, and a robot of any vendor counts as one of another vendor.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import floor
 
+from deconflict.contention.ordinary.ordinary_waits import ENDS_S, count_ordinary_waits
 from deconflict.contention.ordinary.usual_durations import UsualDurations
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.blockages import Blockage
@@ -28,8 +29,6 @@ MOST_USUAL_S = 600.0
 """A robot that has stood longer than this in the way is never usual."""
 THERE_S = 0.5
 """A robot that is there within this time waits."""
-ENDS_S = 3.0
-"""A blockage that was not found for this long has ended."""
 
 
 @dataclass(slots=True)
@@ -72,7 +71,7 @@ class OrdinaryBlockages:
         """How long blockages last that hold up robots of the blocker's vendor alone, and robots of another one."""
         self._watched: dict[str, _WatchedBlockage] = {}
         """By blocker."""
-        self._count_waits([])
+        count_ordinary_waits(measures, "blockage")
 
     @property
     def usual_durations(self) -> dict[str, UsualDurations]:
@@ -141,11 +140,8 @@ class OrdinaryBlockages:
             durations = self._of_fleet if watched.is_of_fleet else self._of_vendors
             durations.add(watched.place, watched.found_s - watched.since_s, watched.found_s)
         if not watched.is_published:
-            self._count_waits([to_s - from_s for from_s, to_s in watched.waits.values()])
-
-    def _count_waits(self, waited_s: Sequence[float]) -> None:
-        self._measures.count("deconflict_ordinary_waits_total", "blockage", by=len(waited_s))
-        self._measures.count("deconflict_ordinary_wait_seconds_total", "blockage", by=sum(waited_s))
+            waited_s = [to_s - from_s for from_s, to_s in watched.waits.values()]
+            count_ordinary_waits(self._measures, "blockage", waited_s)
 
 
 def _others_wait_from_s(blocked: Blockage, robots: Mapping[str, RobotView]) -> list[float]:

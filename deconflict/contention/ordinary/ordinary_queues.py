@@ -8,6 +8,7 @@ robot waits long.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from deconflict.contention.ordinary.ordinary_waits import ENDS_S, count_ordinary_waits
 from deconflict.contention.ordinary.usual_durations import UsualDurations
 from deconflict.contention.queues.queue_forecast import QueueForecast
 from deconflict.contention.robots.robot_view import RobotView
@@ -17,8 +18,6 @@ MOST_USUAL_S = 1800.0
 """A longer wait is never usual."""
 NEAR_S = 5.0
 """A robot that stands although it could be there within this time waits for the place."""
-ENDS_S = 3.0
-"""A wait that was not seen for this long has ended."""
 
 
 @dataclass(slots=True)
@@ -41,7 +40,7 @@ class OrdinaryQueues:
         """By place and robot."""
         self.usual_durations = UsualDurations(fleet_wait_s)
         """How long waits in queues of one fleet last."""
-        self._count_waits()
+        count_ordinary_waits(measures, "contention")
 
     def is_ordinary(self, place: str, queue: QueueForecast, robots: Mapping[str, RobotView], now_s: float) -> bool:
         """Whether a queue needs no advisory, however long it is."""
@@ -76,11 +75,7 @@ class OrdinaryQueues:
         if wait.is_of_fleet:
             self.usual_durations.add(place, lasted_s, wait.seen_s)
         if not wait.is_published and lasted_s > 0:
-            self._count_waits(lasted_s)
-
-    def _count_waits(self, *waited_s: float) -> None:
-        self._measures.count("deconflict_ordinary_waits_total", "contention", by=len(waited_s))
-        self._measures.count("deconflict_ordinary_wait_seconds_total", "contention", by=sum(waited_s))
+            count_ordinary_waits(self._measures, "contention", [lasted_s])
 
 
 def _is_of_fleet(queue: QueueForecast, robots: Mapping[str, RobotView]) -> bool:

@@ -46,7 +46,7 @@ def blockage_advice(
 
 
 def _needs_look(blocker: RobotView, stood_s: float, quiet_after_s: float, now_s: float) -> bool:
-    """Whether a person should look at the blocker: it says that it needs one, or it stands without a known reason."""
+    """Whether a person should look at the blocker: it asks for a person, or it stands without a known reason."""
     if needs_person(blocker, quiet_after_s, now_s) or blocker.state == "waitingHumanEvent":
         return True
     return blocker.state not in {"idle", "charging"} and stood_s >= UNEXPLAINED_S
