@@ -39,7 +39,7 @@ from deconflict.simulation.robot_state import robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.sweep.incremental import Sweeper
 from ingest.fleet.fleet import Fleet
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.recording.log_reader import LogReader
 from metrics.replay.clearance_scores import ClearanceScores
 from metrics.replay.replay import replay

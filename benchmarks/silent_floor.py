@@ -16,7 +16,7 @@ from uuid import NAMESPACE_DNS, uuid5
 import numpy as np
 from numpy.random import Generator
 
-from ingest.languages.massrobotics.timestamps import write
+from ingest.languages.timestamps import write
 
 START_S = 1_790_000_000.0
 HALL = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -225,18 +226,22 @@ class ReceiverRole:
         return json.dumps(self.fleet.quarantine.documents()).encode()
 
     async def _unidentified(self, _: bytes) -> bytes:
-        return json.dumps(self.fleet.unidentified()).encode()
+        return json.dumps(fleet_report.unidentified(self.fleet)).encode()
 
     async def _shared_identities(self, payload: bytes) -> bytes:
         """The identity reports that arrived after a time."""
-        shared_identities = self.fleet.shared_identities(float(payload))
+        shared_identities = fleet_report.shared_identities(self.fleet, float(payload))
         return json.dumps([shared_identity.document() for shared_identity in shared_identities]).encode()
 
     async def _add_identities(self, payload: bytes) -> bytes:
         """Take in identity reports that came to other ingests, and record them as if they came here."""
         for shared_identity in map(SharedIdentity.of_document, json.loads(payload)):
-            if self.fleet.lacks(shared_identity):
-                connection = self.receiver.new_connection(INTRODUCER, "/", shared_identity.vendor)
+            if fleet_report.lacks(self.fleet, shared_identity):
+                connection = replace(
+                    self.receiver.new_connection(INTRODUCER, "/", shared_identity.vendor),
+                    language=shared_identity.language,
+                    topic=shared_identity.topic,
+                )
                 now_s = self._now_s()
                 rule = self.fleet.add_identity(shared_identity, now_s, connection)
                 self.recorder.received(shared_identity.raw, now_s, connection, rule)

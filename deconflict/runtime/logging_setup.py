@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any, TextIO
 
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 
 FORMATS = ("text", "json")
 VARIABLE = "DECONFLICT_LOG"

@@ -23,7 +23,7 @@ from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
-from ingest.languages.massrobotics.conformance_rules import Findings
+from ingest.languages.rules import Findings
 from ingest.port.connection import Connection
 
 _PATH_END, _STOPS_END = OF_PATH + 1, OF_DESTINATIONS + 1

@@ -25,10 +25,10 @@ from ingest.fast_path.scanner_kernels import (
 )
 from ingest.languages.massrobotics import path_points, vocabulary
 from ingest.languages.massrobotics.amounts import HOUR_S
-from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
 from ingest.languages.massrobotics.parser import rejection
-from ingest.languages.massrobotics.timestamps import digit_resolution_s
 from ingest.languages.model import NO_PATH, Path, Rejection, Status
+from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.timestamps import digit_resolution_s
 
 _STAMP_FINDINGS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
 """By the deviation of a stamp that `scanner_kernels` notes."""

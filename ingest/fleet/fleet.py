@@ -9,8 +9,8 @@ service's clock, placed on a floor, forecast, and counted.
 
 from collections import OrderedDict
 from collections.abc import Iterable
+from dataclasses import replace
 from math import isnan
-from operator import attrgetter
 from typing import Any
 
 from ingest.batch import Batch
@@ -28,8 +28,9 @@ from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import FrameRegistry
-from ingest.languages.massrobotics import parser
-from ingest.languages.model import Identity, Rejection, Status
+from ingest.languages.front_end import TopicSender
+from ingest.languages.front_ends import FRONT_ENDS
+from ingest.languages.model import Identity, Message, Rejection, Status, Update
 from ingest.measures.clock_changes import ClockChanges
 from ingest.measures.measures import Measures
 from ingest.measures.message_rates import MessageRates
@@ -73,31 +74,68 @@ class Fleet:
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Process one message. Returns the code of the rule that rejects it; None if it is accepted."""
         readers, scanned = self._repeat_readers, None
+        if connection.topic:
+            return self._receive_from_topic(raw, arrival_s, connection)
         if readers and (scanned := readers.scan(raw)) and (reader := readers.find(scanned, connection)):
             self._receive_repeat(reader, scanned, arrival_s)
             return None
         names_as_uuid = self._owners.names_as_uuid(connection)
-        message = scanned.message(names_as_uuid) if scanned else parser.read(raw, names_as_uuid=names_as_uuid)
+        if scanned:
+            message: Message = scanned.message(names_as_uuid)
+        else:
+            message, _ = FRONT_ENDS[connection.language].read(raw, "", None, names_as_uuid)
+        rule, robot = self._take_in(message, raw, arrival_s, connection)
+        if readers and scanned and robot:
+            readers.replace(robot, scanned, connection)
+        return rule
+
+    def _receive_from_topic(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
+        front_end = FRONT_ENDS[connection.language]
+        sender = front_end.sender(connection.topic)
+        if sender and sender.manufacturer and not connection.vendor:
+            connection = replace(connection, vendor=self.vendors.of_manufacturer(sender.manufacturer))
+        known = self.robots.get(sender.uuid) if sender else None
+        names_as_uuid = self._owners.names_as_uuid(connection)
+        message, memory = front_end.read(raw, connection.topic, known.memory if known else None, names_as_uuid)
+        return self._take_in(message, raw, arrival_s, connection, memory, sender)[0]
+
+    def _take_in(
+        self,
+        message: Message,
+        raw: bytes,
+        arrival_s: float,
+        connection: Connection,
+        memory: object = None,
+        sender: TopicSender | None = None,
+    ) -> tuple[str | None, Robot | None]:
+        """Process what a message says. Returns the rule that rejects it, or the robot if it is accepted."""
         robot = self.robots.get(message.uuid or "")
         if isinstance(message, Rejection):
             vendor = self._owners.vendor_of(message.uuid or "", robot, connection)
             self._count_findings(vendor, message.findings, None)
             self.reject(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
-            return message.rule
+            return message.rule, None
         if rejection := self._rejection(message, robot, connection, arrival_s):
             self.reject(rejection.rule, rejection.reason, raw, arrival_s, connection)
-            return rejection.rule
-        robot = robot or self._admit(message.uuid, connection)
+            return rejection.rule, None
+        robot = robot or self._admit(message.uuid, connection, sender)
+        robot.memory = memory
         self._owners.assign_by_connection(robot, message, connection)
-        if isinstance(message, Identity):
-            findings = self._update_identity(robot, message, raw, arrival_s, connection)
-        else:
-            event_s, findings = self._event_time(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
-            findings += self._update_status(robot, message, raw, arrival_s, event_s)
-            if readers and scanned:
-                readers.replace(robot, scanned, connection)
+        findings = self._update(robot, message, raw, arrival_s, connection)
         self._accept(robot, connection, message.findings + findings)
-        return None
+        return None, robot
+
+    def _update(
+        self, robot: Robot, message: Identity | Status | Update, raw: bytes, arrival_s: float, connection: Connection
+    ) -> tuple[str, ...]:
+        """Take over what an accepted message says. Returns the deviations."""
+        if isinstance(message, Identity):
+            return self._update_identity(robot, message, raw, arrival_s, connection)
+        if isinstance(message, Update):
+            self._forecast_again(robot, self._owners.names_as_uuid(connection))
+            return ()
+        event_s, findings = self._event_time(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
+        return findings + self._update_status(robot, message, raw, arrival_s, event_s)
 
     def _receive_repeat(
         self, reader: RepeatReaderProtocol[Any], scanned: ScannedStatusProtocol, arrival_s: float
@@ -118,7 +156,7 @@ class Fleet:
         self._accept(robot, reader.connection, found + findings)
 
     def _rejection(
-        self, message: Identity | Status, robot: Robot | None, connection: Connection, arrival_s: float
+        self, message: Identity | Status | Update, robot: Robot | None, connection: Connection, arrival_s: float
     ) -> Rejection | None:
         """Why a message that could be read is not accepted. None if it is."""
         if isinstance(message, Status) and self._placement.is_in_degrees(message):
@@ -127,9 +165,10 @@ class Fleet:
                 return rejection
         return self._owners.rejection(message, robot, connection, arrival_s)
 
-    def _admit(self, uuid: str, connection: Connection) -> Robot:
-        vendor = self._owners.vendor_of(uuid, None, connection)
-        robot = self.robots[uuid] = Robot(uuid, vendor, SenderClock(self.reading.clock_tolerance_s))
+    def _admit(self, uuid: str, connection: Connection, sender: TopicSender | None) -> Robot:
+        vendor, clock = self._owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
+        serial = sender.serial if sender else ""
+        robot = self.robots[uuid] = Robot(uuid, vendor, clock, connection.language, serial)
         self._owners.add(robot)
         return robot
 
@@ -139,7 +178,16 @@ class Fleet:
         """Take over an identity. The robot's last status is forecast again with it. Returns the deviations."""
         before, robot.identity = robot.identity, identity
         assigned = self._owners.assign_by_identity(robot, identity, connection)
-        robot.shared_identity = SharedIdentity(robot.uuid, raw, arrival_s, connection.vendor, robot.vendor, assigned)
+        robot.shared_identity = SharedIdentity(
+            robot.uuid,
+            raw,
+            arrival_s,
+            connection.vendor,
+            robot.vendor,
+            assigned,
+            connection.language,
+            connection.topic,
+        )
         if isnan(robot.arrival_s):
             robot.arrival_s = arrival_s
         self._forecast_again(robot, self._owners.names_as_uuid(connection))
@@ -241,8 +289,10 @@ class Fleet:
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:
         """Forecast the robot from its last status, with its present identity and settings."""
-        status = parser.read(robot.status_raw, names_as_uuid=names_as_uuid) if robot.seen else None
-        if robot.seen and isinstance(status, Status):
+        front_end = FRONT_ENDS[robot.language]
+        status = front_end.status(robot.status_raw, robot.memory, names_as_uuid) if robot.seen else None
+        if robot.seen and status:
+            robot.state, robot.known_state = status.state, status.known_state
             frame, sighting = self._placement.sighting(robot, status, robot.seen.t_s)
             self._placement.forecast(robot, status, frame, sighting, None)
             self._changed[robot.uuid] = robot
@@ -283,27 +333,12 @@ class Fleet:
             self._changed.pop(uuid, None)
         return tuple(gone)
 
-    def unidentified(self) -> list[str]:
-        """UUIDs of the robots that have not sent an identity report."""
-        return [uuid for uuid, robot in self.robots.items() if robot.identity is None]
-
-    def shared_identities(self, after_s: float) -> list[SharedIdentity]:
-        """The identity reports that arrived here after `after_s`, oldest first."""
-        all_known = (robot.shared_identity for robot in self.robots.values() if robot.shared_identity)
-        newer = (known for known in all_known if known.arrival_s > after_s and not known.elsewhere)
-        return sorted(newer, key=attrgetter("arrival_s"))
-
     def add_identity(self, shared_identity: SharedIdentity, arrival_s: float, connection: Connection) -> str | None:
         """Process an identity report that arrived at another ingest. Returns what `receive` returns."""
         rule = self.receive(shared_identity.raw, arrival_s, connection)
         if rule is None:
             self.robots[shared_identity.uuid].shared_identity = shared_identity
         return rule
-
-    def lacks(self, shared_identity: SharedIdentity) -> bool:
-        """Whether the robot is here and has not sent this identity report or a newer one."""
-        robot = self.robots.get(shared_identity.uuid)
-        return robot is not None and shared_identity.is_news_to(robot.shared_identity)
 
 
 def _distinguishing(identity: Identity) -> tuple[Any, ...]:

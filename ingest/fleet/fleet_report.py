@@ -1,6 +1,7 @@
-"""What people and metrics are shown of a fleet."""
+"""What people, metrics and other ingests are shown of a fleet."""
 
 from math import dist, isfinite, isnan
+from operator import attrgetter
 from statistics import median
 from typing import Any
 
@@ -8,7 +9,8 @@ from ingest.batch import Basis
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.robot import Robot
-from ingest.languages.massrobotics.message_document import message_document
+from ingest.fleet.shared_identities import SharedIdentity
+from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures import clock_changes
 from ingest.settings import Reading
 
@@ -54,6 +56,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "uuid": robot.uuid,
         "name": robot.name,
         "vendor": robot.vendor,
+        "language": robot.language,
         "participant": fleet.vendors.settings(robot.vendor).participant,
         "identified": robot.identity is not None,
         "presence": presence(robot, fleet.reading, now_s),
@@ -69,7 +72,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
 
 def _message(robot: Robot, raw: bytes) -> dict[str, Any] | None:
     """A message with the UUID as which it was read, since the sender may use a name. None if there is no message."""
-    return message_document(raw) | {"uuid": robot.uuid} if raw else None
+    return FRONT_ENDS[robot.language].document(raw) | {"uuid": robot.uuid} if raw else None
 
 
 def _placement(robot: Robot) -> dict[str, Any]:
@@ -94,3 +97,21 @@ def _placement(robot: Robot) -> dict[str, Any]:
             "knots": [[round(float(value), 3) for value in knot] for knot in forecast.knots],
         },
     }
+
+
+def unidentified(fleet: Fleet) -> list[str]:
+    """UUIDs of the robots that have not sent an identity report."""
+    return [uuid for uuid, robot in fleet.robots.items() if robot.identity is None]
+
+
+def shared_identities(fleet: Fleet, after_s: float) -> list[SharedIdentity]:
+    """The identity reports that arrived here after `after_s`, oldest first."""
+    all_known = (robot.shared_identity for robot in fleet.robots.values() if robot.shared_identity)
+    newer = (known for known in all_known if known.arrival_s > after_s and not known.elsewhere)
+    return sorted(newer, key=attrgetter("arrival_s"))
+
+
+def lacks(fleet: Fleet, shared_identity: SharedIdentity) -> bool:
+    """Whether the robot is here and has not sent this identity report or a newer one."""
+    robot = fleet.robots.get(shared_identity.uuid)
+    return robot is not None and shared_identity.is_news_to(robot.shared_identity)

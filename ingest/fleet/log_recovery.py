@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ingest.fleet.fleet import Fleet
+from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Closed, LogReader, Received
 
@@ -34,7 +35,8 @@ def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
             connection = max(connection, event.connection.id)
         if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
             continue
-        if event.arrival_s >= since_s or b'"operationalState"' not in event.raw:
+        front_end = FRONT_ENDS[event.connection.language]
+        if event.arrival_s >= since_s or not front_end.has_pose(event.raw, event.connection.topic):
             fleet.receive(event.raw, event.arrival_s, event.connection)
             messages += 1
     fleet.measures = measures

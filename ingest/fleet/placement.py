@@ -10,7 +10,7 @@ from ingest.fleet.prediction.forecast_model import ForecastContext, RobotBody, S
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
-from ingest.languages.model import Identity, Rejection, Status
+from ingest.languages.model import Rejection, Status
 from ingest.settings import Reading
 
 MAX_CONTEXTS = 1024
@@ -47,7 +47,7 @@ class Placement:
         reason = f"location {status.x}, {status.y} is nowhere on datum {status.datum}; check units and order"
         return Rejection("position-absurd", reason)
 
-    def is_in_degrees(self, message: Identity | Status) -> bool:
+    def is_in_degrees(self, message: object) -> bool:
         """Whether the message is a status on a datum in degrees, so that its location may be no place on Earth."""
         return isinstance(message, Status) and message.datum in self._frames.in_degrees
 

@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 
 KEPT_BYTES = 2048
 """Of each message; enough to see what is wrong with it."""

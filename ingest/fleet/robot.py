@@ -8,6 +8,7 @@ from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import Frame
+from ingest.languages.front_ends import MASSROBOTICS
 from ingest.languages.model import Identity
 
 
@@ -18,6 +19,12 @@ class Robot:
     uuid: str
     vendor: str
     clock: SenderClock
+    language: str = MASSROBOTICS
+    """The language of its messages."""
+    serial: str = ""
+    """The serial number that its topics have; "" if they have none."""
+    memory: object = None
+    """What its language keeps of it between two messages."""
     name: str = field(init=False)
     """What a person calls the robot."""
     model: str = field(init=False)
@@ -66,5 +73,5 @@ class Robot:
         """Make it a robot of the vendor, with a name and model from its present identity."""
         self.vendor, self.context = vendor, None
         self.model = self.identity.model if self.identity else ""
-        serial = self.identity.serial if self.identity else self.uuid[:8]
+        serial = self.identity.serial if self.identity else self.serial or self.uuid[:8]
         self.name = serial if serial.casefold().startswith(vendor.casefold()) else f"{vendor} {serial}"

@@ -7,6 +7,8 @@ from base64 import b64decode, b64encode
 from dataclasses import dataclass, field
 from typing import Any
 
+from ingest.languages.front_ends import MASSROBOTICS
+
 
 @dataclass(frozen=True, slots=True)
 class SharedIdentity:
@@ -22,6 +24,9 @@ class SharedIdentity:
     """The robot's vendor from then on."""
     assigned: bool = False
     """Whether the site file assigns the robot to its owner."""
+    language: str = MASSROBOTICS
+    topic: str = ""
+    """The topic of a broker on which it came; "" for a socket."""
     elsewhere: bool = field(default=False, compare=False)
     """Whether it arrived at another ingest."""
 
@@ -38,6 +43,8 @@ class SharedIdentity:
             "vendor": self.vendor,
             "owner": self.owner,
             "assigned": self.assigned,
+            "language": self.language,
+            "topic": self.topic,
         }
 
     def is_news_to(self, known: "SharedIdentity | None") -> bool:

@@ -1,4 +1,4 @@
-"""What a message in any language says: an identity, a status, or why it is rejected."""
+"""What a message in any language says: an identity, a status, an update, or why it is rejected."""
 
 from dataclasses import dataclass
 from math import nan
@@ -83,6 +83,14 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Codes of the rules from which the message deviates."""
 
 
+class Update(msgspec.Struct, frozen=True, gc=False, eq=False):
+    """A message that changes what is known of a robot but has no pose of its own, as an order."""
+
+    uuid: str
+    findings: tuple[str, ...]
+    """Codes of the rules from which the message deviates."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rejection:
     """Why a message is not accepted."""
@@ -95,3 +103,6 @@ class Rejection:
     """The robot's UUID; None if it could not be read."""
     findings: tuple[str, ...] = ()
     """Codes of further rules from which the message deviates."""
+
+
+Message = Identity | Status | Update | Rejection

@@ -4,16 +4,14 @@ Of the waiting statuses of one robot over one connection only the newest is read
 overload the service reads what is true now, and no robot waits longer than one round through all robots takes.
 """
 
-import re
 from collections.abc import Callable
 from functools import partial
 
+from ingest.languages.front_ends import FRONT_ENDS
 from ingest.port.connection import Connection
-from ingest.port.rate_limits import ArrivedMessage, uuid_in
+from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.time_slices import TimeSlices
 
-LEADING_UUID = re.compile(rb'\s*\{\s*"uuid"\s*:\s*"([^"]{1,64})"')
-"""Most senders begin a message with the UUID. A key in this place is the robot's own."""
 RobotKey = tuple[int, bytes]
 """The number of a connection, and a UUID as it was sent."""
 
@@ -37,7 +35,7 @@ class Backlog:
         if self._slices.is_free():
             self._deliver(*message)
             return
-        uuid = status_uuid(message.raw)
+        uuid = superseded(message)
         if uuid is None:
             self._slices.run(partial(self._deliver, *message), len(message.raw))
             return
@@ -56,10 +54,7 @@ class Backlog:
         self._deliver(*message)
 
 
-def status_uuid(raw: bytes) -> bytes | None:
-    """The UUID of the robot that sent this status, found without parsing. None unless it is certainly the robot's."""
-    if b'"operationalState"' not in raw:
-        return None
-    if leading := LEADING_UUID.match(raw):
-        return leading.group(1).lower()
-    return uuid_in(raw) if raw.lower().count(b'"uuid"') == 1 else None
+def superseded(message: ArrivedMessage) -> bytes | None:
+    """The robot whose next message makes this one pointless, found without parsing. None if each is needed."""
+    connection = message.connection
+    return FRONT_ENDS[connection.language].superseded(message.raw, connection.topic)

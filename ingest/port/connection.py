@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from ingest.languages.front_ends import MASSROBOTICS
+
 
 @dataclass(frozen=True, slots=True)
 class Connection:
@@ -15,3 +17,7 @@ class Connection:
     """Path of the URL, which may name a vendor."""
     vendor: str | None = None
     """The vendor for which the connection speaks, by its path or the dialled address. None if neither says it."""
+    language: str = MASSROBOTICS
+    """The key in `ingest.languages.front_ends.FRONT_ENDS` of the messages that come over it."""
+    topic: str = ""
+    """The topic of a broker; "" for a socket. Each topic counts as a connection of its own."""

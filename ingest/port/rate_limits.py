@@ -114,7 +114,8 @@ def uuid_in(raw: bytes) -> bytes | None:
 
 def _enqueue(bucket: TokenBucket, message: ArrivedMessage) -> list[ArrivedMessage]:
     """Let the message wait in the place of its robot's older message, or at the end. Returns the dropped messages."""
-    key = uuid_in(message.raw) or b"connection %d" % message.connection.id
+    connection = message.connection
+    key = (not connection.topic and uuid_in(message.raw)) or b"connection %d" % connection.id
     key += b" status" if b'"operationalState"' in message.raw else b""
     older = bucket.waiting.get(key)
     bucket.waiting[key] = message

@@ -20,7 +20,7 @@ from typing import IO, Any
 import msgspec
 import zstandard
 
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.port.connection import Connection
 
 LONGEST_LINE = 1 << 24

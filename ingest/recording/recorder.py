@@ -28,7 +28,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_rotation import RotatingLog

@@ -16,7 +16,7 @@ from deconflict.advisory import ADVISORY, ConflictAdvisory
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of
 
 Line = dict[str, Any]

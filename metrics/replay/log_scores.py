@@ -6,7 +6,7 @@ from typing import Any
 
 from deconflict.settings.site import Site
 from ingest.batch import Pair
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from metrics.replay import conformance_counts
 from metrics.replay.clearance_scores import ClearanceScores
 from metrics.replay.engine_output import EngineOutput

@@ -28,7 +28,7 @@ from deconflict.operator.blackbox.near_misses import NearMiss, verified_near_mis
 from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
 from deconflict.settings.site import Site
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.recording.log_reader import (
     UNREADABLE,
     EngineStarted,

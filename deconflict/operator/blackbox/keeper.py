@@ -16,7 +16,7 @@ from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.learned_state import unpacked
 from deconflict.runtime.worker_process import WorkerError, run_in_process
 from deconflict.settings.site import Site
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import ends_s
 

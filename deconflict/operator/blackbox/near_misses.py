@@ -17,7 +17,7 @@ from deconflict.operator.blackbox.hindsight import (
 from deconflict.settings.site import Site
 from deconflict.sweep.geometry.encounter import encounter
 from ingest.batch import Forecasts
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 
 LONGEST_AFTER_S = 30.0
 """The nearest approach is at most this long after the engine noticed the pair."""

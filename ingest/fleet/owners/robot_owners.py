@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
-from ingest.languages.model import Identity, Rejection, Status
+from ingest.languages.model import Identity, Rejection, Status, Update
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN
 
@@ -45,7 +45,7 @@ class RobotOwners:
         return owner if speaker not in (None, owner) else None
 
     def rejection(
-        self, message: Identity | Status, robot: Robot | None, connection: Connection, arrival_s: float
+        self, message: Identity | Status | Update, robot: Robot | None, connection: Connection, arrival_s: float
     ) -> Rejection | None:
         """Why the message may not come from this sender. None if it may."""
         speaker = self._speaker(message, connection)
@@ -58,9 +58,9 @@ class RobotOwners:
             return Rejection("robots-too-many", reason)
         return None
 
-    def _speaker(self, message: Identity | Status, connection: Connection) -> str | None:
+    def _speaker(self, message: Identity | Status | Update, connection: Connection) -> str | None:
         """The vendor that a message speaks for. None if neither the connection nor the message says it."""
-        if connection.vendor or isinstance(message, Status) or self.vendors.of_robot(message.uuid):
+        if connection.vendor or not isinstance(message, Identity) or self.vendors.of_robot(message.uuid):
             return connection.vendor
         return self.vendors.of_manufacturer(message.manufacturer)
 
@@ -75,7 +75,7 @@ class RobotOwners:
         """Count a robot no more."""
         self._robot_counts[robot.vendor] -= 1
 
-    def assign_by_connection(self, robot: Robot, message: Identity | Status, connection: Connection) -> None:
+    def assign_by_connection(self, robot: Robot, message: Identity | Status | Update, connection: Connection) -> None:
         """Give a robot without owner to the vendor of the connection. An identity report makes it owned too."""
         if robot.owned:
             return

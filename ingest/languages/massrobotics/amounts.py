@@ -7,8 +7,8 @@ from math import isnan, nan
 
 from ingest.batch import Amounts
 from ingest.languages.massrobotics import path_points, repair
-from ingest.languages.massrobotics.conformance_rules import Findings
 from ingest.languages.massrobotics.json_objects import Report, Velocity
+from ingest.languages.rules import Findings
 
 MAX_SPEED_MPS = 100.0
 HOUR_S = 3600.0

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from ingest.languages.massrobotics import amounts, timestamps, vocabulary
+from ingest.languages import timestamps
+from ingest.languages.massrobotics import amounts, vocabulary
 from ingest.languages.massrobotics.parser import message_stamp
 from ingest.languages.massrobotics.report_models import StatusReport
 from ingest.languages.massrobotics.report_reader import validated_report

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any, cast
 
-from ingest.languages.massrobotics import amounts, fast_decoder, path_points, repair, timestamps, vocabulary
-from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
+from ingest.languages import timestamps
+from ingest.languages.massrobotics import amounts, fast_decoder, path_points, repair, vocabulary
 from ingest.languages.massrobotics.json_objects import Report, value_type
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.massrobotics.report_reader import decoded_report
 from ingest.languages.model import Identity, Rejection, Status
+from ingest.languages.rules import Findings, RejectedError
 
 MAX_ENVELOPE_M = 100.0
 MAX_REASON = 300

@@ -5,10 +5,11 @@ from itertools import pairwise
 from math import atan2, nan
 from operator import le, lt
 
-from ingest.languages.massrobotics import timestamps, vocabulary
-from ingest.languages.massrobotics.conformance_rules import Findings
+from ingest.languages import timestamps
+from ingest.languages.massrobotics import vocabulary
 from ingest.languages.massrobotics.json_objects import PredictedLocation, Quaternion
 from ingest.languages.model import NO_PATH, Path, Row
+from ingest.languages.rules import Findings
 from ingest.settings import NIL_DATUM
 
 MAX_POSITION = 1e7

@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ingest.languages.massrobotics.conformance_rules import Findings
 from ingest.languages.massrobotics.json_objects import Report, value_type
 from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
+from ingest.languages.rules import Findings
 
 
 def repaired(document: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from pydantic_core import from_json
 
 from ingest.languages.massrobotics import fast_decoder, repair
-from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
+from ingest.languages.rules import Findings, RejectedError
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))

@@ -4,7 +4,7 @@ import re
 from functools import lru_cache
 from uuid import UUID, uuid5
 
-from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
+from ingest.languages.rules import Findings, RejectedError
 from ingest.settings import NIL_DATUM
 
 NAMED_ROBOTS = UUID("b7f0f4f1-3a3c-5d52-9a63-2b2c8a0f9d10")

@@ -10,7 +10,7 @@ import pytest
 
 from deconflict.runtime import logging_setup
 from deconflict.runtime.logging_setup import HIDDEN, MOST_ALIKE, WITHIN_S, hidden
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from ingest.fleet.fleet_report import lacks, shared_identities
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.port.connection import Connection
 from ingest.settings import Vendor
@@ -17,13 +18,13 @@ def test_introductions_after_a_time_come_in_their_order() -> None:
     receiving_fleet.receive(identity("A-2", NOW_S), NOW_S + 2, Connection(2, vendor="Alder"))
     receiving_fleet.receive(identity("A-1", NOW_S), NOW_S + 1, LINE)
     receiving_fleet.receive(status("A-3", NOW_S), NOW_S + 3, LINE)
-    identities = receiving_fleet.shared_identities(NOW_S)
+    identities = shared_identities(receiving_fleet, NOW_S)
     assert [(each.uuid, each.arrival_s, each.vendor, each.owner) for each in identities] == [
         (robot("A-1"), NOW_S + 1, None, "Alder"),
         (robot("A-2"), NOW_S + 2, "Alder", "Alder"),
     ]
     assert identities[0].raw == identity("A-1", NOW_S)
-    assert receiving_fleet.shared_identities(NOW_S + 1) == identities[1:]
+    assert shared_identities(receiving_fleet, NOW_S + 1) == identities[1:]
 
 
 def test_an_introduction_survives_its_document_whatever_its_bytes() -> None:
@@ -33,32 +34,32 @@ def test_an_introduction_survives_its_document_whatever_its_bytes() -> None:
 
 def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() -> None:
     receiving_fleet = fleet()
-    assert not receiving_fleet.lacks(ELSEWHERE)
+    assert not lacks(receiving_fleet, ELSEWHERE)
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)
-    assert receiving_fleet.lacks(ELSEWHERE)
+    assert lacks(receiving_fleet, ELSEWHERE)
     assert receiving_fleet.add_identity(ELSEWHERE, NOW_S + 5, Connection(7)) is None
     shown = document(receiving_fleet, "A-1")
     assert (shown["identified"], shown["name"], shown["envelope"]["length_m"]) == (True, "Alder A-1", 1.0)
-    assert not receiving_fleet.lacks(ELSEWHERE)
-    assert not receiving_fleet.shared_identities(NOW_S - 1), "the receiver that heard it sends it"
+    assert not lacks(receiving_fleet, ELSEWHERE)
+    assert not shared_identities(receiving_fleet, NOW_S - 1), "the receiver that heard it sends it"
 
 
 def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_arrives_here_after_it() -> None:
     receiving_fleet = fleet()
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)
     receiving_fleet.add_identity(ELSEWHERE, NOW_S + 5, Connection(7))
-    assert receiving_fleet.lacks(LARGER)
+    assert lacks(receiving_fleet, LARGER)
     receiving_fleet.add_identity(LARGER, NOW_S + 6, Connection(8))
     assert document(receiving_fleet, "A-1")["envelope"]["length_m"] == 2.0
-    assert not receiving_fleet.lacks(ELSEWHERE)
-    assert not receiving_fleet.lacks(replace(LARGER, arrival_s=NOW_S + 9))
+    assert not lacks(receiving_fleet, ELSEWHERE)
+    assert not lacks(receiving_fleet, replace(LARGER, arrival_s=NOW_S + 9))
 
 
 def test_an_introduction_to_another_vendors_robot_is_refused() -> None:
     receiving_fleet = fleet(Vendor(name="Basalt"))
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Basalt"))
     assert receiving_fleet.add_identity(ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
-    assert receiving_fleet.lacks(ELSEWHERE)
+    assert lacks(receiving_fleet, ELSEWHERE)
 
 
 def test_another_vendors_introduction_is_no_news_unless_the_site_file_assigns_it_the_robot() -> None:
@@ -67,5 +68,5 @@ def test_another_vendors_introduction_is_no_news_unless_the_site_file_assigns_it
     assert replace(taken, assigned=True).is_news_to(ELSEWHERE)
     receiving_fleet = fleet(Vendor(name="Basalt", robots=(robot("A-1"),)))
     receiving_fleet.receive(identity("A-1", NOW_S), NOW_S, LINE)
-    (introduction,) = receiving_fleet.shared_identities(NOW_S - 1)
+    (introduction,) = shared_identities(receiving_fleet, NOW_S - 1)
     assert (introduction.owner, introduction.assigned) == ("Basalt", True)

@@ -10,7 +10,7 @@ from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
-from ingest.port.backlog import Backlog, status_uuid
+from ingest.port.backlog import Backlog
 from ingest.port.connection import Connection
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.time_slices import TimeSlices
@@ -177,18 +177,3 @@ def test_a_replay_of_an_overloaded_service_gives_the_same_batches(tmp_path: Path
         assert first.robots == other.robots
         assert first.arrival_s.tolist() == other.arrival_s.tolist()
         assert first.forecasts.x_m.tolist() == other.forecasts.x_m.tolist()
-
-
-@pytest.mark.parametrize(
-    "raw",
-    [
-        identity("A-1", NOW_S),
-        b'{"operationalState":"idle"}',
-        b'{"fleet":{"uuid":"f"},"uuid":"a","operationalState":"idle"}',
-        b'{"UUID":"f","uuid":"a","operationalState":"idle"}',
-    ],
-    ids=["an identity", "no UUID", "another UUID within", "two spellings"],
-)
-def test_a_message_whose_robot_is_not_certain_is_no_status_to_overtake(raw: bytes) -> None:
-    assert status_uuid(raw) is None
-    assert status_uuid(status("A-1", NOW_S)) == robot("A-1").encode()

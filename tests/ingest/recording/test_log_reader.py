@@ -8,7 +8,7 @@ from random import Random
 import pytest
 import zstandard
 
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.recording.log_reader import LOGGED_LINES, LogReader, Received, Tick, by_time
 from tests.helpers.saying import status
 from tests.ingest.recording.made_logs import LINE, NOW_S, read, recorder

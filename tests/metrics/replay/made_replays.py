@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.settings.site import DEFAULT
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from tests.helpers.saying import identity, points, status

@@ -1,7 +1,7 @@
 from pathlib import Path
 
 from deconflict.settings.site import DEFAULT
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.recording.log_reader import LogReader
 from metrics.replay.conformance_counts import conform, page
 from tests.helpers.saying import identity, status

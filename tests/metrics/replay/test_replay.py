@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.advisories.situations.situation import REVISION
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from tests.helpers.commands import run
 from tests.helpers.saying import identity, status
 from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from tests.helpers.saying import identity, points, status
 from tests.metrics.replay.made_replays import NOW_S, scored
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from deconflict.settings.shared_places import Resource, Zone
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from metrics.report.html_report import page

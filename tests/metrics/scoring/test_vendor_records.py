@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.operator.vendor_health import vendor_health
-from ingest.languages.massrobotics import timestamps
+from ingest.languages import timestamps
 from ingest.measures import clock_changes
 from ingest.measures.change_detection import LevelChange
 from ingest.measures.measures import Measures

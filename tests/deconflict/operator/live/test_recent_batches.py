@@ -6,6 +6,7 @@ from deconflict.operator.live import recent_batches
 from deconflict.operator.live.recent_batches import KEPT, RecentBatches, packed_batch, unpacked_batch
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -73,4 +74,4 @@ def test_a_snapshot_of_the_floor_changes_nothing_for_the_engine() -> None:
     for receiving_fleet in (looked, alone):
         receiving_fleet.receive(identity("A-2", NOW_S), NOW_S, Connection(1))
     assert looked.next_batch(NOW_S + 1).to_bytes() == alone.next_batch(NOW_S + 1).to_bytes()
-    assert looked.unidentified() == [robot("A-1")]
+    assert fleet_report.unidentified(looked) == [robot("A-1")]

@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from ingest.languages.massrobotics.conformance_rules import CHAPTERS, RULES, Rule, page
+from ingest.languages.massrobotics.conformance_rules import CHAPTERS, RULES, page
+from ingest.languages.rules import Rule
 from tests.helpers.vectors import VECTORS
 
 PAGE = Path(__file__).parents[4] / "docs" / "conformance.md"

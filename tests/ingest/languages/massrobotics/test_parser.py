@@ -8,10 +8,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ingest.languages.massrobotics import parser
-from ingest.languages.massrobotics.conformance_rules import RULES, RejectedError
+from ingest.languages.massrobotics.conformance_rules import RULES
 from ingest.languages.massrobotics.message_document import message_document
 from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import Identity, Path, Rejection, Status
+from ingest.languages.rules import RejectedError
 from tests.helpers.saying import HALL, angle, identity, points, robot, stamp, status
 from tests.helpers.vectors import VECTORS, T, Vector, at, here, named, said, with_null
 

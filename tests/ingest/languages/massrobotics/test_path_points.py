@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ingest.languages.massrobotics import path_points
-from ingest.languages.massrobotics.conformance_rules import Findings
 from ingest.languages.massrobotics.json_objects import PredictedLocation, Quaternion
 from ingest.languages.massrobotics.path_points import absurd, destinations, path, yaw_rad
 from ingest.languages.model import NO_PATH
+from ingest.languages.rules import Findings
 from tests.helpers.saying import angle
 from tests.helpers.vectors import T, at
 

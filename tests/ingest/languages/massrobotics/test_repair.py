@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ingest.languages.massrobotics.conformance_rules import Findings
 from ingest.languages.massrobotics.repair import finite, is_number, number, repaired, without_misfits
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
+from ingest.languages.rules import Findings
 from tests.helpers.vectors import T, at, here
 
 REPORT: dict[str, Any] = {

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ingest.languages.massrobotics.conformance_rules import Findings, RejectedError
 from ingest.languages.massrobotics.vocabulary import STATES, datum, is_uuid, robot_uuid, state
+from ingest.languages.rules import Findings, RejectedError
 
 uuids = st.uuids(version=4)
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ingest.languages.massrobotics.timestamps import parse, plain_seconds, plausible, write
+from ingest.languages.timestamps import parse, plain_seconds, plausible, write
 
 moments = st.datetimes(datetime(1971, 1, 1), datetime(2099, 12, 31), timezones=st.just(UTC))  # noqa: DTZ001
 

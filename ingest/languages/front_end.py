@@ -1,0 +1,52 @@
+"""What every language offers: bytes in; an identity, a status, an update or a rejection out.
+
+A front end is pure: it has no socket, file or clock, and nothing that a sender sends raises an error. What it must keep
+of a robot between two messages is the robot's memory, which the caller holds. So the same messages in the same order
+give the same results, live and from a recording.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+from ingest.languages.model import Message, Status
+from ingest.languages.rules import Rule
+
+
+class TopicSender(NamedTuple):
+    """The robot to which a topic of a broker belongs."""
+
+    uuid: str
+    manufacturer: str
+    """"" if only messages say it."""
+    serial: str
+    """Serial number; "" if only messages say it."""
+
+
+class FrontEnd(Protocol):
+    """How the messages of one language are read."""
+
+    @property
+    def rules(self) -> Mapping[str, Rule]:
+        """All rules by which its messages are checked, by code."""
+
+    def sender(self, topic: str) -> TopicSender | None:
+        """The robot of a topic. None if the topic names none, since the message does."""
+
+    def read(self, raw: bytes, topic: str, memory: Any, names_as_uuid: str | None) -> tuple[Message, Any]:
+        """What a message says, and the robot's memory after it.
+
+        `memory` is the one after the robot's last message, None before the first. `names_as_uuid` is the vendor whose
+        robots may send a name instead of a UUID.
+        """
+
+    def status(self, raw: bytes, memory: Any, names_as_uuid: str | None) -> Status | None:
+        """The robot's status by the last message with a pose, `raw`, and its memory. None if there is none."""
+
+    def superseded(self, raw: bytes, topic: str) -> bytes | None:
+        """The robot as sent, if its next message of this kind makes this one pointless. None if each is needed."""
+
+    def has_pose(self, raw: bytes, topic: str) -> bool:
+        """Whether a message is of the kind that has the robot's pose, which is worth nothing once it is old."""
+
+    def document(self, raw: bytes) -> dict[str, Any]:
+        """Everything that an accepted message says, JSON-ready."""
