@@ -2,18 +2,27 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+# What runs, and what tests need besides.
+INSTALLED := $(VENV)/.installed
 READY := $(VENV)/.ready
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .PHONY: demo check test lint types audit check-wheel clean
 
-$(READY): pyproject.toml constraints.txt
-	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; set PYTHON=python3.x") if sys.version_info < (3, 11) else None'
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; set PYTHON=python3.x") if sys.version_info < (3, 11) else None'
+	@echo "Installing into $(VENV): 250 MB to download, half a minute or more"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
-	$(BIN)/python -c 'import deconflict.roles.engine_role, ingest.fast_path.loader'  # compiles their kernels, once
+	$(PIP) --editable .
+	touch $(INSTALLED)
+
+$(READY): $(INSTALLED)
+	@echo "Installing what the tests need: 150 MB more"
+	$(PIP) --editable '.[dev]'
+	$(BIN)/deconflict prepare
 	touch $(READY)
 
-demo: $(READY)
+demo: $(INSTALLED)
 	$(BIN)/deconflict demo
 
 # The short inner loop: what breaks most often, in under a minute.
@@ -36,13 +45,15 @@ audit:
 	build/audit/bin/python -m pip install --quiet pip-audit
 	build/audit/bin/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt
 
-# Installs the built wheel in an empty environment and runs the command from it.
-check-wheel: $(READY)
+# Installs the built wheel in an empty environment and runs the demo from it.
+check-wheel: $(INSTALLED)
 	rm -rf build/wheel && mkdir -p build/wheel
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/wheel .
 	$(PYTHON) -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install --quiet --constraint constraints.txt build/wheel/*.whl
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt build/wheel/*.whl
 	cd build/wheel && venv/bin/deconflict --version
+	cd build/wheel && venv/bin/deconflict demo --seconds 10 > demo.txt || { cat demo.txt; exit 1; }
+	tail -n 1 build/wheel/demo.txt
 
 clean:
 	rm -rf $(VENV) build

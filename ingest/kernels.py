@@ -9,19 +9,26 @@ Arithmetic is IEEE's, in the order written: `fastmath` stays off, so that an ans
 """
 
 import hashlib
+import importlib
 import pickle
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import event
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+from numba.core.typing.templates import Signature
 from numpy.typing import DTypeLike, NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
+_postponed: dict[str, list[Callable[[], object]]] | None = None
+"""In a process that calls `compile_module`: by module, a call for each kernel that compiles it."""
 
 
 def inner(function: _Function) -> _Function:
@@ -34,6 +41,12 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
 
     def compiled(function: _Function) -> _Function:
         try:
+            if _postponed is not None:
+                dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+                _postponed.setdefault(function.__module__, []).append(
+                    partial(dispatcher.compile, cast(Signature, signature))
+                )
+                return cast(_Function, dispatcher)
             return cast(_Function, numba.njit(signature, cache=True, error_model="numpy")(function))
         except RuntimeError as error:
             if "cannot cache function" not in str(error):
@@ -41,6 +54,38 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
             return cast(_Function, numba.njit(signature, error_model="numpy")(function))
 
     return compiled
+
+
+def compile_module(name: str) -> None:
+    """Compile the kernels of one module that are not on disk.
+
+    From now on, kernels of other modules that this process imports are compiled only when they are called.
+    """
+    global _postponed  # noqa: PLW0603 - `kernel` is called while Python imports the module
+    _postponed = _postponed or {}
+    importlib.import_module(name)
+    for compiles in _postponed.pop(name, []):
+        compiles()
+
+
+class _FirstCompilation(event.Listener):
+    def __init__(self, prepare: Callable[[], object]) -> None:
+        self._prepare: Callable[[], object] | None = prepare
+
+    def on_start(self, _: event.Event) -> None:
+        prepare, self._prepare = self._prepare, None
+        if prepare:
+            prepare()
+
+    def on_end(self, _: event.Event) -> None:
+        pass
+
+
+@contextmanager
+def before_compiling(prepare: Callable[[], object]) -> Iterator[None]:
+    """Calls `prepare` before the first kernel in this block that is not on disk is compiled."""
+    with event.install_listener("numba:compile", _FirstCompilation(prepare)):
+        yield
 
 
 def ready(column: NDArray[Any], kind: DTypeLike = np.float64) -> NDArray[Any]:

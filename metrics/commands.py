@@ -16,6 +16,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from deconflict.operator.blackbox.start_state import StartState, head_of, site_of, start_of
+from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.runtime.kernel_preparation import compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
@@ -37,9 +39,30 @@ class LogError(ValueError):
     """A log or a result can't be read. The message says what to change."""
 
 
-def add_log_commands(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_log_commands(commands: Commands) -> None:
     """Add the commands to the command line."""
-    replay_command = commands.add_parser("replay", help="run recorded logs through the engine and score its advisories")
+    _add_replay(commands)
+    conform_command = add_command(
+        commands,
+        "conform",
+        "count each vendor's deviations from the standard",
+        "deconflict conform data/log --site SITE.toml",
+    )
+    _add_logs(conform_command, "+")
+    conform_command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the counts to this file")
+    conform_command.set_defaults(run=_conform)
+    blackbox_verify.add(commands)
+
+
+def _add_replay(commands: Commands) -> None:
+    replay_command = add_command(
+        commands,
+        "replay",
+        "run recorded logs through the engine and score its advisories",
+        "deconflict replay data/log --site SITE.toml --html report.html",
+        "deconflict replay data/log --site SITE.toml --set clearance=0.5 --json wider.json",
+        "deconflict replay --compare scores.json wider.json",
+    )
     _add_logs(replay_command, "*")
     replay_command.add_argument(
         "--clearance", nargs="+", type=_clearance_m, metavar="M", help="in metres; by default the site's"
@@ -68,12 +91,6 @@ def add_log_commands(commands: "argparse._SubParsersAction[argparse.ArgumentPars
         "--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="compare two results"
     )
     replay_command.set_defaults(run=_replay)
-
-    conform_command = commands.add_parser("conform", help="count each vendor's deviations from the standard")
-    _add_logs(conform_command, "+")
-    conform_command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the counts to this file")
-    conform_command.set_defaults(run=_conform)
-    blackbox_verify.add(commands)
 
 
 def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
@@ -108,8 +125,11 @@ def _replay(args: argparse.Namespace) -> int:
     settings, logs = _settings(args), files_of(args.logs)
     _check_outputs(logs, args.json, args.html, args.advisories, args.situations, args.mcap)
 
-    from metrics.replay.replay import replay  # noqa: PLC0415 - brings numba
-    from metrics.report import html_report  # noqa: PLC0415 - brings numba
+    from ingest.kernels import before_compiling  # noqa: PLC0415 - brings numba
+
+    with before_compiling(partial(compile_kernels, ("deconflict", "ingest", "metrics"), report_on_terminal)):
+        from metrics.replay.replay import replay  # noqa: PLC0415 - brings kernels
+        from metrics.report import html_report  # noqa: PLC0415 - brings kernels
 
     reader, clearances_m = LogReader(), args.clearance or [settings.conflict.clearance_m]
     with ExitStack() as files:

@@ -23,7 +23,7 @@ from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
-from ingest.batch import Batch
+from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 
 EVERYTHING = b"everything"
@@ -42,7 +42,9 @@ log = logging.getLogger(__name__)
 class EngineRole:
     """Runs the engine. It waits for no network and no disk: a thread of its own delivers the decisions."""
 
-    def __init__(self, site: Site, runtime: Path) -> None:
+    def __init__(self, site: Site, runtime: Path, *, is_first: bool = False) -> None:
+        """If `is_first`, no engine of this service ran before, and messages that came earlier count for no latency."""
+        self._is_first = is_first
         self._site, self._current_site = site, CurrentSite(runtime, site)
         self._receiver = Caller(runtime, "receiver")
         self._delivery = Delivery(runtime)
@@ -62,6 +64,7 @@ class EngineRole:
         if engine is None:
             return
         self._delivery.start()
+        log.info("the engine is ready and predicts from now on")
         try:
             self._run_engine(engine, stop, beat)
         finally:
@@ -84,7 +87,9 @@ class EngineRole:
                 request = EVERYTHING
                 stop.wait(RETRY_S)
                 continue
-            self._run_pass(engine, batch, pending, timed=request != EVERYTHING)
+            arrived_s = {} if self._is_first else arrivals_s(batch, time.time())
+            self._run_pass(engine, batch, pending, arrived_s, timed=request != EVERYTHING)
+            self._is_first = False
             request = b"changes"
             if changed := self._current_site.changed():
                 engine, request = engine.renewed(changed), EVERYTHING
@@ -133,7 +138,9 @@ class EngineRole:
         self._solved_s.append(time.perf_counter() - began_s)
         return advice
 
-    def _run_pass(self, engine: Engine, batch: Batch, pending: int, *, timed: bool) -> None:
+    def _run_pass(
+        self, engine: Engine, batch: Batch, pending: int, arrived_s: dict[str, Floats], *, timed: bool
+    ) -> None:
         """One pass of the engine. `timed` is whether it counts for the deadline."""
         began_s = time.perf_counter()
         engine.receive(batch)
@@ -150,7 +157,7 @@ class EngineRole:
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         presence = partial(engine.presence.document, batch.now_s)
-        self._delivery.add_pass(published, arrivals_s(batch, time.time()), engine.measures, near, presence)
+        self._delivery.add_pass(published, arrived_s, engine.measures, near, presence)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})

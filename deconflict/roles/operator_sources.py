@@ -15,6 +15,7 @@ from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.operator.vendor_health import vendor_health
 from deconflict.roles.delivery_health import DELAY, DeliveryHealth
+from deconflict.roles.role_files import preparation, restarts, role_processes
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
 from deconflict.settings.site import Site
@@ -27,8 +28,6 @@ HEALTH_TIMEOUT_S = 3.0
 """A receiver that does not answer for this long counts as down."""
 RELOAD_CHECK_S = 0.1
 RELOAD_TIMEOUT_S = 10.0
-ROLES_FILE = "roles.json"
-"""What the supervisor writes about its processes, in the runtime directory: `RoleProcess.document` by role."""
 
 
 def _no_silent_robots() -> dict[str, Any]:
@@ -72,8 +71,8 @@ class OperatorSources:
         up, own = await self._roles_up(receiver is not None), Measures()
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
-        for role, restarts in self._restarts().items():
-            own.count("deconflict_role_restarts_total", role, by=restarts)
+        for role, count in restarts(self._runtime).items():
+            own.count("deconflict_role_restarts_total", role, by=count)
         if results := reload_results(self._runtime):
             for result in ("applied", "refused"):
                 own.count("deconflict_site_reloads_total", result, by=results[result])
@@ -86,7 +85,8 @@ class OperatorSources:
         return {
             "status": "ok" if all(up.values()) and delivery["status"] == "ok" else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
-            "restarts": self._restarts(),
+            "restarts": restarts(self._runtime),
+            "preparing": preparation(self._runtime),
             "effort": self._effort(),
             "delivery": delivery,
             "site": {key: results[key] for key in ("problems", "needs_restart")} if results else {},
@@ -128,6 +128,7 @@ class OperatorSources:
             "vendors": {
                 vendor.name: vendor.model_dump(mode="json", exclude={"name"}) for vendor in vendor_health(documents)
             },
+            "preparing": preparation(self._runtime),
             "effort": self._effort(),
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "unidentified": unidentified,
@@ -190,7 +191,7 @@ class OperatorSources:
 
     def _reported_engine_runs(self) -> bool:
         """Whether the engine that sent the last report is the one that runs now. True without a supervisor."""
-        process = self._role_processes().get("engine")
+        process = role_processes(self._runtime).get("engine")
         if process is None:
             return True
         since_s = process["since_s"]
@@ -201,13 +202,6 @@ class OperatorSources:
             return json.loads(await self._receiver.call(name))
         except LinkDownError as error:
             raise SourceUnavailableError(await self._missing_role()) from error
-
-    def _restarts(self) -> dict[str, int]:
-        return {role: process["restarts"] for role, process in self._role_processes().items()}
-
-    def _role_processes(self) -> dict[str, dict[str, Any]]:
-        path = self._runtime / ROLES_FILE
-        return json.loads(path.read_text()) if path.exists() else {}
 
 
 def _presence_of(uuid: str, presence: dict[str, Any]) -> dict[str, Any]:

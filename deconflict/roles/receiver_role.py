@@ -13,7 +13,7 @@ from operator import attrgetter
 from pathlib import Path
 from random import Random
 
-from deconflict.operator.live.recent_batches import RecentBatches, packed_batch
+from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_fast_path
 from deconflict.settings.hot_reload import CurrentSite
@@ -42,6 +42,8 @@ DOCUMENTS_AT_ONCE = 20
 INTRODUCER = "another ingest"
 """Recorded as the peer of an identity report that came from another ingest."""
 RELOAD_CHECK_S = 0.2
+UNASKED_SHARE = 0.05
+"""While no engine asks for batches, at most this share of the time goes into showing the floor to followers."""
 
 
 FAST_PATH_AFTER = 1000
@@ -81,6 +83,8 @@ class ReceiverRole:
         self._tick_s = 0.0
         self._fast_path_asked = False
         self._recent = RecentBatches()
+        self._unasked_due_s = 0.0
+        """When followers may next be shown the floor although no engine asks for it."""
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
 
@@ -206,9 +210,18 @@ class ReceiverRole:
                 loop.call_soon_threadsafe(self.fleet.use, fast_path)
 
     async def _follow(self, payload: bytes) -> bytes:
-        """The batch after the one with the given number, as the engine received it, for those who follow the floor."""
+        """The batch after the one with the given number, as the engine received it, for those who follow the floor.
+
+        Without an engine, the floor as it is, each second or less often: people see robots move before it is loaded.
+        """
         batch = await self._recent.after(int(payload))
-        return batch or packed_batch(self._recent.number, self.fleet.snapshot(self._now_s()).to_bytes(), whole=True)
+        if batch and not (is_empty(batch) and time.monotonic() >= self._unasked_due_s):
+            return batch
+        began_s = time.monotonic()
+        snapshot = self.fleet.snapshot(self._now_s()).to_bytes()
+        took_s = time.monotonic() - began_s
+        self._unasked_due_s = began_s + took_s / UNASKED_SHARE
+        return packed_batch(self._recent.number, snapshot, whole=True)
 
     async def _robots(self, _: bytes) -> bytes:
         """The documents of all robots.

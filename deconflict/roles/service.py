@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import os
 import tempfile
 import threading
 import time
@@ -16,7 +17,9 @@ from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.receiver_role import ReceiverRole
-from deconflict.runtime.heartbeat import Heartbeat
+from deconflict.roles.role_files import PreparationProgress, restarts
+from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, Heartbeat
+from deconflict.runtime.kernel_preparation import compile_kernels
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Site
@@ -56,10 +59,14 @@ async def run_in_one_process(
                 stop.set()
 
 
-def _engine_role(site: Site, runtime: Path) -> "EngineRole":
-    from deconflict.roles.engine_role import EngineRole  # noqa: PLC0415 - loads numba
+def _engine_role(site: Site, runtime: Path, beat: Callable[[], object] = lambda: None) -> "EngineRole":
+    from ingest.kernels import before_compiling  # noqa: PLC0415 - loads numba
 
-    return EngineRole(site, runtime)
+    progress = PreparationProgress(runtime, beat)
+    with before_compiling(partial(compile_kernels, ("deconflict",), progress.report)):
+        from deconflict.roles.engine_role import EngineRole  # noqa: PLC0415 - loads kernels
+    progress.end()
+    return EngineRole(site, runtime, is_first=restarts(runtime).get("engine") == 0)
 
 
 def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
@@ -67,11 +74,23 @@ def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> No
     site = Site.model_validate_json((runtime / SITE_FILE).read_text())
     heartbeat = Heartbeat()
     if role == "engine" and not site.cluster:
-        ended = threading.Event()
-        heartbeat.at_end(ended.set)
-        _engine_role(site, runtime).run(ended, heartbeat.beat)
+        _run_engine_role(site, runtime, heartbeat)
         return
     asyncio.run(_run_async_role(role, site, runtime, data, exposition, heartbeat))
+
+
+def _run_engine_role(site: Site, runtime: Path, heartbeat: Heartbeat) -> None:
+    ended, loaded = threading.Event(), threading.Event()
+
+    def end() -> None:
+        ended.set()
+        if not loaded.is_set():  # it may be compiling for a minute, and has nothing to save
+            os._exit(0)
+
+    heartbeat.at_end(end)
+    role = _engine_role(site, runtime, partial(heartbeat.beat, LONG_SILENCE_LIMIT_S))
+    loaded.set()
+    role.run(ended, heartbeat.beat)
 
 
 async def _run_async_role(

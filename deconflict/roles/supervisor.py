@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
-from deconflict.roles.operator_sources import ROLES_FILE
+from deconflict.roles.role_files import ROLES_FILE
 from deconflict.runtime.heartbeat import HeartbeatMonitor
 from deconflict.runtime.systemd import READY, STOPPING, Notifier
 from deconflict.settings.hot_reload import Reloader, write
@@ -24,8 +24,8 @@ PARTS = {"face": ("operator",), "ingest": ("receiver",), "engine": ("engine",)}
 """The parts of the service and their roles, in the order in which they start."""
 CLUSTER_PARTS = {"face": ("operator", "follower"), "ingest": ("receiver", "feed"), "engine": ("engine",)}
 """The same in a cluster, where each machine runs the parts that its command names."""
-PORTS = ("operator", "receiver")
-"""The roles that have a network port."""
+PORTS = {"receiver": "robots connect to ws%s://%s:%s/", "operator": "the page is at http%s://%s:%s/"}
+"""The roles that have a network port, and how the log tells people of it."""
 STOP_TIMEOUT_S = 10.0
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a role that ends repeatedly is restarted. The first restart is at once."""
@@ -117,7 +117,7 @@ class Supervisor:
         manager: Notifier | None = None,
     ) -> None:
         """`read` reads the site file again for `Reloader`; None if there is no site file."""
-        self._manager, self._ready = manager or Notifier({}), False
+        self._site, self._manager, self._ready = site, manager or Notifier({}), False
         roles = chain.from_iterable((CLUSTER_PARTS if site.cluster else PARTS)[part] for part in parts)
         self._runtime = runtime
         self.reloader = Reloader(site, read or (lambda: site), runtime)
@@ -156,7 +156,15 @@ class Supervisor:
         ):
             self._ready = True
             self._manager.send(READY)
+            self._log_addresses()
         self._manager.send_watchdog(time.monotonic())
+
+    def _log_addresses(self) -> None:
+        roles = {role.role for role in self.roles}
+        for name in PORTS.keys() & roles:
+            section = getattr(self._site, name)
+            host = f"[{section.host}]" if ":" in section.host else section.host
+            log.info(PORTS[name], "s" if section.tls else "", host, section.port)
 
     def _write_roles(self) -> None:
         write(self._runtime / ROLES_FILE, json.dumps({role.role: role.document() for role in self.roles}))

@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 NICENESS = 10
 """Added to the niceness of the process: live work goes first."""
-_SPAWN = get_context("spawn")
+SPAWN = get_context("spawn")
+"""Workers start afresh: a fork would share sockets and locks of the live process."""
 Result = TypeVar("Result")
 
 
@@ -21,13 +22,13 @@ class WorkerError(RuntimeError):
 
 def worker_pool() -> ProcessPoolExecutor:
     """One process for repeated work. It starts with the first task."""
-    return ProcessPoolExecutor(1, _SPAWN, _prepare)
+    return ProcessPoolExecutor(1, SPAWN, prepare_worker)
 
 
 async def run_in_process(function: Callable[..., Result], *arguments: object) -> Result:
     """Call a function in a new process. Cancelling this kills the process. Raises `WorkerError`."""
-    receiving, sending = _SPAWN.Pipe(duplex=False)
-    process = _SPAWN.Process(target=_call, args=(sending, function, arguments), daemon=True)
+    receiving, sending = SPAWN.Pipe(duplex=False)
+    process = SPAWN.Process(target=_call, args=(sending, function, arguments), daemon=True)
     starting = asyncio.create_task(asyncio.to_thread(process.start))  # blocks until the process has read its arguments
     try:
         await asyncio.shield(starting)
@@ -54,14 +55,15 @@ def _received(receiving: Connection) -> tuple[bool, Any]:
 
 
 def _call(sending: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    _prepare()
+    prepare_worker()
     try:
         sending.send((True, function(*arguments)))
     except Exception as error:  # noqa: BLE001 - the caller gets the error
         sending.send((False, f"{type(error).__name__}: {error}"))
 
 
-def _prepare() -> None:
+def prepare_worker() -> None:
+    """Begin a worker process: it goes after live work, and ends with its parent."""
     os.nice(NICENESS)
     Thread(target=_exit_with_parent, daemon=True).start()
 

@@ -48,16 +48,20 @@ class SiteReport:
     """Every problem of the site and its maps, with its key; empty if the check passes."""
 
 
+FAULTY = 2
+"""Exit code for a site file that can't be used, as `serve` ends with."""
+
+
 def check(path: Path, out: TextIO) -> int:
-    """Print each vendor's fit and each problem of the site file. Returns 0 if there is no problem, else 1."""
+    """Print each vendor's fit and each problem of the site file. Returns 0 if there is no problem, else 2."""
     try:
         site = load(path)
     except SiteError as error:
         out.write(f"{error}\n")
-        return 1
+        return FAULTY
     report = site_report(site)
     out.writelines(f"{line}\n" for line in report_lines(report))
-    return 1 if report.problems else 0
+    return FAULTY if report.problems else 0
 
 
 def site_report(site: Site) -> SiteReport:

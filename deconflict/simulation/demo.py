@@ -30,7 +30,8 @@ from deconflict.simulation.vendors.senders import simulate
 from ingest.measures.measures import Histogram, joined_values
 
 SECONDS_WITHOUT_TERMINAL = 60.0
-START_WITHIN_S = 30.0
+START_WITHIN_S = 60.0
+"""For its ports to open; the engine may take longer."""
 REFRESH_S = 0.5
 COLOURS = {Severity.CAUTION: "cyan", Severity.WARNING: "yellow", Severity.CRITICAL: "bold red"}
 
@@ -48,6 +49,8 @@ class DemoView:
     cleared: int = 0
     values: dict[str, dict[tuple[str, ...], float]] = field(default_factory=dict)
     latency_p99_s: float = 0.0
+    preparing: dict[str, int] | None = None
+    """How many kernels are `done` of the `total`; None if the engine is up."""
 
     def add_advisory(self, advisory: AnyAdvisory) -> None:
         if isinstance(advisory, ConflictAdvisory):
@@ -93,7 +96,7 @@ class DemoView:
 
 
 def demo(site: Site, robots: int, seconds: float | None, seed: int, data: Path | None) -> int:
-    """Run the demo. It ends after `seconds`, or after a minute if there is no terminal."""
+    """Run the demo. It ends `seconds` after the engine is up, or after a minute if there is no terminal."""
     console = Console()
     if seconds is None and not console.is_terminal:
         seconds = SECONDS_WITHOUT_TERMINAL
@@ -106,6 +109,9 @@ def demo(site: Site, robots: int, seconds: float | None, seed: int, data: Path |
         supervisor.start()
         try:
             view = asyncio.run(_show(site, Path(runtime), console, robots, seconds, seed))
+        except TimeoutError:
+            sys.stderr.write(f"deconflict: the service did not start within {START_WITHIN_S:.0f} s; its log says why\n")
+            return 1
         finally:
             stop.set()
             supervisor.join()
@@ -136,10 +142,12 @@ async def _show(site: Site, runtime: Path, console: Console, robots: int, second
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     operator = AsyncCaller(runtime, "operator")
-    await _until_up(operator)
+    console.print("Starting the service …")
+    await _until_ports_open(operator, stop)
     _print_addresses(site, console, robots)
-    async with _background(_follow(site, view, console), _measure(operator, view)):
-        simulating = asyncio.create_task(simulate(_robots_url(site), robots, seconds, seed, stop=stop))
+    limit = _stop_later(operator, view, console, seconds, stop)
+    async with _background(_follow(site, view, console), _measure(operator, view), limit):
+        simulating = asyncio.create_task(simulate(_robots_url(site), robots, None, seed, stop=stop))
         if console.is_terminal:
             with Live(console=console, screen=False, auto_refresh=False) as live:
                 while not simulating.done():
@@ -162,14 +170,35 @@ async def _background(*work: Any) -> AsyncIterator[None]:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _until_up(operator: AsyncCaller) -> None:
-    """Wait until every role answers, so that no message waits for an engine that is still starting."""
+async def _until_ports_open(operator: AsyncCaller, stop: asyncio.Event) -> None:
+    """Raises `TimeoutError`."""
     async with asyncio.timeout(START_WITHIN_S):
-        while True:
+        while not stop.is_set():
             with suppress(LinkDownError):
-                if json.loads(await operator.call("health"))["status"] == "ok":
+                if json.loads(await operator.call("health"))["roles"]["receiver"] == "up":
                     return
             await asyncio.sleep(0.05)
+
+
+async def _stop_later(
+    operator: AsyncCaller, view: DemoView, console: Console, seconds: float | None, stop: asyncio.Event
+) -> None:
+    """Show how far the engine is, and stop `seconds` after it is up."""
+    while not stop.is_set():
+        with suppress(LinkDownError):
+            health = json.loads(await operator.call("health"))
+            if health["roles"]["engine"] == "up":
+                break
+            if health["preparing"] and view.preparing is None and not console.is_terminal:
+                console.print("Robots move. The engine is being prepared, once on this machine: a minute or two")
+            view.preparing = health["preparing"]
+        await asyncio.sleep(REFRESH_S)
+    if view.preparing and not console.is_terminal:
+        console.print("The engine is ready: conflicts are predicted from now on")
+    view.preparing = None
+    if seconds is not None:
+        await asyncio.sleep(seconds)
+        stop.set()
 
 
 def _robots_url(site: Site) -> str:
@@ -221,7 +250,12 @@ def _tables(view: DemoView) -> Group:
         f"{view.raised} advisories raised, {view.cleared} cleared   "
         f"message to advisory p99 {result['latency_p99_ms']:.0f} ms"
     )
-    return Group(counts, _advisories(view), _vendors(view), Text("Advisory, not safety rated. Ctrl-C ends."))
+    notes = [Text("Advisory, not safety rated. Ctrl-C ends.")]
+    if view.preparing:
+        done, total = view.preparing["done"], view.preparing["total"]
+        text = f"Preparing the engine, once on this machine: {done} of {total} kernels. Then conflicts are predicted."
+        notes.insert(0, Text(text, style="yellow"))
+    return Group(counts, _advisories(view), _vendors(view), *notes)
 
 
 def _advisories(view: DemoView) -> Table:

@@ -16,6 +16,7 @@ from deconflict.advisory import ADVISORY, ConflictAdvisory
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
+from deconflict.runtime.command_parsers import Commands, add_command
 from ingest.languages import timestamps
 from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of
 
@@ -53,17 +54,26 @@ class Verification:
         return f"{unchanged}the replay differs{why}:\n" + "\n".join(lines) + "\n"
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command to the command line."""
-    blackbox = commands.add_parser(
-        "blackbox", help="recordings of near misses, with the messages and decisions around each"
+    blackbox = add_command(
+        commands,
+        "blackbox",
+        "recordings of near misses, with the messages and decisions around each",
+        "deconflict blackbox list",
+        "deconflict blackbox verify data/blackbox/FILE",
     )
-    parts = blackbox.add_subparsers(dest="part", required=True)
-    list_command = parts.add_parser("list", help="list the near misses, and what would have avoided each")
+    parts = blackbox.add_subparsers(dest="part", required=True, metavar="PART")
+    list_command = add_command(
+        parts, "list", "list the near misses, and what would have avoided each", "deconflict blackbox list --data data"
+    )
     list_command.add_argument("--data", type=Path, default=Path("data"), help="the service's directory")
     list_command.set_defaults(run=_list)
-    verify_command = parts.add_parser(
-        "verify", help="verify that a file is unchanged and replays to the same advisories"
+    verify_command = add_command(
+        parts,
+        "verify",
+        "verify that a file is unchanged and replays to the same advisories",
+        "deconflict blackbox verify data/blackbox/FILE",
     )
     verify_command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a black box")
     verify_command.set_defaults(run=_verify)

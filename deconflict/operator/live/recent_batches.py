@@ -52,6 +52,11 @@ def packed_batch(number: int, batch: bytes, *, whole: bool) -> bytes:
     return HEAD.pack(number, whole) + batch
 
 
+def is_empty(data: bytes) -> bool:
+    """Whether a packed batch is one that says that no tick came."""
+    return len(data) == HEAD.size
+
+
 def unpacked_batch(data: bytes) -> tuple[int, bool, Batch | None]:
     """The number, whether it is the whole floor, and the batch; None if no tick came."""
     number, whole = HEAD.unpack_from(data)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from websockets.asyncio.client import connect
 
+from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, FAST_PATH_AFTER, ReceiverRole
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.site import Site
@@ -45,6 +46,18 @@ async def test_messages_are_recorded_before_the_engine_receives_them(tmp_path: P
             number = len(Batch.from_bytes(await engine.call("batch")))
         kinds = [type(event) for event in read(tmp_path / "log")[0]]
         assert kinds[-2:] == [Received, Tick]
+
+
+async def test_the_floor_is_shown_while_no_engine_asks_for_it(tmp_path: Path) -> None:
+    async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
+        follower, seen = AsyncCaller(tmp_path, "receiver"), set[float]()
+        async with asyncio.timeout(PATIENCE_S):
+            while len(seen) < 2:
+                await socket.send(status("A-1", time.time()))
+                _, whole, batch = unpacked_batch(await follower.call("follow", b"0"))
+                if batch and len(batch):
+                    assert whole
+                    seen.add(float(batch.event_s[0]))
 
 
 async def test_no_two_connections_of_a_log_have_the_same_number(tmp_path: Path) -> None:

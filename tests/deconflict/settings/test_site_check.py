@@ -76,14 +76,14 @@ def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path
 )
 def test_a_bad_map_fails_with_its_key(path: str, value: Any, says: str, tmp_path: Path) -> None:
     code, text = checked(put(sound(), path, value), tmp_path)
-    assert code == 1
+    assert code == 2
     assert says in text
     assert text.endswith("FAILED: 1 to correct\n")
 
 
 def test_a_file_that_does_not_load_fails_with_every_problem(tmp_path: Path) -> None:
     code, text = checked(put(sound(), "receiver.prt", 1), tmp_path)
-    assert code == 1
+    assert code == 2
     assert "receiver.prt: there is no such key; did you mean port?" in text
 
 

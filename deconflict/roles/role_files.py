@@ -1,0 +1,56 @@
+"""What roles know of each other by files in the runtime directory: the processes, and how far the engine is."""
+
+import json
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from deconflict.settings.hot_reload import write
+
+ROLES_FILE = "roles.json"
+"""What the supervisor writes about its processes: `RoleProcess.document` by role."""
+PREPARATION_FILE = "preparation.json"
+"""While the engine compiles its kernels: how many are `done` of the `total`."""
+
+log = logging.getLogger(__name__)
+
+
+class PreparationProgress:
+    """Shows the progress in a file for the operator face, and in the log."""
+
+    def __init__(self, runtime: Path, beat: Callable[[], object] = lambda: None) -> None:
+        """`beat` is called at each report, since the engine is silent meanwhile."""
+        self._path, self._beat, self._began_s = runtime / PREPARATION_FILE, beat, time.monotonic()
+
+    def report(self, done: int, total: int) -> None:
+        self._beat()
+        if done == 0:
+            log.info("the engine compiles %s kernels, once on this machine; advisories begin afterwards", total)
+        write(self._path, json.dumps({"done": done, "total": total}))
+
+    def end(self) -> None:
+        """The engine is loaded, whether it had to compile or not."""
+        if self._path.exists():
+            self._path.unlink()
+            log.info("the kernels are compiled after %.0f s", time.monotonic() - self._began_s)
+
+
+def preparation(runtime: Path) -> dict[str, Any] | None:
+    """The contents of `PREPARATION_FILE`; None if the engine does not compile."""
+    try:
+        document: dict[str, Any] = json.loads((runtime / PREPARATION_FILE).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    return document
+
+
+def role_processes(runtime: Path) -> dict[str, dict[str, Any]]:
+    """The contents of `ROLES_FILE`; empty without a supervisor."""
+    path = runtime / ROLES_FILE
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def restarts(runtime: Path) -> dict[str, int]:
+    return {role: process["restarts"] for role, process in role_processes(runtime).items()}

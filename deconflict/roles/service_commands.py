@@ -1,0 +1,139 @@
+"""The commands that run the service: `serve`, `prepare`, and `role`, which the supervisor uses."""
+
+import argparse
+import logging
+import os
+import signal
+import threading
+from functools import partial
+from pathlib import Path
+
+from deconflict.operator.http import access
+from deconflict.operator.http.api_sources import Exposition
+from deconflict.roles.service import cluster_problems, run_role, runtime_directory
+from deconflict.roles.supervisor import PARTS, Supervisor
+from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.runtime.data_lock import locked
+from deconflict.runtime.kernel_preparation import compile_kernels, report_on_terminal
+from deconflict.runtime.systemd import Notifier
+from deconflict.settings import site, site_file
+
+
+def add_service_commands(commands: Commands, exposition: Exposition) -> None:
+    """Add the commands to the command line. `exposition` writes the metrics."""
+    serve_parser = add_command(
+        commands,
+        "serve",
+        "run the service",
+        "deconflict serve SITE.toml",
+        "deconflict serve SITE.toml --host 0.0.0.0 --data /var/lib/deconflict",
+        "deconflict serve        # without a site file every datum is a separate floor",
+    )
+    serve_parser.add_argument(
+        "site", nargs="?", type=Path, metavar="SITE.toml", help="the site file; without it, each datum is a floor"
+    )
+    add_ports(serve_parser)
+    serve_parser.add_argument("--data", type=Path, help="directory for recordings and advisories")
+    serve_parser.add_argument(
+        "--part", action="append", choices=list(PARTS), help="the part of a cluster to run here; may be repeated"
+    )
+    serve_parser.set_defaults(run=_serve)
+
+    prepare_parser = add_command(
+        commands,
+        "prepare",
+        "compile the kernels, so that the first start of the service is quick",
+        "deconflict prepare      # in the build of an image, or after an update",
+    )
+    prepare_parser.set_defaults(run=_prepare)
+
+    role_parser = add_command(
+        commands,
+        "role",
+        "run one process of the service; the supervisor uses this command",
+        "deconflict role engine /run/deconflict data",
+    )
+    role_parser.add_argument("name", help="receiver, engine or operator; in a cluster also feed or follower")
+    role_parser.add_argument("runtime", type=Path, help="directory of the sockets and settings of the running service")
+    role_parser.add_argument("data", type=Path, help="directory for recordings and advisories")
+    role_parser.set_defaults(run=partial(_role, exposition))
+
+
+def add_ports(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--host", help="address that both ports listen on; this machine only by default")
+    command.add_argument("--open", action="store_true", help="allow access without credentials, also from a network")
+    command.add_argument(
+        "--robots-port", type=int, metavar="PORT", help="port for the robots' messages; 3000 or as in the site file"
+    )
+    command.add_argument(
+        "--operator-port",
+        type=int,
+        metavar="PORT",
+        help="port of the API, the stream and the page; 8080 or as in the site file",
+    )
+
+
+def settings_of(args: argparse.Namespace, path: Path | None) -> site.Site:
+    """The settings of the site file and the command line, which takes precedence."""
+    settings = site_file.load(path) if path else site.DEFAULT
+    receiver = {"host": args.host, "port": args.robots_port}
+    operator = {"host": args.host, "port": args.operator_port}
+    return settings.model_copy(
+        update={
+            "receiver": settings.receiver.model_copy(update=_given(receiver)),
+            "operator": settings.operator.model_copy(update=_given(operator)),
+        }
+    )
+
+
+def _given(values: dict[str, object]) -> dict[str, object]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def check_access(settings: site.Site, allow_open: bool) -> None:
+    """Raises if credentials can't be used, or a port is open to a network without credentials and without --open."""
+    access.verify_credentials(settings)
+    problems = access.exposed_ports(settings)
+    if problems and not allow_open:
+        raise site_file.SiteError([*problems, "or start with --open, if everybody on that network may read and write"])
+    for problem in problems:
+        logging.getLogger("deconflict").warning("%s", problem)
+
+
+def _checked_settings(args: argparse.Namespace) -> site.Site:
+    """The settings, checked. Raises `SiteError`, `SecretError` and `CertificateError`."""
+    settings = settings_of(args, args.site)
+    problems = site_file.fit_problems(settings)
+    if problems:
+        raise site_file.SiteError(problems)
+    check_access(settings, args.open)
+    return settings
+
+
+def _serve(args: argparse.Namespace) -> int:
+    settings = _checked_settings(args)
+    if args.site is None:
+        logging.getLogger("deconflict").warning("no site file: every datum is taken as a floor of its own")
+    if problems := cluster_problems(settings.cluster, args.part or ()):
+        raise site_file.SiteError(problems)
+    data = args.data or Path(settings.store.directory)
+    data.mkdir(parents=True, exist_ok=True)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    parts, manager = args.part or tuple(PARTS), Notifier(os.environ)
+    with locked(data, parts), runtime_directory() as name:
+        supervisor = Supervisor(settings, data, Path(name), lambda: _checked_settings(args), parts, manager)
+        signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.request())
+        supervisor.run(stop)
+    return 0
+
+
+def _prepare(_: argparse.Namespace) -> int:
+    compile_kernels(("deconflict", "ingest"), report_on_terminal)
+    return 0
+
+
+def _role(exposition: Exposition, args: argparse.Namespace) -> int:
+    run_role(args.name, args.runtime, args.data, exposition)
+    return 0

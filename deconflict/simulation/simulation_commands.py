@@ -1,0 +1,124 @@
+"""The commands with simulated vendors: `demo`, `drill` and `simulate`."""
+
+import argparse
+import asyncio
+import json
+import signal
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from deconflict.operator.http.api_sources import Exposition
+from deconflict.roles.service_commands import add_ports, check_access, settings_of
+from deconflict.runtime.command_parsers import Commands, add_command, positive
+from deconflict.simulation.demo_site import ROBOTS, demo_site
+
+if TYPE_CHECKING:
+    from deconflict.simulation.drills.drill_scripts import Drill
+
+
+def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
+    """Add the commands to the command line. `exposition` writes the metrics."""
+    demo_parser = add_command(
+        commands,
+        "demo",
+        "run the service with simulated vendors on a bundled site",
+        "deconflict demo",
+        "deconflict demo --robots 60 --seconds 120 --data build/demo",
+    )
+    _add_simulated_world(demo_parser)
+    demo_parser.add_argument(
+        "--seconds", type=float, metavar="S", help="stop so long after the start; 60 without a terminal, else never"
+    )
+    add_ports(demo_parser)
+    demo_parser.add_argument(
+        "--data", type=Path, help="directory to keep recordings and advisories; else they are discarded"
+    )
+    demo_parser.set_defaults(run=_demo)
+    _add_drill(commands, exposition)
+    _add_simulate(commands)
+
+
+def _add_drill(commands: Commands, exposition: Exposition) -> None:
+    drill_parser = add_command(
+        commands,
+        "drill",
+        "run scripted situations through the whole service, and score advice",
+        "deconflict drill",
+        "deconflict drill --advice situations",
+        "deconflict drill --ignore       # the same, with robots that ignore all advice",
+    )
+    drill_parser.add_argument(
+        "drills", nargs="*", metavar="NAME", type=_drill_named, help="the drills to run; without names, all"
+    )
+    drill_parser.add_argument("--ignore", action="store_true", help="let the simulated robots ignore all advice")
+    drill_parser.add_argument(
+        "--advice",
+        choices=("advisories", "situations"),
+        default="advisories",
+        help="whose advice the simulated robots follow (default: advisories)",
+    )
+    drill_parser.set_defaults(run=partial(_drill, exposition))
+
+
+def _add_simulate(commands: Commands) -> None:
+    simulate_parser = add_command(
+        commands,
+        "simulate",
+        "run simulated vendors that report to a running service",
+        "deconflict simulate --robots 24",
+        "deconflict simulate --url ws://127.0.0.1:3000 --robots 200 --seconds 60",
+    )
+    simulate_parser.add_argument(
+        "--url", default="ws://127.0.0.1:3000", help="the service's robots' port (default: %(default)s)"
+    )
+    _add_simulated_world(simulate_parser)
+    simulate_parser.add_argument("--seconds", type=float, metavar="S", help="stop after this time; else at Ctrl-C")
+    simulate_parser.set_defaults(run=_simulate)
+
+
+def _add_simulated_world(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--robots", type=positive, default=ROBOTS, metavar="N", help="number of simulated robots (default: %(default)s)"
+    )
+    command.add_argument(
+        "--seed", type=int, default=1, metavar="N", help="seed of the simulated traffic (default: %(default)s)"
+    )
+
+
+def _drill_named(name: str) -> "Drill":
+    from deconflict.simulation.drills.drill_scripts import DRILLS  # noqa: PLC0415 - loads the simulated world
+
+    for drill in DRILLS:
+        if drill.name == name:
+            return drill
+    raise argparse.ArgumentTypeError(f"no drill is named {name}; choose of {', '.join(drill.name for drill in DRILLS)}")
+
+
+def _demo(args: argparse.Namespace) -> int:
+    from deconflict.simulation import demo  # noqa: PLC0415 - loads the simulated world
+
+    settings = settings_of(args, demo_site())
+    check_access(settings, args.open)
+    return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
+
+
+def _drill(exposition: Exposition, args: argparse.Namespace) -> int:
+    from deconflict.simulation.drills import drill_run  # noqa: PLC0415 - loads the engine
+    from deconflict.simulation.drills.drill_scripts import DRILLS  # noqa: PLC0415 - loads the simulated world
+
+    return drill_run.drill(args.drills or DRILLS, exposition, ignored=args.ignore, source=args.advice)
+
+
+def _simulate(args: argparse.Namespace) -> int:
+    from deconflict.simulation.vendors.senders import simulate  # noqa: PLC0415 - loads the simulated world
+
+    async def run() -> dict[str, int]:
+        stop, loop = asyncio.Event(), asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, stop.set)
+        return await simulate(args.url, args.robots, args.seconds, args.seed, stop=stop)
+
+    sys.stdout.write(json.dumps(asyncio.run(run())) + "\n")
+    return 0

@@ -1,0 +1,60 @@
+"""The command line explains itself, and the same fault has the same exit code."""
+
+import argparse
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from deconflict.__main__ import MISUSED, parser
+
+
+def commands(root: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    for action in root._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield command
+                yield from commands(command)
+
+
+COMMANDS = list(commands(parser()))
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.prog)
+def test_every_argument_has_help(command: argparse.ArgumentParser) -> None:
+    parts = (argparse._SubParsersAction,)
+    assert not [action.dest for action in command._actions if not action.help and not isinstance(action, parts)]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.prog)
+def test_every_command_has_an_example_that_is_understood(command: argparse.ArgumentParser) -> None:
+    examples = re.findall(r"^  deconflict ([^#>\n]*)", command.epilog or "", re.M)
+    assert examples
+    for example in examples:
+        assert parser().parse_args(example.split()).run
+
+
+@pytest.mark.parametrize(
+    "arguments", ["serve", "check", "replay --site", "conform --site", "site import", "replay", "conform"]
+)
+def test_a_file_that_is_missing_ends_every_command_with_the_same_code(arguments: str, tmp_path: Path) -> None:
+    words = [*arguments.split(), str(tmp_path / "missing")]
+    log = [str(Path(__file__))] if words[0] in ("replay", "conform") and "--site" in words else []
+    done = subprocess.run(
+        [sys.executable, "-m", "deconflict", *words, *log], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == MISUSED
+    assert "missing" in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_tab_completes_commands_and_options(shell: str) -> None:
+    command = [sys.executable, "-m", "deconflict", "completion", shell]
+    script = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "--operator-port" in script
+    if shell == "bash":
+        subprocess.run(["bash", "-n"], input=script, text=True, check=True)
