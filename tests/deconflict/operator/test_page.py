@@ -138,10 +138,10 @@ def until(page: "Page", condition: str) -> None:
     raise AssertionError(condition)
 
 
-def said_and_grey(words: str) -> str:
-    """A condition: the page says so, and the map is grey."""
-    stage = "getComputedStyle(document.getElementById('stage')).filter.includes('grayscale')"
-    return f"document.getElementById('status').textContent.includes('{words}') && {stage}"
+def said_and_grey(words: str, part: str = "#stage") -> str:
+    """A condition: the page says so, and a part of it is grey."""
+    grey = f"getComputedStyle(document.querySelector('{part}')).filter.includes('grayscale')"
+    return f"document.getElementById('status').textContent.includes('{words}') && {grey}"
 
 
 def keep(page: "Page", name: str, *, full_page: bool = False) -> None:
@@ -263,15 +263,15 @@ def test_a_lost_connection_is_shown_and_greys_the_map_and_the_page_reconnects(
         until(page, "getComputedStyle(document.getElementById('stage')).filter === 'none'")
 
 
-def test_a_stopped_engine_is_shown_and_greys_the_map_while_the_page_stays_connected(
+def test_a_stopped_engine_is_shown_and_greys_the_cards_while_robots_are_shown_on(
     browser: "Browser", floor: Service
 ) -> None:
     with opened(browser, floor) as page:
         engine = floor.role("engine")
         os.kill(engine, signal.SIGSTOP)
         try:
-            until(page, said_and_grey("Nothing new since"))
-            keep(page, "stale")
+            until(page, said_and_grey("No warnings", "aside"))
+            keep(page, "unwarned")
         finally:
             with suppress(ProcessLookupError):  # one that stands for long is killed
                 os.kill(engine, signal.SIGCONT)
