@@ -57,6 +57,7 @@ class Basis(IntEnum):
     PATH = 1
     VELOCITY = 2
     DESTINATION = 3
+    ORDER = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)

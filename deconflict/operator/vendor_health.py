@@ -48,6 +48,7 @@ def _health_of(name: str, values: Values) -> VendorHealth:
         {
             "name": name,
             "robots": sum(robots.values()),
+            "languages": sorted(counts("deconflict_robots_by_language")),
             "silent": robots.get("silent", 0),
             "distrusted": level("deconflict_robots_distrusted") or 0,
             "messages": sum(messages.values()),

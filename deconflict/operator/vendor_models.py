@@ -46,6 +46,7 @@ class VendorHealth(BaseModel):
     name: str
     robots: int = 0
     silent: int = 0
+    languages: list[str] = Field([], description="standards of its messages")
     distrusted: int = Field(0, description="robots whose motion contradicts their forecasts")
     messages: int = 0
     messages_per_s: float | None = Field(None, description="over the last minute, with rejected messages")

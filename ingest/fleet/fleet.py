@@ -119,23 +119,19 @@ class Fleet:
             self.reject(rejection.rule, rejection.reason, raw, arrival_s, connection)
             return rejection.rule, None
         robot = robot or self._admit(message.uuid, connection, sender)
-        robot.memory = memory
         self._owners.assign_by_connection(robot, message, connection)
-        findings = self._update(robot, message, raw, arrival_s, connection)
+        is_remembered, robot.memory = robot.memory is not memory, memory
+        if isinstance(message, Identity):
+            findings = self._update_identity(robot, message, raw, arrival_s, connection)
+        elif isinstance(message, Status):
+            event_s, findings = self._event_time(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
+            findings += self._update_status(robot, message, raw, arrival_s, event_s)
+        else:
+            findings = self._reconsider(robot, self._owners.names_as_uuid(connection)) if is_remembered else ()
+        if isnan(robot.arrival_s):
+            robot.arrival_s = arrival_s
         self._accept(robot, connection, message.findings + findings)
         return None, robot
-
-    def _update(
-        self, robot: Robot, message: Identity | Status | Update, raw: bytes, arrival_s: float, connection: Connection
-    ) -> tuple[str, ...]:
-        """Take over what an accepted message says. Returns the deviations."""
-        if isinstance(message, Identity):
-            return self._update_identity(robot, message, raw, arrival_s, connection)
-        if isinstance(message, Update):
-            self._forecast_again(robot, self._owners.names_as_uuid(connection))
-            return ()
-        event_s, findings = self._event_time(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
-        return findings + self._update_status(robot, message, raw, arrival_s, event_s)
 
     def _receive_repeat(
         self, reader: RepeatReaderProtocol[Any], scanned: ScannedStatusProtocol, arrival_s: float
@@ -188,8 +184,6 @@ class Fleet:
             connection.language,
             connection.topic,
         )
-        if isnan(robot.arrival_s):
-            robot.arrival_s = arrival_s
         self._forecast_again(robot, self._owners.names_as_uuid(connection))
         changed = before is not None and _distinguishing(before) != _distinguishing(identity)
         return ("identity-changed",) if changed else ()
@@ -245,6 +239,9 @@ class Fleet:
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
 
     def _count_findings(self, vendor: str, findings: Iterable[str], robot: Robot | None) -> None:
+        if robot:
+            rules = FRONT_ENDS[robot.language].rules
+            findings = [rule for rule in findings if rule in rules]
         self.measures.count_each("deconflict_deviations_total", vendor, findings)
         if robot:
             deviations = robot.deviations
@@ -289,13 +286,21 @@ class Fleet:
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:
         """Forecast the robot from its last status, with its present identity and settings."""
-        front_end = FRONT_ENDS[robot.language]
-        status = front_end.status(robot.status_raw, robot.memory, names_as_uuid) if robot.seen else None
-        if robot.seen and status:
-            robot.state, robot.known_state = status.state, status.known_state
+        if robot.seen and (status := self._newest_status(robot, names_as_uuid)):
             frame, sighting = self._placement.sighting(robot, status, robot.seen.t_s)
             self._placement.forecast(robot, status, frame, sighting, None)
             self._changed[robot.uuid] = robot
+
+    def _reconsider(self, robot: Robot, names_as_uuid: str | None) -> tuple[str, ...]:
+        """Forecast the robot from where it was seen, with what an update changed. Returns the deviations."""
+        if robot.seen and robot.frame and (status := self._newest_status(robot, names_as_uuid)):
+            robot.state, robot.known_state = status.state, status.known_state
+            self._changed[robot.uuid] = robot
+            return self._placement.forecast(robot, status, robot.frame, robot.seen, None)
+        return ()
+
+    def _newest_status(self, robot: Robot, names_as_uuid: str | None) -> Status | None:
+        return FRONT_ENDS[robot.language].status(robot.status_raw, robot.memory, names_as_uuid)
 
     def next_batch(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last batch, or all with `everything`, and those forgotten."""

@@ -18,16 +18,20 @@ from ingest.settings import Reading
 def measure(fleet: Fleet, now_s: float) -> None:
     """Bring the levels in the fleet's measures up to date."""
     robots: dict[tuple[str, ...], float] = {}
+    by_language: dict[tuple[str, ...], float] = {}
     ages_s: dict[str, list[float]] = {}
     clocks: dict[str, list[SenderClock]] = {}
     for robot in fleet.robots.values():
         key = robot.vendor, _measured_state(robot, fleet.reading, now_s)
         robots[key] = robots.get(key, 0) + 1
+        spoken = robot.vendor, robot.language
+        by_language[spoken] = by_language.get(spoken, 0) + 1
         if robot.seen:
             clocks.setdefault(robot.vendor, []).append(robot.clock)
             ages_s.setdefault(robot.vendor, []).append(now_s - robot.seen.t_s)
     level = fleet.measures.level
     level("deconflict_robots", robots)
+    level("deconflict_robots_by_language", by_language)
     level("deconflict_forecast_age_seconds", {(vendor,): median(ages) for vendor, ages in ages_s.items()})
     level("deconflict_clock_offset_seconds", {(vendor,): vendor_offset(group) for vendor, group in clocks.items()})
     delays_s = {vendor: median(clock.delay_s for clock in group) for vendor, group in clocks.items()}

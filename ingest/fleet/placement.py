@@ -6,11 +6,11 @@ from math import isfinite
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.forecast import forecast, matches, stops
-from ingest.fleet.prediction.forecast_model import ForecastContext, RobotBody, Sighting, robot_body
+from ingest.fleet.prediction.forecast_model import ForecastContext, RobotBody, Sighting, robot_body, with_load
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
-from ingest.languages.model import Rejection, Status
+from ingest.languages.model import LoadBox, Rejection, Status
 from ingest.settings import Reading
 
 MAX_CONTEXTS = 1024
@@ -65,31 +65,35 @@ class Placement:
         self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
         """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the deviations."""
-        context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum)
+        context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum, status.load)
         robot.frame = frame
         robot.seen, findings = plausibility.reconcile(before, sighting)
         robot.forecast = forecast(status, robot.seen, context)
         robot.stops = stops(status, robot.seen, context)
-        lost = status.error_codes and matches(status.error_codes, self._reading.lost_errors)
-        robot.doubt_m = self._reading.lost_doubt_m if lost else 0.0
+        is_lost = status.is_lost or matches(status.error_codes, self._reading.lost_errors)
+        most_m = self._reading.lost_doubt_m
+        robot.doubt_m = most_m if is_lost else min(status.deviation_m, most_m)
         unknown = () if frame.known else ("datum-unknown",)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *unknown, *too_many)
 
-    def _context(self, robot: Robot, loaded: bool, datum: str) -> ForecastContext:
+    def _context(self, robot: Robot, loaded: bool, datum: str, load: LoadBox | None) -> ForecastContext:
         """The context in which a message of the robot is read. It seldom differs from the one before."""
-        key = loaded, datum
+        key = loaded, datum, load
         if robot.context is None or robot.context_key != key:
-            robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded))
+            robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded, load))
             robot.context_key = key
         return robot.context
 
     def _new_context(self, vendor: str, datum: str, body: RobotBody) -> ForecastContext:
         return ForecastContext(body, partial(self._floors.of_own, vendor, datum), self._reading)
 
-    def _body(self, robot: Robot, loaded: bool) -> RobotBody:
-        if robot.identity is None:
+    def _body(self, robot: Robot, loaded: bool, load: LoadBox | None) -> RobotBody:
+        identity = robot.identity
+        if identity is None:
             vendor = self._vendors.settings(robot.vendor)
-            return RobotBody(vendor.default_envelope_m or self._reading.default_envelope_m)
-        model = self._vendors.model(robot.vendor, robot.identity.model)
-        return robot_body(model, robot.identity.envelope_m, loaded, robot.identity.max_speed_mps)
+            body = RobotBody(vendor.default_envelope_m or self._reading.default_envelope_m)
+            return with_load(body, load) if load else body
+        model = self._vendors.model(robot.vendor, identity.model)
+        reported = RobotBody(identity.envelope_m, identity.offset_m, identity.max_speed_mps)
+        return robot_body(model, reported, loaded, load)

@@ -9,7 +9,7 @@ from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastC
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import MASSROBOTICS
-from ingest.languages.model import Identity
+from ingest.languages.model import Identity, LoadBox
 
 
 @dataclass(slots=True, eq=False)
@@ -59,8 +59,8 @@ class Robot:
     """Whether its vendor is settled: it identified itself, or reported over a connection of that vendor."""
     context: ForecastContext | None = None
     """How its messages are read; None if settings or identity may have changed."""
-    context_key: tuple[bool, str] = (False, "")
-    """What the context depends on: whether the robot is loaded, and its datum."""
+    context_key: tuple[bool, str, LoadBox | None] = (False, "", None)
+    """What the context depends on: whether the robot is loaded, its datum, and its load."""
     uuid_as_sent: bytes = b""
     """The key of its repeat reader in the fast path; empty if it has none."""
     deviations: dict[str, int] = field(default_factory=dict)

@@ -26,8 +26,19 @@ class FrontEnd(Protocol):
     """How the messages of one language are read."""
 
     @property
+    def standard(self) -> str:
+        """Its name and versions, for people."""
+
+    @property
+    def chapters(self) -> Mapping[str, tuple[Rule, ...]]:
+        """All rules by which its messages are checked, by the chapter of the page on conformance."""
+
+    @property
     def rules(self) -> Mapping[str, Rule]:
-        """All rules by which its messages are checked, by code."""
+        """The same rules by code."""
+
+    def has_topic(self, topic: str) -> bool:
+        """Whether the language has topics of this form, of which it reads the messages."""
 
     def sender(self, topic: str) -> TopicSender | None:
         """The robot of a topic. None if the topic names none, since the message does."""

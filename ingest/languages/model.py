@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from math import nan
+from typing import NamedTuple
 
 import msgspec
 
-from ingest.batch import Amounts
+from ingest.batch import Amounts, Basis
 
 Row = tuple[float, float, float, float]
 """t_s, x, y, yaw_rad: time by the sender's clock, place in the sender's frame and unit. The yaw is nan if unknown."""
@@ -44,10 +45,23 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     """Serial number."""
     envelope_m: tuple[float, float, float]
     """Length, width and height; height 0 if unknown."""
+    offset_m: tuple[float, float] = (0.0, 0.0)
+    """From the reported location to the centre of the envelope: along the heading, and to its left."""
     max_speed_mps: float | None
     """None if it was not sent."""
     findings: tuple[str, ...]
     """Codes of the rules from which the message deviates."""
+
+
+class LoadBox(NamedTuple):
+    """The rectangle about a robot's load, in the robot's frame: x along the heading, y to its left."""
+
+    back_m: float
+    front_m: float
+    right_m: float
+    left_m: float
+    top_m: float
+    """Height of its upper side."""
 
 
 class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -81,6 +95,16 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     path: Path
     findings: tuple[str, ...]
     """Codes of the rules from which the message deviates."""
+    path_basis: Basis = Basis.PATH
+    """What the path is derived from: the robot's own times, or an order."""
+    is_blocked: bool = False
+    """Whether it can't move, whatever its error codes are."""
+    is_lost: bool = False
+    """Whether it does not know where it is, whatever its error codes are."""
+    deviation_m: float = 0.0
+    """How far off its position may be, as far as the robot knows."""
+    load: LoadBox | None = None
+    """Where its load is, if it says that."""
 
 
 class Update(msgspec.Struct, frozen=True, gc=False, eq=False):

@@ -1,6 +1,7 @@
 """Reads logs: the service's own, or any with lines `{"received": ..., "message": {...}}`.
 
-A log is a plain, gzip or zstd file, or a directory of such files.
+A capture of a broker has lines `{"time": ..., "topic": ..., "payload": ...}`. The payload is an object, or the text of
+the message. The topic says in which language it is. A log is a plain, gzip or zstd file, or a directory of such files.
 """
 
 import base64
@@ -21,6 +22,7 @@ import msgspec
 import zstandard
 
 from ingest.languages import timestamps
+from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS, language_of_topic
 from ingest.port.connection import Connection
 
 LONGEST_LINE = 1 << 24
@@ -34,7 +36,7 @@ LOGGED_LINES = 10
 
 log = logging.getLogger(__name__)
 
-_MESSAGE = re.compile(r'"message"\s*:\s*')
+_MESSAGE, _PAYLOAD = re.compile(r'"message"\s*:\s*'), re.compile(r'"payload"\s*:\s*')
 _DECODER = json.JSONDecoder()
 UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
 """The errors that `parsed` raises."""
@@ -248,6 +250,8 @@ class _MessageLine(msgspec.Struct, gc=False, forbid_unknown_fields=True):
     connection: int = 0
     peer: str = ""
     vendor: str | None = None
+    language: str = MASSROBOTICS
+    topic: str = ""
     before: str = ""
     """In a black box, the hash of the line before."""
 
@@ -262,15 +266,15 @@ def parsed(line: bytes) -> Event:
     try:
         fields = _MESSAGE_LINE.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError):
-        return _rare_event(line.decode())
-    return Received(
-        bytes(fields.message), _time(fields.received), _connection(fields.connection, fields.peer, fields.vendor)
-    )
+        text = line.decode()
+        document: dict[str, Any] = json.loads(text)
+        return _captured(text, document) if "payload" in document else _rare_event(text, document)
+    sender = _connection(fields.connection, fields.peer, fields.vendor, fields.language, fields.topic)
+    return Received(bytes(fields.message), _time(fields.received), sender)
 
 
-def _rare_event(line: str) -> Event:
+def _rare_event(line: str, document: dict[str, Any]) -> Event:
     """The event of a line that is not of the two frequent kinds."""
-    document: dict[str, Any] = json.loads(line)
     if "tick" in document:
         return Tick(_time(document["tick"]), document.get("effort", 0), document.get("pending", 0))
     if "engine" in document:
@@ -286,9 +290,23 @@ def _rare_event(line: str) -> Event:
     )
 
 
-@lru_cache(maxsize=20_000)
-def _connection(number: int, peer: str, vendor: str | None) -> Connection:
-    return Connection(number, peer, vendor=vendor)
+def _captured(line: str, document: dict[str, Any]) -> Received:
+    """The message of a line of a capture."""
+    topic, payload, time = document["topic"], document["payload"], document["time"]
+    language = language_of_topic(topic)
+    if language is None:
+        raise ValueError(f"topic {topic[:100]!r} belongs to no language that is read")
+    raw = payload.encode() if isinstance(payload, str) else _raw(line, document, _PAYLOAD, "payload")
+    arrival_s = float(time) if isinstance(time, int | float) else _time(time)
+    return Received(raw, arrival_s, _connection(0, "capture", None, language, topic))
+
+
+@lru_cache(maxsize=100_000)
+def _connection(number: int, peer: str, vendor: str | None, language: str, topic: str) -> Connection:
+    """Raises `ValueError` for a language that is not read."""
+    if language not in FRONT_ENDS:
+        raise ValueError(f"{language[:40]!r} is no language that this release reads")
+    return Connection(number, peer, vendor=vendor, language=language, topic=topic)
 
 
 def _connection_of(document: dict[str, Any]) -> Connection:
@@ -297,20 +315,22 @@ def _connection_of(document: dict[str, Any]) -> Connection:
         number if isinstance(number, int) else 0,
         str(document.get("peer", "")),
         vendor if isinstance(vendor, str) else None,
+        str(document.get("language", MASSROBOTICS)),
+        str(document.get("topic", "")),
     )
 
 
-def _raw(line: str, document: dict[str, Any]) -> bytes:
+def _raw(line: str, document: dict[str, Any], keys: re.Pattern[str] = _MESSAGE, name: str = "message") -> bytes:
     """The message's own bytes. Encoding it again could change its numbers and its repeated keys."""
     if "base64" in document:
         return base64.b64decode(document["base64"], validate=True)
     if "raw" in document:
         return str(document["raw"]).encode()
-    for key in _MESSAGE.finditer(line):
+    for key in keys.finditer(line):
         value, end = _DECODER.raw_decode(line, key.end())
-        if value == document["message"]:
+        if value == document[name]:
             return line[key.end() : end].encode()
-    return json.dumps(document["message"], ensure_ascii=False).encode()
+    return json.dumps(document[name], ensure_ascii=False).encode()
 
 
 def _time(text: str) -> float:

@@ -1,6 +1,7 @@
 """The append-only log: every message as received, and the ticks in order among them, as JSON lines.
 
     {"received": "...Z", "connection": 3, "peer": "...", "vendor": "Alder", "message": {...}}
+    {"received": "...Z", "connection": 4, "peer": "...", "language": "vda5050", "topic": "...", "message": {...}}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-json", "raw": "..."}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-utf8", "base64": "..."}
     {"received": "...Z", "connection": 3, "peer": "...", "overtaken": true, "base64": "..."}
@@ -11,9 +12,10 @@
 
 An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines, is
 quoted as `raw`, or as `base64` if it is not UTF-8. A message `overtaken` by a newer status of its robot was never
-read, so its content may be anything; a replay leaves it out as well. `vendor` is absent if the connection has none. A
-tick has an `effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), and a number
-`pending` of answers if advice was still being computed (`deconflict/advice/deferred_answers.py`).
+read, so its content may be anything; a replay leaves it out as well. `vendor` is absent if the connection has none,
+`language` and `topic` if the message came over a WebSocket. A tick has an `effort` if the engine had no time for
+everything (`deconflict/engine/load_shedding.py`), and a number `pending` of answers if advice was still being computed
+(`deconflict/advice/deferred_answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -27,6 +29,7 @@ import binascii
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
@@ -146,8 +149,12 @@ class Recorder:
 
 
 def _connection_keys(connection: Connection) -> bytes:
-    vendor = f',"vendor":{json.dumps(connection.vendor)}' if connection.vendor else ""
-    return f'"connection":{connection.id},"peer":{json.dumps(connection.peer)}{vendor}'.encode()
+    keys: dict[str, Any] = {"connection": connection.id, "peer": connection.peer}
+    if connection.vendor:
+        keys["vendor"] = connection.vendor
+    if connection.topic:
+        keys |= {"language": connection.language, "topic": connection.topic}
+    return json.dumps(keys, separators=(",", ":"))[1:-1].encode()
 
 
 def _quoted(raw: bytes) -> str:

@@ -42,6 +42,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_messages_per_second": gauge("Messages per second in the last minute, with any result.", "vendor"),
     "deconflict_deviations_total": counter("Deviations from the standard in accepted messages.", "vendor", "rule"),
     "deconflict_rejections_total": counter("Rejected messages, by the rule that rejects them.", "vendor", "rule"),
+    "deconflict_robots_by_language": gauge(
+        "Robots known, by the standard that their messages follow.", "vendor", "language"
+    ),
     "deconflict_robots": gauge(
         "Robots on the floors, by operational state; `silent` and `other` are none of the standard.",
         "vendor",

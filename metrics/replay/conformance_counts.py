@@ -5,8 +5,10 @@ from typing import Any
 
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
-from ingest.languages.massrobotics.conformance_rules import RULES
+from ingest.languages.front_ends import FRONT_ENDS
+from ingest.languages.rules import Rule
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Event, LogReader, Received
 
@@ -25,6 +27,9 @@ def feed(fleet: Fleet, event: Received) -> None:
 def findings(measures: Measures) -> list[Vendor]:
     """By vendor: messages accepted and rejected, and the count of each deviation and rejection, the largest first."""
     messages = measures.values.get("deconflict_messages_total", {})
+    languages: dict[str, list[str]] = {}
+    for vendor, language in sorted(measures.values.get("deconflict_robots_by_language", {})):
+        languages.setdefault(vendor, []).append(language)
     broken: dict[str, dict[str, int]] = {}
     for name in ("deconflict_rejections_total", "deconflict_deviations_total"):
         for (vendor, rule), count in measures.values.get(name, {}).items():
@@ -32,9 +37,14 @@ def findings(measures: Measures) -> list[Vendor]:
     return [
         {
             "vendor": vendor,
+            "languages": languages.get(vendor, []),
             "accepted": int(messages.get((vendor, "accepted"), 0)),
             "rejected": int(messages.get((vendor, "rejected"), 0)),
-            "findings": [_finding(rule, count) for rule, count in _most_first(broken.get(vendor, {})) if count],
+            "findings": [
+                _finding(rule, count, languages.get(vendor, []))
+                for rule, count in _most_first(broken.get(vendor, {}))
+                if count
+            ],
         }
         for vendor in sorted({vendor for vendor, _ in messages} | broken.keys())
         if any(messages.get((vendor, outcome)) for outcome in ("accepted", "rejected"))
@@ -45,11 +55,13 @@ def conform(reader: LogReader, events: Iterable[Event], site: Site) -> dict[str,
     """The deviations and rejections in the events that `reader` reads. No engine runs."""
     measures = Measures()
     fleet = fleet_of(site, measures)
-    messages = 0
+    messages, now_s = 0, 0.0
     for event in events:
         if isinstance(event, Received):
             messages += 1
             feed(fleet, event)
+            now_s = max(now_s, event.arrival_s)
+    fleet_report.measure(fleet, now_s)
     return {"messages": messages, **lines(reader), "conformance": findings(measures)}
 
 
@@ -64,10 +76,16 @@ def page(result: dict[str, Any]) -> str:
     return "\n".join([*_lines(result), ""])
 
 
-def _finding(rule: str, count: int) -> dict[str, Any]:
-    known = RULES.get(rule)
+def _finding(rule: str, count: int, languages: list[str]) -> dict[str, Any]:
+    known = _rule(rule, languages)
     meaning = (known.sentence, known.clause, known.rejects) if known else ("", "", False)
     return {"rule": rule, "count": count, **dict(zip(("meaning", "clause", "rejects"), meaning, strict=True))}
+
+
+def _rule(code: str, languages: list[str]) -> Rule | None:
+    """The rule of one of the languages that the vendor speaks; of any if nothing else is known."""
+    spoken = (FRONT_ENDS[language] for language in (*languages, *FRONT_ENDS))
+    return next((front_end.rules[code] for front_end in spoken if code in front_end.rules), None)
 
 
 def _most_first(counts: dict[str, int]) -> list[tuple[str, int]]:
@@ -78,7 +96,9 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
     yield f"{result['messages']} messages, {result['unreadable_lines']} unreadable lines"
     for vendor in result["conformance"]:
         yield ""
-        yield f"{vendor['vendor']}: {vendor['accepted']} accepted, {vendor['rejected']} rejected"
+        standards = ", ".join(FRONT_ENDS[language].standard for language in vendor["languages"])
+        speaks = f" ({standards})" if standards else ""
+        yield f"{vendor['vendor']}{speaks}: {vendor['accepted']} accepted, {vendor['rejected']} rejected"
         if not vendor["findings"]:
             yield "  no deviations from the standard"
         for finding in vendor["findings"]:

@@ -17,6 +17,7 @@ from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
+from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.massrobotics.conformance_rules import RULES
 from ingest.languages.massrobotics.message_document import message_document
 from ingest.languages.massrobotics.parser import read
@@ -25,8 +26,10 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Reading, Vendor
 from tests.fuzz.mutation import JSON, TOML, Format
+from tests.helpers import vda_vectors
 from tests.helpers.made_site import sound, toml
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, status
+from tests.helpers.vda_saying import line as vda_line
 from tests.helpers.vectors import VECTORS, T
 
 SITE = Site(
@@ -58,17 +61,32 @@ def message(raw: bytes) -> None:
 
 def floor(raw: bytes) -> None:
     """Messages of several senders, one per line, go all the way to advisories, with ticks between them."""
+    _floor(raw, lambda line: SPEAKERS[len(line) % len(SPEAKERS)], T)
+
+
+def vda5050(raw: bytes) -> None:
+    """The same for messages of brokers. Keys decide on which topic of two robots a line comes."""
+    _floor(raw, lambda line: vda_line(_kind(line), ("0001", "0002")[len(line) % 2]), vda_vectors.T)
+
+
+def _kind(raw: bytes) -> str:
+    marks = {b"physicalParameters": "factsheet", b'"nodes"': "order", b"connectionState": "connection"}
+    found = (kind for mark, kind in marks.items() if mark in raw)
+    return next(found, "state" if b"operatingMode" in raw else "visualization")
+
+
+def _floor(raw: bytes, speaker_of: Callable[[bytes], Connection], start_s: float) -> None:
     fleet = Fleet(VendorRegistry(SITE.vendors), FRAMES, SITE.reading, Measures(), Quarantine())
     engine = Engine(SITE)
     lines = raw.split(b"\n")[:12]
     for number, line in enumerate(lines):
-        speaker = SPEAKERS[len(line) % len(SPEAKERS)]
-        now_s = T + number * TICK_S
+        speaker = speaker_of(line)
+        now_s = start_s + number * TICK_S
         rule = fleet.receive(line, now_s, speaker)
-        assert rule is None or RULES[rule].rejects, rule
+        assert rule is None or FRONT_ENDS[speaker.language].rules[rule].rejects, rule
         if number % TICKS == 0:
             _step(engine, fleet.next_batch(now_s))
-    now_s = T + len(lines) * TICK_S
+    now_s = start_s + len(lines) * TICK_S
     json.dumps([fleet_report.robot_document(fleet, robot, now_s) for robot in fleet.robots.values()], allow_nan=False)
     for after_s in ENDS_S[len(raw) % len(ENDS_S)]:
         _step(engine, fleet.next_batch(now_s + after_s))
@@ -145,6 +163,7 @@ def _meeting() -> bytes:
 
 
 _MESSAGES = tuple(vector.raw for vector in VECTORS)
+_VDA = tuple(vector.raw for vector in vda_vectors.VECTORS if len(vector.raw) < 5000)
 _LINES: Format = (
     lambda raw: [json.loads(line) for line in raw.split(b"\n")],
     lambda documents: b"\n".join(json.dumps(document).encode() for document in documents),
@@ -152,5 +171,6 @@ _LINES: Format = (
 TARGETS = {
     "message": Target(message, JSON, _MESSAGES),
     "floor": Target(floor, _LINES, (_meeting(), *(b"\n".join(_MESSAGES[i::40]) for i in range(40)))),
+    "vda5050": Target(vda5050, _LINES, tuple(b"\n".join(_VDA[i::12]) for i in range(12))),
     "site": Target(site, TOML, (toml(sound()).encode(),)),
 }

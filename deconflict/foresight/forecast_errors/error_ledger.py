@@ -26,7 +26,7 @@ SHARES: Floats = np.array([0.5, 0.8, 0.9])
 HALF_LIFE_S = 3 * 86_400.0
 PRIOR_CASES = 4.0
 """Errors that the prior of a new kind counts as, at each horizon."""
-PRIOR_MPS = {Basis.STATIONARY: 0.02, Basis.PATH: 0.05, Basis.VELOCITY: 0.1, Basis.DESTINATION: 0.2}
+PRIOR_MPS = {Basis.STATIONARY: 0.02, Basis.PATH: 0.05, Basis.VELOCITY: 0.1, Basis.DESTINATION: 0.2, Basis.ORDER: 0.1}
 """Growth of the 80 % band of a new kind, metres a second."""
 PRIOR_SPREAD: Floats = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.3, 1.8])
 """Errors of the prior, as multiples of the 80 % band."""

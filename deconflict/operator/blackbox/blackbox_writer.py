@@ -29,6 +29,7 @@ from deconflict.operator.blackbox.published_advisories import PublishedAdvisorie
 from deconflict.operator.blackbox.start_state import FORMAT
 from deconflict.settings.site import Site
 from ingest.languages import timestamps
+from ingest.languages.front_ends import FRONT_ENDS
 from ingest.recording.log_reader import (
     UNREADABLE,
     EngineStarted,
@@ -104,7 +105,9 @@ def _messages_of(request: BlackBoxRequest, robots: set[str]) -> Iterator[Receive
     for _, event in _events(request):
         if isinstance(event, Received) and not event.refused:
             raw = event.raw.lower()
-            if event.connection.vendor in by_name or any(uuid in raw for uuid in known):
+            sender = FRONT_ENDS[event.connection.language].sender(event.connection.topic)
+            is_theirs = sender.uuid in robots if sender else any(uuid in raw for uuid in known)
+            if event.connection.vendor in by_name or is_theirs:
                 yield event
 
 
@@ -193,12 +196,15 @@ _UUID_DECODER = msgspec.json.Decoder(_MessageUuid)
 
 
 def _sender(event: Received) -> tuple[str | None, str, bool]:
-    """The vendor and the robot of a message, and whether it is a status."""
+    """The vendor of a message, its robot or its topic, and whether it is a status."""
+    connection = event.connection
+    if connection.topic:
+        return connection.vendor, connection.topic, True
     try:
         uuid = _UUID_DECODER.decode(event.raw).uuid
     except (msgspec.DecodeError, UnicodeDecodeError):
         uuid = ""
-    return event.connection.vendor, uuid, b'"operationalState"' in event.raw
+    return connection.vendor, uuid, FRONT_ENDS[connection.language].has_pose(event.raw, connection.topic)
 
 
 def _time(event: Event, default_s: float) -> float:

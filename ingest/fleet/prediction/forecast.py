@@ -67,11 +67,11 @@ def _plain(text: str) -> str:
 
 
 def _route(status: Status, here: Sighting, context: ForecastContext, findings: list[str]) -> tuple[Basis, Route]:
-    if not matches(status.error_codes, context.reading.blocking_errors):
+    if not (status.is_blocked or matches(status.error_codes, context.reading.blocking_errors)):
         if status.state == "navigating":
             return _navigating(status, here, context, findings)
         if status.state == "idle" and (route := _departure(status.path, here, context, findings)):
-            return Basis.PATH, route
+            return status.path_basis, route
         if status.state == "manualOverride" and here.linear_mps and not isnan(here.yaw_rad):
             return Basis.VELOCITY, _by_velocity(here, context.reading.horizon_s)
     return Basis.STATIONARY, _standing(here)
@@ -84,7 +84,7 @@ def _standing(here: Sighting) -> Route:
 def _navigating(status: Status, here: Sighting, context: ForecastContext, findings: list[str]) -> tuple[Basis, Route]:
     route = route_by_path(status.path, here, context, findings)
     if route:
-        return Basis.PATH, (_with_headings(route[0]), route[1])
+        return status.path_basis, (_with_headings(route[0]), route[1])
     moving = (
         here.linear_mps is not None
         and not isnan(here.yaw_rad)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ingest.batch import Basis, Floats
 from ingest.frames.frame_registry import Frame
+from ingest.languages.model import LoadBox
 from ingest.settings import Envelope, Model, Reading
 
 Knot = tuple[float, float, float, float]
@@ -81,8 +82,20 @@ class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Deviations of the path that it was made from."""
 
 
-def robot_body(model: Model, reported: Envelope, loaded: bool, max_speed_mps: float | None) -> RobotBody:
-    """The body with the envelope that the site states for the model and the load, else with the reported one."""
+def robot_body(model: Model, reported: RobotBody, loaded: bool, load: LoadBox | None) -> RobotBody:
+    """The body that the site states for the model and the load, else the reported one with the reported load."""
     if loaded and model.loaded_envelope_m:
-        return RobotBody(model.loaded_envelope_m, model.loaded_offset_m or model.offset_m, max_speed_mps)
-    return RobotBody(model.envelope_m or reported, model.offset_m, max_speed_mps)
+        offset_m = model.loaded_offset_m or model.offset_m
+        return RobotBody(model.loaded_envelope_m, offset_m, reported.max_speed_mps)
+    offset_m = model.offset_m if "offset_m" in model.model_fields_set else reported.offset_m
+    body = RobotBody(model.envelope_m or reported.envelope_m, offset_m, reported.max_speed_mps)
+    return with_load(body, load) if load else body
+
+
+def with_load(body: RobotBody, load: LoadBox) -> RobotBody:
+    """The body with the rectangle about its own envelope and the load. A height that is not known stays so."""
+    (length_m, width_m, height_m), (x_m, y_m) = body.envelope_m, body.offset_m
+    back_m, front_m = min(x_m - length_m / 2, load.back_m), max(x_m + length_m / 2, load.front_m)
+    right_m, left_m = min(y_m - width_m / 2, load.right_m), max(y_m + width_m / 2, load.left_m)
+    envelope_m = front_m - back_m, left_m - right_m, max(height_m, load.top_m) if height_m else 0.0
+    return RobotBody(envelope_m, ((front_m + back_m) / 2, (left_m + right_m) / 2), body.max_speed_mps)

@@ -1,12 +1,8 @@
 """The rules of the standard by code: rejections and deviations.
 
 A message that breaks a rejecting rule is rejected. A message that deviates from another rule is read as the sentence of
-the rule says, and the deviation is counted. Codes are label values of metrics: they do not change. `python -m
-ingest.languages.massrobotics.conformance_rules` writes the table of docs/conformance.md.
+the rule says, and the deviation is counted. Codes are label values of metrics: they do not change.
 """
-
-import sys
-from collections.abc import Iterator
 
 from ingest.languages.rules import Rule
 
@@ -142,36 +138,3 @@ CHAPTERS = {
     "Where to": _WHERE_TO,
 }
 RULES = {rule.code: rule for rules in CHAPTERS.values() for rule in rules}
-
-
-def page() -> str:
-    """The text of docs/conformance.md."""
-    return "\n".join([*_INTRODUCTION, *_tables(), ""])
-
-
-_INTRODUCTION = (
-    "# Deviations from the standard",
-    "",
-    "All rules by which messages are checked. A message that breaks a rule of the first table is rejected and kept",
-    "in the quarantine. In all other cases the message is read as the sentence says, and the deviation is counted by",
-    "vendor and rule in `deconflict_deviations_total`. *Clause* is the clause of the MassRobotics AMR Interoperability",
-    "Standard 1.0, or `schema` for its published JSON schema. Rules marked \\* need more than the message itself: the",
-    "robot's history, the site file or the socket.",
-    "",
-    "Not a deviation, and therefore no rule: whole seconds in a timestamp (its resolution is estimated), a height",
-    "`z` left out, an empty list, keys repeated within one object (the last one holds).",
-    "",
-    "Written by `python -m ingest.languages.massrobotics.conformance_rules`.",
-)
-
-
-def _tables() -> Iterator[str]:
-    for title, rules in CHAPTERS.items():
-        yield from ("", f"## {title}", "", "| rule | seen, and how it is read | clause |", "| --- | --- | --- |")
-        for rule in rules:
-            mark = "" if rule.alone else " \\*"
-            yield f"| `{rule.code}`{mark} | {rule.sentence} | {rule.clause} |"
-
-
-if __name__ == "__main__":
-    sys.stdout.write(page())

@@ -6,7 +6,7 @@ from typing import Any
 
 from ingest.languages.front_end import TopicSender
 from ingest.languages.massrobotics import parser
-from ingest.languages.massrobotics.conformance_rules import RULES
+from ingest.languages.massrobotics.conformance_rules import CHAPTERS, RULES
 from ingest.languages.massrobotics.message_document import message_document
 from ingest.languages.model import Message, Status
 from ingest.languages.rules import Rule
@@ -19,7 +19,12 @@ UUID = re.compile(rb'"uuid"\s*:\s*"([^"]{1,64})"', re.IGNORECASE)
 class MassRoboticsFrontEnd:
     """Robots have no memory here, and no topics."""
 
+    standard = "MassRobotics AMR Interoperability Standard 1.0"
+    chapters: Mapping[str, tuple[Rule, ...]] = CHAPTERS
     rules: Mapping[str, Rule] = RULES
+
+    def has_topic(self, topic: str) -> bool:  # noqa: ARG002 - it knows no brokers
+        return False
 
     def sender(self, topic: str) -> TopicSender | None:  # noqa: ARG002 - messages name their robots
         return None

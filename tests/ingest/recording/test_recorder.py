@@ -8,7 +8,8 @@ from random import Random
 import pytest
 
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Closed, EngineStarted, Event, Received, Tick
+from ingest.port.connection import Connection
+from ingest.recording.log_reader import Closed, EngineStarted, Event, Overtaken, Received, Tick
 from ingest.recording.log_rotation import KEPT_BYTES
 from ingest.recording.recorder import FLUSH_BYTES, Recorder, quantise
 from ingest.settings import RecorderSettings
@@ -41,6 +42,18 @@ def test_a_message_comes_back_to_the_byte(tmp_path: Path, raw: bytes, rejected: 
     assert event.raw == raw
     assert (event.arrival_s, event.connection.id, event.connection.vendor) == (NOW_S, 7, "Alder")
     assert event.refused == rejected
+    assert unreadable == 0
+
+
+@pytest.mark.parametrize("rejected", [None, "not-json"])
+def test_a_message_of_a_broker_comes_back_with_language_and_topic(tmp_path: Path, rejected: str | None) -> None:
+    writer, _ = recorder(tmp_path)
+    sender = Connection(9, "broker", vendor="KIT", language="vda5050", topic='uagv/v2/KIT/"1"/state')
+    writer.received(b"{}", NOW_S, sender, rejected)
+    writer.overtaken(b"{}", NOW_S, sender)
+    writer.close()
+    events, unreadable = read(tmp_path)
+    assert [event.connection for event in events if isinstance(event, Received | Overtaken)] == [sender] * 2
     assert unreadable == 0
 
 

@@ -10,7 +10,7 @@ from ingest.fleet.prediction.forecast import forecast, matches
 from ingest.fleet.prediction.forecast_model import Forecast, ForecastContext, RobotBody, Sighting, robot_body
 from ingest.frames.frame_registry import Frame, FrameRegistry
 from ingest.languages.massrobotics.parser import read
-from ingest.languages.model import Status
+from ingest.languages.model import LoadBox, Status
 from ingest.settings import Model, Reading
 from tests.helpers.saying import HALL, LOFT, points, status
 
@@ -185,9 +185,17 @@ def test_an_envelope_that_is_not_centred_leads_the_location() -> None:
 
 def test_the_body_follows_the_load_where_the_site_says_how() -> None:
     model = Model(envelope_m=(1.0, 1.0, 0.5), loaded_envelope_m=(1.4, 1.2, 1.8), loaded_offset_m=(0.2, 0.0))
-    assert robot_body(model, (9.0, 9.0, 9.0), False, 1.5) == RobotBody((1.0, 1.0, 0.5), (0.0, 0.0), 1.5)
-    assert robot_body(model, (9.0, 9.0, 9.0), True, 1.5) == RobotBody((1.4, 1.2, 1.8), (0.2, 0.0), 1.5)
-    assert robot_body(Model(), (9.0, 9.0, 9.0), True, None) == RobotBody((9.0, 9.0, 9.0))
+    reported = RobotBody((9.0, 9.0, 9.0), (0.5, 0.0), 1.5)
+    assert robot_body(model, reported, False, None) == RobotBody((1.0, 1.0, 0.5), (0.5, 0.0), 1.5)
+    assert robot_body(model, reported, True, None) == RobotBody((1.4, 1.2, 1.8), (0.2, 0.0), 1.5)
+    assert robot_body(Model(), reported, True, None) == reported
+    assert robot_body(Model(offset_m=(0.0, 0.0)), reported, False, None).offset_m == (0.0, 0.0)
+
+
+def test_a_load_that_a_robot_reports_extends_its_body() -> None:
+    longer = robot_body(Model(), RobotBody((1.0, 0.8, 0.5)), True, LoadBox(-1.5, 0.5, -0.6, 0.2, 1.8))
+    assert longer.envelope_m == pytest.approx((2.0, 1.0, 1.8))
+    assert longer.offset_m == pytest.approx((-0.5, -0.1))
 
 
 def test_error_words_match_whatever_their_spelling() -> None:

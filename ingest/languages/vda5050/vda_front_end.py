@@ -1,0 +1,170 @@
+"""VDA 5050 as one of the languages: messages of a broker, whose topics name the robot and the kind of message.
+
+The result of a message is an identity (a factsheet), a status (a state or a visualization with a newer pose), or an
+update (all others). A status rests on all of the robot's memory: a visualization has the pose, the newest state the
+remaining nodes, and the order where these are.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+from uuid import UUID, uuid5
+
+import msgspec
+
+from ingest.languages import timestamps
+from ingest.languages.front_end import TopicSender
+from ingest.languages.model import Message, Rejection, Status, Update
+from ingest.languages.rules import Findings, RejectedError, Rule
+from ingest.languages.vda5050 import factsheets, vda_messages
+from ingest.languages.vda5050.orders import MAX_POSITION_M, order_of, with_update
+from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
+from ingest.languages.vda5050.vda_messages import (
+    KINDS,
+    ConnectionMessage,
+    FactsheetMessage,
+    Header,
+    OrderMessage,
+    StateMessage,
+    VdaMotion,
+)
+from ingest.languages.vda5050.vda_reader import decoded, stamp_of
+from ingest.languages.vda5050.vda_rules import CHAPTERS, RULES
+from ingest.languages.vda5050.vda_status import status_of
+
+ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
+"""Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
+MAX_REASON = 300
+MAX_NAME = 100
+_TOPICS_CACHED = 65_536
+_WITH_POSE = frozenset(("state", "visualization"))
+
+
+class _Topic(NamedTuple):
+    """What the last parts of a topic say."""
+
+    sender: TopicSender
+    kind: str
+
+
+class VdaFrontEnd:
+    """The memory of a robot is a `VdaMemory`."""
+
+    standard = "VDA 5050, versions 2.0, 2.1 and 3.0"
+    chapters: Mapping[str, tuple[Rule, ...]] = CHAPTERS
+    rules: Mapping[str, Rule] = RULES
+
+    def has_topic(self, topic: str) -> bool:
+        parsed = _parsed_topic(topic)
+        return parsed is not None and parsed.kind in KINDS
+
+    def sender(self, topic: str) -> TopicSender | None:
+        parsed = _parsed_topic(topic)
+        return parsed.sender if parsed else None
+
+    def read(
+        self,
+        raw: bytes,
+        topic: str,
+        memory: VdaMemory | None,
+        names_as_uuid: str | None,  # noqa: ARG002 - named by topic
+    ) -> tuple[Message, Any]:
+        parsed, findings, before = _parsed_topic(topic), Findings(), memory or NOTHING
+        if parsed is None or parsed.kind not in KINDS:
+            reason = f"topic {topic[-60:]!r} is not MANUFACTURER/SERIAL/ and one of {', '.join(KINDS)}"
+            return Rejection("topic-unknown", reason), memory
+        uuid = parsed.sender.uuid
+        try:
+            return _read(raw, parsed, before, findings)
+        except RejectedError as rejected:
+            return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings)), memory
+
+    def status(self, raw: bytes, memory: VdaMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
+        return status_of("", memory, {}) if memory else None
+
+    def superseded(self, raw: bytes, topic: str) -> bytes | None:  # noqa: ARG002
+        parsed = _parsed_topic(topic)
+        return parsed.sender.uuid.encode() if parsed and parsed.kind in _WITH_POSE else None
+
+    def has_pose(self, raw: bytes, topic: str) -> bool:  # noqa: ARG002 - the topic says it
+        return topic.rpartition("/")[2] in _WITH_POSE
+
+    def document(self, raw: bytes) -> dict[str, Any]:
+        return vda_messages.document(raw)
+
+
+@lru_cache(_TOPICS_CACHED)
+def _parsed_topic(topic: str) -> _Topic | None:
+    """The last three parts: manufacturer, serial number and kind."""
+    parts = topic.split("/")
+    if len(parts) < 3 or not all(parts[-3:]):
+        return None
+    manufacturer, serial, kind = parts[-3:]
+    uuid = str(uuid5(ROBOTS, f"{manufacturer}/{serial}"))
+    return _Topic(TopicSender(uuid, manufacturer[:MAX_NAME], serial[:MAX_NAME]), kind)
+
+
+def _read(raw: bytes, topic: _Topic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
+    message = decoded(topic.kind, raw, findings)
+    _compare_names(message, topic.sender, findings)
+    stamp = None if isinstance(message, FactsheetMessage) and not message.timestamp else stamp_of(message, findings)
+    heard = Heard(message.header_id, stamp.t_s if stamp else 0.0)
+    last = None if _is_last_will(message) else memory.heard.get(topic.kind)
+    if last and stamp and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
+        findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
+        return Update(topic.sender.uuid, tuple(findings)), memory
+    memory = msgspec.structs.replace(memory, heard=memory.heard | {topic.kind: heard})
+    if isinstance(message, FactsheetMessage):
+        identity = factsheets.identity_of(*topic.sender, message, stamp, findings)
+        return identity, msgspec.structs.replace(memory, abilities=factsheets.abilities_of(message))
+    if isinstance(message, VdaMotion) and stamp:
+        return _read_motion(message, topic, stamp, memory, findings)
+    if isinstance(message, OrderMessage):
+        orders = with_update(memory.orders, order_of(message, findings), findings)
+        is_newer = orders is not memory.orders
+        memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_newer or memory.is_order_newer)
+    elif isinstance(message, ConnectionMessage):
+        memory = _with_connection(memory, message.connection_state or "", heard)
+    return Update(topic.sender.uuid, tuple(findings)), memory
+
+
+def _is_last_will(message: Header) -> bool:
+    """Whether the broker sent it. The robot stamped it when it connected."""
+    return isinstance(message, ConnectionMessage) and "BROKEN" in (message.connection_state or "")
+
+
+def _with_connection(memory: VdaMemory, connection: str, heard: Heard) -> VdaMemory:
+    """The memory after a connection message. A retained one may be older than what the robot said since."""
+    is_old = memory.pose is not None and heard.stamp_s < memory.pose.stamp.t_s
+    return memory if is_old else msgspec.structs.replace(memory, connection=connection)
+
+
+def _compare_names(message: Header, sender: TopicSender, findings: Findings) -> None:
+    """Topics may replace characters that brokers do not allow, so only letters and digits are compared."""
+    named = _plain(message.manufacturer), _plain(message.serial_number)
+    if any(named) and named != (_plain(sender.manufacturer), _plain(sender.serial)):
+        findings["robot-not-of-topic"] = None
+
+
+@lru_cache(_TOPICS_CACHED)
+def _plain(name: str | None) -> str:
+    return "".join(filter(str.isalnum, (name or "")[:MAX_NAME])).casefold()
+
+
+def _read_motion(
+    message: VdaMotion, topic: _Topic, stamp: timestamps.Stamp, memory: VdaMemory, findings: Findings
+) -> tuple[Message, VdaMemory]:
+    position, is_newest = message.position, memory.pose is None or stamp.t_s >= memory.pose.stamp.t_s
+    if isinstance(message, StateMessage):
+        memory = msgspec.structs.replace(memory, state=message, is_order_newer=False, connection="ONLINE")
+    if position is None:
+        findings["position-missing"] = None
+    elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):
+        raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
+    elif is_newest:
+        pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
+        memory = msgspec.structs.replace(memory, pose=pose)
+        status = status_of(topic.sender.uuid, memory, findings)
+        if status:
+            return status, memory
+    return Update(topic.sender.uuid, tuple(findings)), memory

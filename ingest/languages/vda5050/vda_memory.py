@@ -1,0 +1,58 @@
+"""What is kept of a robot between two of its messages."""
+
+import msgspec
+
+from ingest.languages.timestamps import Stamp
+from ingest.languages.vda5050.orders import Order
+from ingest.languages.vda5050.vda_messages import IntermediatePath, PlannedPath, Position, StateMessage, Velocity2d
+
+
+class VdaPose(msgspec.Struct, frozen=True, gc=False):
+    """The newest report of where a robot is, of a state or a visualization."""
+
+    stamp: Stamp
+    position: Position
+    velocity: Velocity2d | None
+    intermediate_path: IntermediatePath | None
+    planned_path: PlannedPath | None
+
+
+class Heard(msgspec.Struct, frozen=True, gc=False):
+    """The header of the newest message of one topic."""
+
+    header_id: int | None
+    stamp_s: float
+
+    def is_repeated_by(self, later: "Heard") -> bool:
+        return later.header_id == self.header_id and later.stamp_s == self.stamp_s
+
+    def is_newer_than(self, later: "Heard") -> bool:
+        """Whether a message that came later is older. A sender whose clock was set back still counts its messages."""
+        return later.stamp_s < self.stamp_s and (later.header_id or 0) <= (self.header_id or 0)
+
+
+class Abilities(msgspec.Struct, frozen=True, gc=False):
+    """What a robot's factsheet says of how it drives. None if it does not say it."""
+
+    max_speed_mps: float | None = None
+    max_turn_radps: float | None = None
+    is_omnidirectional: bool = False
+
+
+class VdaMemory(msgspec.Struct, frozen=True, gc=False):
+    """All that is kept of a robot."""
+
+    heard: dict[str, Heard] = {}
+    """By topic."""
+    state: StateMessage | None = None
+    pose: VdaPose | None = None
+    orders: tuple[Order, ...] = ()
+    """The last two, the newest last."""
+    is_order_newer: bool = False
+    """Whether the newest order came after the newest state, which therefore does not show it."""
+    abilities: Abilities = Abilities()
+    connection: str = ""
+    """The newest connection state."""
+
+
+NOTHING = VdaMemory()

@@ -1,0 +1,96 @@
+"""The rules of VDA 5050 by code: rejections and deviations. Rules that MassRobotics has too keep their codes."""
+
+from ingest.languages.rules import Rule
+
+
+def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
+    return Rule(code, sentence, clause, rejects=True, alone=alone)
+
+
+def _in_context(code: str, sentence: str, clause: str) -> Rule:
+    return Rule(code, sentence, clause, alone=False)
+
+
+_REJECTING = (
+    _rejecting("topic-unknown", "The topic ends in none of the names that are read.", "topics"),
+    _rejecting("not-utf8", "Not UTF-8; send JSON text in UTF-8.", "JSON"),
+    _rejecting("not-json", "Not JSON; send one JSON object a message.", "JSON"),
+    _rejecting("too-deep", "Nested too deep; no message of the standard is.", "JSON"),
+    _rejecting("not-object", "JSON, but no object.", "schema"),
+    _rejecting("type-wrong", "A required value can't be read as what belongs there.", "schema"),
+    _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send ISO 8601 in UTC.", "header"),
+    _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "header"),
+    _rejecting("position-absurd", "The position lies more than ten thousand kilometres out.", "state"),
+    _rejecting("envelope-not-positive", "The factsheet's length or width is not above zero.", "factsheet"),
+    _rejecting("envelope-absurd", "The robot is longer, wider or higher than 100 m.", "factsheet"),
+    _rejecting(
+        "uuid-of-another-vendor",
+        "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",
+        "topics",
+        alone=False,
+    ),
+    _rejecting("robots-too-many", "A new robot beyond those that the site allows a vendor.", "topics", alone=False),
+)
+_HEADER = (
+    Rule("key-absent", "A required key is missing or null; the message is read without it.", "schema"),
+    Rule("number-as-text", "A value has another type, but a clear meaning; read.", "schema"),
+    Rule("value-unreadable", "A value can't be read; its key is left out.", "schema"),
+    Rule("version-unknown", "The version is neither 2.x nor 3.x; read as these.", "header"),
+    Rule("robot-not-of-topic", "The header names another robot than the topic; the topic holds.", "header"),
+    Rule("stamp-no-offset", "A timestamp has no offset from UTC; read as UTC.", "header"),
+    Rule("stamp-offset-no-colon", "An offset from UTC lacks its colon or its minutes; read.", "header"),
+    Rule("stamp-not-utc", "A timestamp has an offset from UTC; converted.", "header"),
+    Rule("stamp-spelling", "A timestamp has a space, a comma or lower-case letters; read.", "header"),
+    Rule("stamp-epoch", "A timestamp is a number since 1970; its size gives the unit.", "header"),
+    _in_context("message-repeated", "The same message came again, as from a second broker; not used.", "header"),
+    _in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", "header"),
+    _in_context("stamp-not-increasing", "The pose is older than the newest one; it is not used.", "header"),
+    _in_context("stamp-stale", "The message took 2 s longer than the robot's quickest one.", "header"),
+    _in_context("clock-off", "The robot's clock is off; its times are corrected.", "header"),
+)
+_WHO = (
+    Rule("outline-unreadable", "An outline of the factsheet has no three corners; left out.", "factsheet"),
+    Rule("speed-limit-not-positive", "The greatest speed is not above zero; ignored.", "factsheet"),
+    _in_context("identity-missing", "No factsheet has come yet; the default envelope is used.", "factsheet"),
+    _in_context("identity-changed", "Type or size changed; the newest factsheet is used.", "factsheet"),
+)
+_STATE = (
+    Rule("operating-mode-unknown", "The standard does not have this operating mode; read as automatic.", "state"),
+    Rule("battery-out-of-range", "The battery is not within 0 to 100 %; clamped.", "state"),
+    Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "state"),
+    _in_context("status-too-rare", "More than 30 s since the last state.", "state"),
+    _in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", "state"),
+    _in_context("heading-contradicts-motion", "It moves in another direction than its heading.", "state"),
+    _in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", "state"),
+)
+_WHERE = (
+    Rule("position-missing", "A state without position; the robot stays where it was last seen.", "state"),
+    Rule("map-missing", "A position without mapId; it is compared with nothing.", "state"),
+    Rule("heading-missing", "A position without theta; the direction of travel is used.", "state"),
+    _in_context("datum-unknown", "The site file does not have this map; it is a floor of its own.", "state"),
+    _in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),
+)
+_WHERE_TO = (
+    Rule("order-too-long", "More than a thousand nodes and edges; the first thousand used.", "order"),
+    Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; the edge counts as straight.", "order"),
+    Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
+    Rule("order-unseen", "A state names an order that was not heard; only what the state says is used.", "order"),
+    _in_context("order-outdated", "An update of an order older than the one known; not used.", "order"),
+    _in_context("order-gap", "An update of an order does not continue its base; used from there on.", "order"),
+    Rule("point-unreadable", "The time of a waypoint can't be read; the waypoint is left out.", "state"),
+    Rule("point-absurd", "A waypoint lies beyond 10,000 km; left out.", "state"),
+    Rule("path-past", "The times of all waypoints are over; new times by speed.", "state"),
+    Rule("path-unordered", "Waypoints are not in the order of their times; new times by speed.", "state"),
+    _in_context("path-retimed", "The path was given new times by the robot's speed.", "state"),
+    _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "state"),
+)
+
+CHAPTERS = {
+    "What can't be understood": _REJECTING,
+    "Keys and headers": _HEADER,
+    "Who": _WHO,
+    "State": _STATE,
+    "Where": _WHERE,
+    "Where to": _WHERE_TO,
+}
+RULES = {rule.code: rule for rules in CHAPTERS.values() for rule in rules}

@@ -1,0 +1,206 @@
+"""The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
+
+from math import cos, hypot, nan, pi, remainder, sin
+from operator import lt
+
+from ingest.batch import Amounts, Basis
+from ingest.languages import timestamps
+from ingest.languages.model import NO_PATH, LoadBox, Path, Row, Status
+from ingest.languages.rules import Findings
+from ingest.languages.vda5050.base_path import NO_DRIVE, drive
+from ingest.languages.vda5050.orders import MAX_POSITION_M
+from ingest.languages.vda5050.trajectories import polyline
+from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
+from ingest.languages.vda5050.vda_messages import (
+    IntermediatePath,
+    Load,
+    PlannedPath,
+    Position,
+    StateMessage,
+    Velocity2d,
+)
+
+MAX_SPEED_MPS = 100.0
+MOVING_MPS = 0.02
+MOST_WAYPOINTS = 200
+LONGEST_LOAD_M = 100.0
+BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL"))
+BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
+NO_STATE = StateMessage()
+
+
+def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None:
+    """The status. None before the robot has sent a pose."""
+    pose, state = memory.pose, memory.state or NO_STATE
+    if pose is None:
+        return None
+    position, stamp = pose.position, pose.stamp
+    operational = _operational_state(memory, state, pose, findings)
+    linear_mps, turn_radps = _motion(pose.velocity, findings)
+    driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
+    path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
+    if path is NO_PATH:
+        path, basis = driven.path, Basis.ORDER
+    planned = _planned_end(pose.planned_path, stamp.t_s)
+    return Status(
+        uuid,
+        stamp.t_s,
+        stamp.resolution_s,
+        operational,
+        True,
+        position.x,
+        position.y,
+        0.0,
+        _yaw_rad(position, findings),
+        datum_of(position, findings),
+        linear_mps,
+        turn_radps,
+        _amounts(state, findings),
+        tuple(error.error_type for error in state.errors or () if error.error_type.strip()),
+        planned if driven.destinations is NO_PATH else driven.destinations,
+        path,
+        tuple(findings),
+        path_basis=basis,
+        is_blocked=_is_blocked(state),
+        is_lost=_is_lost(position),
+        deviation_m=max(position.deviation_range or 0.0, 0.0),
+        load=_load_box(state.loads or []),
+    )
+
+
+def datum_of(position: Position, findings: Findings) -> str:
+    if not position.map_id:
+        findings["map-missing"] = None
+    return (position.map_id or "").lower()
+
+
+def _yaw_rad(position: Position, findings: Findings) -> float:
+    if position.theta is None:
+        findings["heading-missing"] = None
+        return nan
+    return remainder(position.theta, 2 * pi)
+
+
+def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | None, float | None]:
+    """Speed along the heading, and turn rate. None if not sent."""
+    if velocity is None or velocity.vx is None:
+        return None, velocity.omega if velocity else None
+    if not abs(velocity.vx) <= MAX_SPEED_MPS:
+        findings["speed-absurd"] = None
+        return None, velocity.omega
+    return velocity.vx, velocity.omega
+
+
+def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> str:
+    """The state of the MassRobotics standard that comes nearest."""
+    if memory.connection in {"OFFLINE", "HIBERNATING"}:
+        return "offline"
+    velocity = pose.velocity
+    is_moving = bool(velocity and hypot(velocity.vx or 0.0, velocity.vy or 0.0) > MOVING_MPS)
+    if (by_mode := _by_mode(state.operating_mode, is_moving, findings)) is not None:
+        return by_mode
+    power = state.power_supply or state.battery_state
+    if state.driving or (state.driving is None and is_moving):
+        return "navigating"
+    if power and power.charging:
+        return "charging"
+    return _standing_state(state)
+
+
+def _by_mode(mode: str | None, is_moving: bool, findings: Findings) -> str | None:
+    """The state in a mode in which the fleet manager is not in control. None in the others."""
+    match mode:
+        case None | "AUTOMATIC" | "SEMIAUTOMATIC":
+            return None
+        case "MANUAL" | "INTERVENED":
+            return "manualOverride"
+        case "SERVICE" | "TEACHIN" | "TEACH_IN" | "STARTUP":
+            return "manualOverride" if is_moving else "disabled"
+    findings["operating-mode-unknown"] = None
+    return None
+
+
+def _standing_state(state: StateMessage) -> str:
+    """Why a robot that does not drive stands."""
+    requests = (*(state.zone_requests or ()), *(state.edge_requests or ()))
+    if state.paused or any(request.request_status == "REQUESTED" for request in requests):
+        return "waitingExternalEvent"
+    if any(action.action_status in BUSY for action in state.action_states or ()):
+        return "waitingInternalEvent"
+    if any(node.released for node in state.node_states or () if node.sequence_id != state.last_node_sequence_id):
+        return "navigating"
+    return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
+
+
+def _is_blocked(state: StateMessage) -> bool:
+    safety = state.safety_state
+    is_stopped = safety and (
+        (safety.active_emergency_stop or safety.e_stop or "NONE") != "NONE" or bool(safety.field_violation)
+    )
+    return bool(is_stopped) or any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
+
+
+def _is_lost(position: Position) -> bool:
+    return (position.localized if position.localized is not None else position.position_initialized) is False
+
+
+def _amounts(state: StateMessage, findings: Findings) -> Amounts:
+    power = state.power_supply or state.battery_state
+    charge = (power.state_of_charge if power.state_of_charge is not None else power.battery_charge) if power else None
+    if charge is not None and not 0.0 <= charge <= 100.0:
+        findings["battery-out-of-range"] = None
+        charge = min(max(charge, 0.0), 100.0)
+    load_pct = nan if state.loads is None else 100.0 if state.loads else 0.0
+    return Amounts(nan if charge is None else charge, nan, load_pct)
+
+
+def _load_box(loads: list[Load]) -> LoadBox | None:
+    """The box about all loads, in the robot's frame. None if no load has a box."""
+    corners: list[tuple[float, float]] = []
+    top_m = 0.0
+    for load in loads:
+        size, at = load.load_dimensions, load.bounding_box_reference
+        if size is None or at is None or not (0 < size.length <= LONGEST_LOAD_M and 0 < size.width <= LONGEST_LOAD_M):
+            continue
+        if not (abs(at.x) <= LONGEST_LOAD_M and abs(at.y) <= LONGEST_LOAD_M):
+            continue
+        c, s = cos(at.theta or 0.0), sin(at.theta or 0.0)
+        for along, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            half_m = along * size.length / 2, across * size.width / 2
+            corners.append((at.x + c * half_m[0] - s * half_m[1], at.y + s * half_m[0] + c * half_m[1]))
+        top_m = max(top_m, at.z + (size.height or 0.0))
+    if not corners:
+        return None
+    xs, ys = zip(*corners, strict=True)
+    return LoadBox(min(xs), max(xs), min(ys), max(ys), min(top_m, LONGEST_LOAD_M))
+
+
+def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findings) -> Path:
+    """The path that a robot has planned itself, with its own times."""
+    rows: list[Row] = []
+    for point in sent.polyline[:MOST_WAYPOINTS] if sent else ():
+        stamp = timestamps.parse(point.eta)
+        if stamp is None or not timestamps.plausible(stamp.t_s):
+            findings["point-unreadable"] = None
+        elif abs(point.x) > MAX_POSITION_M or abs(point.y) > MAX_POSITION_M:
+            findings["point-absurd"] = None
+        else:
+            yaw_rad = nan if point.theta is None else remainder(point.theta, 2 * pi)
+            rows.append((stamp.t_s, point.x, point.y, yaw_rad))
+    if not rows:
+        return NO_PATH
+    times = [row[0] for row in rows]
+    if max(times) <= stamp_s:
+        findings["path-past"] = None
+    in_order = all(map(lt, times, times[1:]))
+    if not in_order:
+        findings["path-unordered"] = None
+    return Path(tuple(rows), ("",) * len(rows), in_order, (times[0], times[-1]))
+
+
+def _planned_end(sent: PlannedPath | None, stamp_s: float) -> Path:
+    """The end of a planned path as a destination. Nobody says when the robot will be there."""
+    curve = polyline(sent.trajectory) if sent and sent.trajectory else None
+    if not curve:
+        return NO_PATH
+    return Path(((stamp_s, *curve[-1], nan),), ("",), in_order=True, ends_s=(stamp_s, stamp_s))

@@ -1,0 +1,156 @@
+"""Robots of VDA 5050 in the fleet, beside others."""
+
+import json
+from typing import Any
+
+import pytest
+
+from ingest.batch import Basis
+from ingest.fleet import fleet_report
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.robot import Robot
+from ingest.settings import Datum, Vendor
+from tests.helpers.saying import HALL, status
+from tests.helpers.vda_saying import MAKER, MAP, factsheet, line, node, order, state, under_way, vda, visualization
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, fleet
+
+NODES = [node(0, 0.0), node(1, 10.0), node(2, 10.0, 8.0)]
+
+
+def floor_of(*vendors: Vendor) -> Fleet:
+    return fleet(*vendors, datums=(Datum(id=MAP, name="Hall"), Datum(id=HALL, name="Other hall")))
+
+
+def tell(of: Fleet, kind: str, raw: bytes, t_s: float, serial: str = "0001") -> str | None:
+    return of.receive(raw, t_s, line(kind, serial))
+
+
+def on_its_way(of: Fleet) -> Robot:
+    """A robot with an order, one metre behind its first node."""
+    tell(of, "order", order(NOW_S, NODES), NOW_S)
+    tell(of, "state", under_way(NOW_S + 1, 1.0, 0.0, NODES[1:]), NOW_S + 1)
+    (robot,) = of.robots.values()
+    return robot
+
+
+def test_a_robot_has_the_name_of_its_topic_and_a_forecast_by_its_order() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    assert (robot.vendor, robot.name, robot.language) == (MAKER, "KIT 0001", "vda5050")
+    assert robot.forecast is not None
+    assert robot.forecast.basis is Basis.ORDER
+    assert robot.forecast.knots[1][:3] == pytest.approx((NOW_S + 10, 10.0, 0.0))
+    batch = of.next_batch(NOW_S + 2)
+    assert (batch.names, batch.basis.tolist()) == (("KIT 0001",), [Basis.ORDER])
+
+
+def test_the_vendor_of_a_manufacturer_in_the_site_file_is_the_robots_vendor() -> None:
+    of = floor_of(Vendor(name="Alder", manufacturers=("kit",)))
+    assert on_its_way(of).vendor == "Alder"
+
+
+def test_a_factsheet_that_comes_late_gives_size_and_speed() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    assert counted(of, "deviations_total")[MAKER, "identity-missing"] == 1
+    tell(of, "factsheet", factsheet(NOW_S + 2), NOW_S + 2)
+    assert robot.forecast is not None
+    assert (robot.forecast.length_m, robot.forecast.width_m) == (1.2, 0.8)
+    assert (robot.model, robot.name) == ("Carrier", "KIT 0001")
+
+
+def test_an_order_changes_the_forecast_without_a_new_pose() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    of.next_batch(NOW_S + 2)
+    tell(of, "order", order(NOW_S + 3, [NODES[2], node(3, 30.0, 8.0)], orderUpdateId=1), NOW_S + 3)
+    assert robot.forecast is not None
+    assert robot.forecast.knots[-1][1:3] == (30.0, 8.0)
+    assert len(of.next_batch(NOW_S + 4)) == 1
+
+
+def test_a_message_that_comes_from_a_second_broker_changes_nothing() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    of.next_batch(NOW_S + 2)
+    again = under_way(NOW_S + 1, 1.0, 0.0, NODES[1:])
+    assert of.receive(again, NOW_S + 3, line("state", number=2)) is None
+    assert len(of.next_batch(NOW_S + 4)) == 0
+    assert robot.deviations["message-repeated"] == 1
+
+
+def test_rules_of_other_languages_are_not_counted() -> None:
+    """MassRobotics allows one status a second, VDA 5050 any number."""
+    of = floor_of()
+    on_its_way(of)
+    for step in range(1, 5):
+        t_s = NOW_S + 1 + step / 10
+        tell(of, "visualization", visualization(t_s, 1.0 + step / 10, 0.0), t_s)
+    assert not [rule for _, rule in counted(of, "deviations_total") if rule == "status-too-frequent"]
+
+
+def test_a_load_widens_the_envelope_while_it_is_carried() -> None:
+    of = floor_of()
+    tell(of, "factsheet", factsheet(NOW_S), NOW_S)
+    box = {"boundingBoxReference": {"x": 0.0, "y": 0.0, "z": 0.2}, "loadDimensions": {"length": 2.0, "width": 1.4}}
+    loads: list[tuple[list[Any], float]] = [([], 1.2), ([box], 2.0), ([], 1.2)]
+    for step, (carried, length_m) in enumerate(loads):
+        tell(of, "state", state(NOW_S + step, loads=carried), NOW_S + step)
+        (robot,) = of.robots.values()
+        assert robot.forecast is not None
+        assert robot.forecast.length_m == length_m
+
+
+@pytest.mark.parametrize(
+    ("keys", "doubt_m"),
+    [({"positionInitialized": False}, 1.0), ({"deviationRange": 0.4}, 0.4), ({"deviationRange": 40.0}, 1.0)],
+)
+def test_how_far_a_position_may_be_off(keys: dict[str, Any], doubt_m: float) -> None:
+    of = floor_of()
+    place = {"x": 0.0, "y": 0.0, "theta": 0.0, "mapId": MAP, "positionInitialized": True}
+    tell(of, "state", state(NOW_S, agvPosition=place | keys), NOW_S)
+    (robot,) = of.robots.values()
+    assert robot.doubt_m == doubt_m
+
+
+def test_a_robot_in_an_emergency_stop_stands_whatever_its_order() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    stopped = under_way(NOW_S + 2, 2.0, 0.0, NODES[1:], safetyState={"eStop": "MANUAL", "fieldViolation": False})
+    tell(of, "state", stopped, NOW_S + 2)
+    assert robot.forecast is not None
+    assert robot.forecast.basis is Basis.STATIONARY
+
+
+def test_documents_name_the_language_and_show_what_was_sent() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    tell(of, "factsheet", factsheet(NOW_S + 2), NOW_S + 2)
+    of.receive(status("A-1", NOW_S), NOW_S, LINE)
+    document = fleet_report.robot_document(of, robot, NOW_S + 2)
+    json.dumps(document, allow_nan=False)
+    assert (document["language"], document["forecast"]["basis"]) == ("vda5050", "order")
+    assert document["status"]["lastNodeId"] == "n0"
+    assert document["identity"]["typeSpecification"]["seriesName"] == "Carrier"
+    fleet_report.measure(of, NOW_S + 2)
+    assert counted(of, "robots_by_language") == {(MAKER, "vda5050"): 1, ("unknown", "massrobotics"): 1}
+
+
+def test_other_settings_forecast_the_robot_again() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    of.reconfigure(
+        of.vendors, of._placement._frames, of.reading.model_copy(update={"horizon_s": 2.0, "quiet_after_s": 0.1})
+    )
+    assert robot.forecast is not None
+    assert len(robot.forecast.knots) == 2
+
+
+def test_an_unreadable_topic_and_a_broken_message_are_rejected_and_leave_the_robot_alone() -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    memory = robot.memory
+    assert tell(of, "instantActions", vda(NOW_S + 2), NOW_S + 2) == "topic-unknown"
+    assert tell(of, "state", b"{", NOW_S + 2) == "not-json"
+    assert counted(of, "rejections_total")[MAKER, "not-json"] == 1
+    assert robot.memory is memory

@@ -1,0 +1,172 @@
+"""The path along the released base of an order."""
+
+from itertools import pairwise
+from math import hypot, pi, sqrt
+from typing import Any
+
+import pytest
+
+from ingest.batch import Basis
+from ingest.languages.model import NO_PATH, Path
+from tests.helpers.vda_saying import edge, factsheet, node, order, state, under_way, visualization
+from tests.ingest.languages.vda5050.made_vda import Listener, T
+
+LINE = [node(0, 0.0), node(1, 4.0), node(2, 10.0)]
+ORDERED = ("order", order(T, LINE))
+
+
+def points(path: Path) -> list[tuple[float, ...]]:
+    """Seconds from `T`, x and y."""
+    return [(round(t_s - T, 3), round(x, 3), round(y, 3)) for t_s, x, y, _ in path.poses]
+
+
+def on_line(*messages: tuple[str, bytes], **keys: Any) -> Path:
+    """The path of a robot at (1, 0) on the way along `LINE`, after an order and further messages."""
+    return (Listener().status_after(ORDERED, ("state", under_way(T, 1.0, 0.0, LINE[1:], **keys)), *messages)).path
+
+
+def test_without_limits_it_drives_at_the_assumed_speed() -> None:
+    assert points(on_line()) == [(3.0, 4.0, 0.0), (9.0, 10.0, 0.0)]
+
+
+def test_without_limits_a_quicker_robot_keeps_its_speed() -> None:
+    assert points(on_line(velocity={"vx": 1.5})) == [(2.0, 4.0, 0.0), (6.0, 10.0, 0.0)]
+
+
+def test_the_speed_is_the_least_of_edge_and_robot() -> None:
+    edges = [edge(0, maxSpeed=2.0), edge(1, maxSpeed=0.5)]
+    status = Listener().status_after(
+        ("factsheet", factsheet(T)), ("order", order(T, LINE, edges)), ("state", under_way(T, 1.0, 0.0, LINE[1:]))
+    )
+    assert points(status.path) == [(3.0, 4.0, 0.0), (15.0, 10.0, 0.0)]
+    assert status.path_basis is Basis.ORDER
+
+
+def test_version_3_calls_the_speed_otherwise() -> None:
+    edges = [edge(0, maximumSpeed=2.0), edge(1, maximumSpeed=3.0)]
+    status = Listener().status_after(("order", order(T, LINE, edges)), ("state", under_way(T, 0.0, 0.0, LINE[1:])))
+    assert points(status.path) == [(2.0, 4.0, 0.0), (4.0, 10.0, 0.0)]
+
+
+def test_a_factsheet_after_the_state_counts_at_once() -> None:
+    parameters = {"length": 1.0, "width": 1.0, "speedMax": 3.0}
+    assert points(on_line(("factsheet", factsheet(T + 1, physicalParameters=parameters))))[0] == (1.0, 4.0, 0.0)
+
+
+def test_it_turns_on_the_spot_at_a_corner() -> None:
+    nodes = [node(0, 0.0), node(1, 2.0), node(2, 2.0, 3.0)]
+    status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
+    corner_s = 2.0 + pi / 2
+    assert points(status.path) == [(2.0, 2.0, 0.0), (round(corner_s, 3), 2.0, 0.0), (round(corner_s + 3, 3), 2.0, 3.0)]
+    assert [round(row[3], 3) for row in status.path.poses] == [0.0, round(pi / 2, 3), round(pi / 2, 3)]
+
+
+def test_a_robot_under_way_does_not_turn_on_the_spot_first() -> None:
+    standing = Listener().status_after(ORDERED, ("state", under_way(T, 0.0, 0.0, LINE[1:], theta=pi / 2)))
+    driving = Listener().status_after(
+        ORDERED, ("state", under_way(T, 0.0, 0.0, LINE[1:], velocity={"vx": 1.0}, theta=pi / 2))
+    )
+    assert len(standing.path.poses) == len(driving.path.poses) + 1
+
+
+def test_a_curve_is_followed_from_where_the_robot_is() -> None:
+    quarter = {
+        "degree": 2,
+        "knotVector": [0.0, 0.0, 0.0, 1.0, 1.0, 1.0],
+        "controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 4.0, "y": 0.0, "weight": sqrt(0.5)}, {"x": 4.0, "y": 4.0}],
+    }
+    nodes = [node(0, 0.0), node(1, 4.0, 4.0)]
+    middle = 4.0 * sqrt(0.5)
+    status = Listener().status_after(
+        ("order", order(T, nodes, [edge(0, trajectory=quarter)])),
+        ("state", under_way(T, middle, 4.0 - middle, nodes[1:], velocity={"vx": 1.0})),
+    )
+    assert all(hypot(x, y - 4.0) == pytest.approx(4.0, abs=0.002) for _, x, y in points(status.path))
+    assert status.path.ends_s[1] - T == pytest.approx(pi, abs=0.02), "half of the quarter, 3.14 m"
+    assert all(later[0] > earlier[0] for earlier, later in pairwise(status.path.poses))
+
+
+def test_it_stops_at_a_node_with_an_action_during_which_it_does_not_drive() -> None:
+    nodes = [node(0, 0.0), node(1, 4.0, actions=[{"actionId": "a", "blockingType": "HARD"}]), node(2, 10.0)]
+    ordered = ("order", order(T, nodes))
+    stopping = Listener().status_after(ordered, ("state", under_way(T, 0.0, 0.0, nodes[1:])))
+    assert points(stopping.path) == [(4.0, 4.0, 0.0)]
+    assert points(stopping.destinations) == [(10.001, 10.0, 0.0)]
+    done = [{"actionId": "a", "actionStatus": "FINISHED"}]
+    going_on = Listener().status_after(ordered, ("state", under_way(T, 0.0, 0.0, nodes[1:], actionStates=done)))
+    assert points(going_on.path)[-1] == (10.0, 10.0, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["NONE", "SINGLE"])
+def test_it_drives_through_a_node_with_another_action(kind: str) -> None:
+    nodes = [node(0, 0.0), node(1, 4.0, actions=[{"actionId": "a", "blockingType": kind}]), node(2, 10.0)]
+    status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
+    assert points(status.path)[-1] == (10.0, 10.0, 0.0)
+
+
+def test_the_horizon_is_a_destination_only() -> None:
+    nodes = [*LINE, node(3, 10.0, 5.0, released=False), node(4, 10.0, 9.0, released=False)]
+    status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 1.0, 0.0, nodes[1:])))
+    assert points(status.path) == [(3.0, 4.0, 0.0), (9.0, 10.0, 0.0)]
+    assert [point[1:] for point in points(status.destinations)] == [(10.0, 0.0), (10.0, 9.0)]
+
+
+def test_a_state_that_names_an_order_nobody_saw_is_read_by_its_own_places() -> None:
+    named = Listener().hears("state", under_way(T, 1.0, 0.0, LINE[1:]))
+    assert named.findings.count("order-unseen") == 1
+    places = [{**each, "nodePosition": {"x": x, "y": 0.0}} for each, x in zip(LINE[1:], (4.0, 10.0), strict=True)]
+    status = Listener().status_after(("state", under_way(T, 1.0, 0.0, LINE[1:], nodeStates=places)))
+    assert points(status.path) == [(3.0, 4.0, 0.0), (9.0, 10.0, 0.0)]
+
+
+def test_a_node_without_a_place_ends_the_path() -> None:
+    nodes = [node(0, 0.0), node(1, 4.0), node(2, None), node(3, 9.0)]
+    status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
+    assert points(status.path) == [(4.0, 4.0, 0.0)]
+    assert "node-without-place" in status.findings
+
+
+def test_an_update_of_the_order_counts_before_a_state_shows_it() -> None:
+    longer = order(T + 1, [node(2, 10.0), node(3, 10.0, 3.0)], [edge(2)], orderUpdateId=1)
+    assert points(on_line(("order", longer)))[-1][1:] == (10.0, 3.0)
+
+
+def test_a_newer_state_is_believed_over_an_update_that_it_does_not_show() -> None:
+    longer = order(T + 1, [node(2, 10.0), node(3, 10.0, 3.0)], [edge(2)], orderUpdateId=1)
+    assert points(on_line(("order", longer), ("state", under_way(T + 2, 2.0, 0.0, LINE[1:]))))[-1][1:] == (10.0, 0.0)
+
+
+def test_after_a_cancelled_order_there_is_no_path() -> None:
+    status = Listener().status_after(
+        ORDERED,
+        ("state", under_way(T, 1.0, 0.0, LINE[1:])),
+        ("state", state(T + 1, 1.0, 0.0, orderId="o1", nodeStates=[])),
+    )
+    assert (status.state, status.path) == ("idle", NO_PATH)
+
+
+def test_a_new_order_counts_once_a_state_names_it() -> None:
+    other = order(T + 1, [node(0, 1.0), node(1, 1.0, 7.0)], orderId="o2")
+    assert points(on_line(("order", other)))[-1][1:] == (10.0, 0.0)
+    after = under_way(T + 2, 1.0, 0.0, [node(1, 1.0, 7.0)], orderId="o2")
+    assert points(on_line(("order", other), ("state", after)))[-1][1:] == (1.0, 7.0)
+
+
+def test_a_visualization_moves_the_start_of_the_path() -> None:
+    assert points(on_line(("visualization", visualization(T + 1, 2.0, 0.0)))) == [(3.0, 4.0, 0.0), (9.0, 10.0, 0.0)]
+
+
+def test_a_backward_edge_has_the_heading_of_its_orientation() -> None:
+    edges = [edge(0, orientation=pi), edge(1, orientation=pi)]
+    keys = {"theta": pi, "velocity": {"vx": -1.0}}
+    status = Listener().status_after(
+        ("order", order(T, LINE, edges)), ("state", under_way(T, 0.0, 0.0, LINE[1:], **keys))
+    )
+    assert [abs(row[3]) for row in status.path.poses] == [pytest.approx(pi)] * 2
+
+
+def test_a_node_on_another_map_is_on_that_map() -> None:
+    upstairs = {"x": 5.0, "y": 0.0, "mapId": "Loft"}
+    nodes = [node(0, 0.0), node(1, 4.0), {**node(2, 5.0), "nodePosition": upstairs}]
+    status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
+    assert status.path.datums == ("hall", "loft")

@@ -1,0 +1,82 @@
+from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
+from ingest.languages.model import Rejection, Status, Update
+from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
+from tests.helpers.vda_saying import position, state, topic, vda, visualization
+from tests.ingest.languages.vda5050.made_vda import Listener, T
+
+
+def test_the_same_manufacturer_and_serial_number_are_the_same_robot_whatever_the_prefix() -> None:
+    front_end = VdaFrontEnd()
+    robot = front_end.sender("uagv/v2/KIT/0001/state")
+    assert robot == front_end.sender("vda5050/v3/KIT/0001/order")
+    assert robot != front_end.sender("uagv/v2/KIT/0002/state")
+    assert robot is not None
+    assert (robot.manufacturer, robot.serial) == ("KIT", "0001")
+
+
+def test_a_topic_has_the_language_of_its_form() -> None:
+    assert language_of_topic(topic("state")) == "vda5050"
+    assert language_of_topic("KIT/0001/zoneSet") == "vda5050"
+    for other in ("", "state", "KIT/state", "a/b/temperature", "uagv/v2//0001/state"):
+        assert language_of_topic(other) is None
+        assert all(each.sender(other) is None for each in FRONT_ENDS.values()) or other.endswith("temperature")
+
+
+def test_a_message_that_comes_again_changes_nothing() -> None:
+    listener = Listener()
+    listener.hears("state", state(T))
+    before = listener.memory
+    again = listener.hears("state", state(T))
+    assert isinstance(again, Update)
+    assert again.findings == ("message-repeated",)
+    assert listener.memory is before
+
+
+def test_an_older_message_that_comes_later_changes_nothing() -> None:
+    listener = Listener()
+    listener.hears("state", state(T + 1, 5.0))
+    late = listener.hears("state", state(T, 4.0))
+    assert late.findings == ("message-reordered",)
+    assert listener.status_after(("state", state(T + 2, 6.0))).x == 6.0
+
+
+def test_a_robot_whose_clock_was_set_back_is_heard() -> None:
+    listener = Listener()
+    listener.hears("state", state(T, 1.0, headerId=7))
+    assert isinstance(listener.hears("visualization", visualization(T - 3600, 2.0, 0.0)), Update)
+    assert not listener.hears("state", state(T - 3600, 3.0, headerId=8)).findings
+
+
+def test_a_state_older_than_a_visualization_has_no_newer_pose_but_all_else() -> None:
+    listener = Listener()
+    listener.hears("visualization", visualization(T + 1, 5.0, 0.0))
+    assert isinstance(listener.hears("state", state(T, 4.0, paused=True)), Update)
+    status = listener.front_end.status(b"", listener.memory, None)
+    assert status is not None
+    assert (status.x, status.state) == (5.0, "waitingExternalEvent")
+
+
+def test_a_rejected_message_is_not_remembered() -> None:
+    listener = Listener()
+    listener.hears("state", state(T))
+    before = listener.memory
+    assert isinstance(listener.hears("state", state(T + 1, 2e7)), Rejection)
+    assert listener.memory is before
+
+
+def test_poses_are_superseded_and_worth_nothing_when_they_are_old_and_all_else_is_needed() -> None:
+    front_end = VdaFrontEnd()
+    for kind in ("state", "visualization"):
+        assert front_end.superseded(b"", topic(kind))
+        assert front_end.has_pose(b"", topic(kind))
+    for kind in ("order", "factsheet", "connection"):
+        assert front_end.superseded(b"", topic(kind)) is None
+        assert not front_end.has_pose(b"", topic(kind))
+
+
+def test_kinds_without_a_meaning_here_are_accepted() -> None:
+    listener = Listener()
+    listener.hears("state", state(T))
+    for kind in ("zoneSet", "responses"):
+        assert isinstance(listener.hears(kind, vda(T)), Update)
+    assert isinstance(listener.hears("state", state(T + 1, agvPosition=position(2.0))), Status)

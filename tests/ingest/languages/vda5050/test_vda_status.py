@@ -1,0 +1,121 @@
+"""What a robot does, and where it is, by its newest state."""
+
+from math import isnan, pi
+from typing import Any
+
+import pytest
+
+from ingest.batch import Basis
+from ingest.languages.model import LoadBox, Status
+from ingest.languages.timestamps import write
+from tests.helpers.vda_saying import node, node_states, position, state, state_3, vda
+from tests.ingest.languages.vda5050.made_vda import Listener, T
+
+RUNNING = [{"actionId": "a", "actionStatus": "RUNNING"}]
+AHEAD = node_states([node(1, 4.0)])
+
+
+def status(**keys: Any) -> Status:
+    return Listener().status_after(("state", state(T, **keys)))
+
+
+def status_3(**keys: Any) -> Status:
+    return Listener().status_after(("state", state_3(T, **keys)))
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({}, "idle"),
+        ({"driving": True}, "navigating"),
+        ({"driving": None, "velocity": {"vx": 0.5}}, "navigating"),
+        ({"driving": None, "velocity": {}}, "idle"),
+        ({"nodeStates": AHEAD}, "navigating"),
+        ({"nodeStates": AHEAD, "paused": True}, "waitingExternalEvent"),
+        ({"nodeStates": AHEAD, "actionStates": RUNNING}, "waitingInternalEvent"),
+        ({"nodeStates": AHEAD, "driving": True, "actionStates": RUNNING}, "navigating"),
+        ({"nodeStates": node_states([node(1, 4.0, released=False)])}, "waitingExternalEvent"),
+        ({"newBaseRequest": True}, "waitingExternalEvent"),
+        ({"newBaseRequest": True, "driving": True}, "navigating"),
+        ({"zoneRequests": [{"requestStatus": "REQUESTED"}]}, "waitingExternalEvent"),
+        ({"edgeRequests": [{"requestStatus": "GRANTED"}]}, "idle"),
+        ({"batteryState": {"batteryCharge": 9.0, "charging": True}}, "charging"),
+        ({"batteryState": {"batteryCharge": 9.0, "charging": True}, "driving": True}, "navigating"),
+        ({"operatingMode": "MANUAL"}, "manualOverride"),
+        ({"operatingMode": "SERVICE"}, "disabled"),
+        ({"operatingMode": "TEACHIN", "velocity": {"vx": 0.3}}, "manualOverride"),
+        ({"operatingMode": "SEMIAUTOMATIC", "driving": True}, "navigating"),
+    ],
+)
+def test_the_state_is_the_nearest_of_the_states_that_all_languages_share(keys: dict[str, Any], expected: str) -> None:
+    assert status(**keys).state == expected
+
+
+@pytest.mark.parametrize(
+    ("connection", "expected"),
+    [("ONLINE", "idle"), ("OFFLINE", "offline"), ("HIBERNATING", "offline"), ("CONNECTIONBROKEN", "idle")],
+)
+def test_a_robot_that_signs_off_is_offline_and_one_that_is_cut_off_keeps_its_state(
+    connection: str, expected: str
+) -> None:
+    goodbye = ("connection", vda(T + 1, connectionState=connection))
+    assert Listener().status_after(("state", state(T)), goodbye).state == expected
+    assert Listener().status_after(("state", state(T)), goodbye, ("state", state(T + 2))).state == "idle"
+
+
+def test_a_retained_goodbye_does_not_outlive_newer_states() -> None:
+    listener = Listener()
+    old = ("connection", vda(T - 60, connectionState="OFFLINE"))
+    assert listener.status_after(("state", state(T)), old).state == "idle"
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"safetyState": {"eStop": "MANUAL", "fieldViolation": False}},
+        {"safetyState": {"activeEmergencyStop": "REMOTE"}},
+        {"safetyState": {"eStop": "NONE", "fieldViolation": True}},
+        {"errors": [{"errorType": "x", "errorLevel": "FATAL"}]},
+        {"errors": [{"errorType": "x", "errorLevel": "CRITICAL"}]},
+    ],
+)
+def test_a_robot_that_can_not_go_on_is_blocked(keys: dict[str, Any]) -> None:
+    assert status(**keys).is_blocked
+
+
+def test_a_warning_blocks_nothing() -> None:
+    read = status(errors=[{"errorType": "lowBattery", "errorLevel": "WARNING"}])
+    assert (read.is_blocked, read.error_codes) == (False, ("lowBattery",))
+
+
+def test_a_robot_that_does_not_know_where_it_is_is_lost() -> None:
+    assert not status().is_lost
+    assert status(agvPosition=position(positionInitialized=False)).is_lost
+    assert status(agvPosition=position(positionInitialized=None, localized=False)).is_lost
+
+
+def test_pose_motion_and_amounts() -> None:
+    read = status(agvPosition=position(1.0, 2.0, pi / 2, deviationRange=0.3), velocity={"vx": -0.5, "omega": 0.1})
+    assert (read.x, read.y, read.yaw_rad, read.datum) == (1.0, 2.0, pi / 2, "hall")
+    assert (read.linear_mps, read.turn_rad_per_s, read.deviation_m) == (-0.5, 0.1, 0.3)
+    assert read.amounts.battery_pct == 80.0
+    assert status_3().amounts.battery_pct == 80.0
+
+
+def test_no_load_one_that_is_not_described_and_several_boxes() -> None:
+    assert isnan(status().amounts.load_used_pct)
+    assert status(loads=[]).amounts.load_used_pct == 0.0
+    assert (status(loads=[{"loadId": "a"}]).load, status(loads=[{}]).amounts.load_used_pct) == (None, 100.0)
+    behind = {"x": -1.0, "y": 0.0, "z": 0.4}, {"length": 1.2, "width": 0.8, "height": 1.0}
+    across = {"x": 0.5, "y": 0.0, "z": 0.0, "theta": pi / 2}, {"length": 1.0, "width": 0.2}
+    boxes = [{"boundingBoxReference": at, "loadDimensions": size} for at, size in (behind, across)]
+    assert status(loads=boxes).load == pytest.approx(LoadBox(-1.6, 0.6, -0.5, 0.5, 1.4))
+
+
+def test_a_robot_that_plans_by_itself_has_its_own_path() -> None:
+    polyline = [{"x": 1.0, "y": 0.0, "eta": write(T + 1)}, {"x": 3.0, "y": 1.0, "eta": write(T + 3), "theta": 0.5}]
+    curve = {"trajectory": {"controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 9.0, "y": 9.0}]}}
+    read = status_3(driving=True, intermediatePath={"polyline": polyline}, plannedPath=curve)
+    assert [row[:3] for row in read.path.poses] == [(T + 1, 1.0, 0.0), (T + 3, 3.0, 1.0)]
+    assert read.path_basis is Basis.PATH
+    assert read.destinations.poses[0][1:3] == (9.0, 9.0)
