@@ -15,6 +15,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.shapes import Shape, Shapes, joined_shapes, shapes_of_json
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -83,13 +85,15 @@ class Forecasts:
     floor: Ints
     """(k,) index into the batch's floors."""
     length_m: Floats
-    """(n,) envelope along the heading."""
+    """(n,) envelope along the heading; of a shape, the rectangle that holds it."""
     width_m: Floats
     """(n,) envelope across the heading."""
     bottom_m: Floats
     """(n,) height range of the robot: -inf and inf if the height is unknown."""
     top_m: Floats
     """(n,)"""
+    shapes: Shapes | None = None
+    """(n,) of each robot its `Shape`, None for a rectangle; None if all are rectangles."""
 
     def __len__(self) -> int:
         return len(self.start) - 1
@@ -104,15 +108,16 @@ class Forecasts:
         rows = np.asarray(rows, np.int64)
         start, knots = _rows_of_parts(self.start, rows)
         by_knot = {name: getattr(self, name)[knots] for name in _BY_KNOT}
-        return type(self)(start=start, **by_knot, **{name: getattr(self, name)[rows] for name in _BY_ROBOT})
+        by_robot = {name: getattr(self, name)[rows] for name in _BY_ROBOT}
+        return type(self)(start=start, **by_knot, **by_robot, shapes=None if self.shapes is None else self.shapes[rows])
 
     def single(self, row: int) -> Self:
         """The forecast of one robot, as views."""
         first, end = self.start[row], self.start[row + 1]
         by_knot = [getattr(self, name)[first:end] for name in _BY_KNOT]
-        return type(self)(
-            np.array([0, end - first]), *by_knot, *(getattr(self, name)[row : row + 1] for name in _BY_ROBOT)
-        )
+        by_robot = [getattr(self, name)[row : row + 1] for name in _BY_ROBOT]
+        alone = type(self)(np.array([0, end - first]), *by_knot, *by_robot)
+        return alone if self.shapes is None else replace(alone, shapes=self.shapes[row : row + 1])
 
     @classmethod
     def joined(cls, parts: Iterable[Self]) -> Self:
@@ -121,7 +126,13 @@ class Forecasts:
         if len(all_parts) < 2:
             return all_parts[0] if all_parts else cls.empty()
         start, *columns = zip(*map(_FORECASTS, all_parts), strict=True)
-        return cls(_joined_starts(start), *map(np.concatenate, columns))
+        joint = cls(_joined_starts(start), *map(np.concatenate, columns))
+        shapes = joined_shapes([(part.shapes, len(part)) for part in all_parts])
+        return joint if shapes is None else replace(joint, shapes=shapes)
+
+    def shape(self, row: int) -> Shape | None:
+        """The shape of a robot; None for a rectangle."""
+        return None if self.shapes is None else self.shapes[row]
 
 
 def _rows_of_parts(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
@@ -264,6 +275,8 @@ class Batch:
         for part, kind in _PARTS.items():
             arrays |= {f"{part}.{field.name}": getattr(getattr(self, part), field.name) for field in fields(kind)}
         head = {name: getattr(self, name) for name in _HEAD_KEYS}
+        if (shapes := arrays.pop("forecasts.shapes")) is not None:
+            head["shapes"] = shapes.tolist()
         head["layout"] = [(name, array.dtype.str, len(array)) for name, array in arrays.items()]
         body = [np.ascontiguousarray(array).tobytes() for array in arrays.values()]
         return b"".join([msgspec.json.encode(head), b"\n", *body])
@@ -278,6 +291,7 @@ class Batch:
         for name, kind, length in document.pop("layout"):
             arrays[name] = np.frombuffer(body, kind, length, offset)
             offset += arrays[name].nbytes
+        arrays["forecasts.shapes"] = shapes_of_json(document.pop("shapes", None))
         parts: dict[str, Any] = {
             part: kind(**{field.name: arrays.pop(f"{part}.{field.name}") for field in fields(kind)})
             for part, kind in _PARTS.items()

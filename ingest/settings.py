@@ -4,9 +4,13 @@ Each is a frozen section of the site file, which `deconflict/settings/site.py` c
 error. A field with a unit names it. The docstring of a field says what it means.
 """
 
-from typing import Annotated, Literal
+from math import inf
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from ingest.shapes import LARGEST_M, MOST_PARTS, Shape, ShapePart, outline_fault
 
 UNKNOWN = "unknown"
 """The vendor of a robot that no identity, connection or site file names."""
@@ -91,19 +95,113 @@ class VendorMap(Section):
     """Largest accepted error of the fit at a reference point, metres on the floor."""
 
 
-class Model(Section):
+def _sound_outline(corners_m: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if fault := outline_fault(corners_m):
+        raise PydanticCustomError("footprint", "{fault}", {"fault": fault})
+    return corners_m
+
+
+Footprint = Annotated[tuple[tuple[Coordinate, Coordinate], ...], AfterValidator(_sound_outline)]
+"""The corners of a polygon that does not cross itself, in metres: along the heading, and to its left."""
+Size = Annotated[float, Field(gt=0, le=LARGEST_M)]
+
+
+class PartOutline(Section):
+    """The outline of a robot, or of a part of it, in the plane."""
+
+    shape: Literal["rectangle", "circle"] = "rectangle"
+    """A circle needs `diameter_m`."""
+    diameter_m: Size | None = None
+    """Diameter of a circle."""
+    footprint_m: Footprint | None = None
+    """Corners of a polygon in its place, convex or not, at most 32: along the heading, and to its left."""
+    offset_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    """From the reported location to the centre of the outline: along the heading, and to its left."""
+
+    @model_validator(mode="after")
+    def _check_outline(self) -> Self:
+        if (self.shape == "circle") != (self.diameter_m is not None):
+            raise _fault('shape = "circle" and diameter_m need each other')
+        if self.footprint_m and self.diameter_m:
+            raise _fault("footprint_m and diameter_m are two shapes; remove one, or use parts")
+        return self
+
+    def round_part(self, heights_m: tuple[float, float] = (-inf, inf)) -> ShapePart | None:
+        """The circle or polygon, from the reported location; None for a rectangle."""
+        ahead_m, left_m = self.offset_m
+        if self.diameter_m:
+            return ShapePart(((ahead_m, left_m),), self.diameter_m / 2, *heights_m)
+        if self.footprint_m:
+            return ShapePart(tuple((x + ahead_m, y + left_m) for x, y in self.footprint_m), 0.0, *heights_m)
+        return None
+
+
+class Part(PartOutline):
+    """A part of a robot: an outline over a range of heights."""
+
+    length_m: Size | None = None
+    """Length of a rectangle, along the heading."""
+    width_m: Size | None = None
+    """Width of a rectangle, across the heading."""
+    bottom_m: Metres
+    """Height of its bottom above the floor on which the robot stands."""
+    top_m: Metres
+    """Height of its top."""
+    load: bool = False
+    """Whether the part is there only while the robot carries a load."""
+
+    @model_validator(mode="after")
+    def _check_part(self) -> Self:
+        if self.bottom_m >= self.top_m:
+            raise _fault(f"bottom_m has to be below top_m = {self.top_m:g}")
+        sides = [key for key in ("length_m", "width_m") if getattr(self, key)]
+        if len(sides) != (0 if self.footprint_m or self.diameter_m else 2):
+            raise _fault("a rectangle needs length_m and width_m, and no other shape has them")
+        return self
+
+    def shape_part(self) -> ShapePart:
+        """The part, from the reported location."""
+        heights_m = self.bottom_m, self.top_m
+        if part := self.round_part(heights_m):
+            return part
+        (ahead_m, left_m), along_m, across_m = self.offset_m, (self.length_m or 0.0) / 2, (self.width_m or 0.0) / 2
+        signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+        return ShapePart(tuple((ahead_m + i * along_m, left_m + j * across_m) for i, j in signs), 0.0, *heights_m)
+
+
+def _fault(message: str) -> PydanticCustomError:
+    return PydanticCustomError("model", "{message}", {"message": message})
+
+
+class Model(PartOutline):
     """Facts of a robot model that messages do not contain."""
 
     envelope_m: Envelope | None = None
-    """Replaces the envelope that the robot reports."""
-    offset_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
-    """From the reported location to the centre of the envelope: along the heading, and to its left."""
+    """Replaces the envelope that the robot reports. Of a circle or polygon only the height counts."""
+    parts: Annotated[tuple[Part, ...], Field(max_length=MOST_PARTS)] = ()
+    """Parts at different heights, and loads that overhang. They replace the envelope."""
     loaded_envelope_m: Envelope | None = None
     """Envelope while the robot carries a load."""
     loaded_offset_m: tuple[Coordinate, Coordinate] | None = None
     """Centre of `loaded_envelope_m`. If absent, `offset_m`."""
     priority: Priority | None = None
     """Weight of a second of waiting in advice. If absent, that of the vendor."""
+
+    @model_validator(mode="after")
+    def _check_model(self) -> Self:
+        others = self.diameter_m, self.footprint_m, self.envelope_m, self.loaded_envelope_m
+        if self.parts and any(others):
+            raise _fault("parts replace the other shapes and envelopes; remove either")
+        if self.parts and all(part.load for part in self.parts):
+            raise _fault("parts need at least one that is not a load")
+        return self
+
+    def outline(self, loaded: bool) -> Shape | None:
+        """The shape with its load, from the reported location; None for a rectangle."""
+        if self.parts:
+            return Shape(tuple(part.shape_part() for part in self.parts if loaded or not part.load))
+        part = None if loaded and self.loaded_envelope_m else self.round_part()
+        return Shape((part,)) if part else None
 
 
 class Vendor(Section):

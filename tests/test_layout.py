@@ -20,7 +20,7 @@ COMPOSITION_ROOT = "deconflict/__main__"
 LEVELS = {
     "": ["ingest", "deconflict", "metrics"],
     "ingest": [
-        "batch clocks kernels settings",
+        "batch clocks kernels settings shapes",
         "frames languages measures security",
         "port",
         "recording",
@@ -42,7 +42,7 @@ LEVELS = {
     "benchmarks/planned_floors": ["truth", "logs", "floors scoring", "comparison"],
 }
 """By folder, its entries from the ground up. An entry may import entries of earlier levels and of its own level."""
-MOST_ENTRIES = {"deconflict": 15, "ingest": 12, "metrics": 12}
+MOST_ENTRIES = {"deconflict": 15, "ingest": 13, "metrics": 12}
 """Without `__init__.py` and `py.typed`; of any other folder a dozen."""
 MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 350, 40
 MOST_PARAMETERS = 16
@@ -263,7 +263,7 @@ def test_nothing_imports_the_composition_root() -> None:
 @pytest.mark.parametrize(
     ("library", "homes"),
     [
-        ("fcl", {"deconflict/sweep/fcl_check.py"}),
+        ("fcl", {"deconflict/sweep/fcl_check.py", "deconflict/sweep/shapes/fcl_shapes.py"}),
         ("prometheus_client", {"metrics/monitoring/exposition.py"}),
         ("nats", {str(path.relative_to(ROOT)) for path in files("deconflict/cluster/nats")}),
     ],

@@ -8,8 +8,9 @@ from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
-from deconflict.sweep.geometry.encounter import Encounter, Encounters, encounter, separation_m
+from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from deconflict.sweep.incremental import Sweeper
+from deconflict.sweep.shapes.shape_encounters import encounter, separation_m
 from ingest.batch import Basis, Floats, FloorPoint, Pair
 
 LEFT_IN_SILENCE = "is silent and has probably left"

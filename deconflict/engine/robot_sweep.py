@@ -1,6 +1,7 @@
 """The sweep of the live robots, each as wide as its position is uncertain: a robot that stops reporting grows."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from heapq import heappop, heappush
 from math import floor
 
@@ -73,6 +74,4 @@ class RobotSweep:
 
 
 def _widened(forecasts: Forecasts, by_m: Floats) -> Forecasts:
-    f = forecasts
-    sizes_m = (f.length_m + by_m, f.width_m + by_m, f.bottom_m, f.top_m)
-    return Forecasts(f.start, f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor, *sizes_m)
+    return replace(forecasts, length_m=forecasts.length_m + by_m, width_m=forecasts.width_m + by_m)

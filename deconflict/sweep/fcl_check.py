@@ -1,11 +1,12 @@
-"""First contact by FCL, for pairs that advancement leaves open. The only file that imports FCL.
+"""First contact by FCL, for pairs that advancement leaves open. Shapes are in `deconflict/sweep/shapes/fcl_shapes.py`.
 
 `fcl.collide` of two boxes is exact. `continuousCollide` and `distance` are not reliable (docs/sweep.md). Two boxes and
 two objects are made once and moved, since each object leaks some memory. Only return values are read.
 """
 
+from collections.abc import Iterable
 from math import cos, hypot, inf, sin
-from typing import Any
+from typing import Any, Protocol
 
 import fcl
 import numpy as np
@@ -20,6 +21,21 @@ _OBJECTS = tuple(fcl.CollisionObject(box, fcl.Transform()) for box in _BOXES)
 _REQUEST = fcl.CollisionRequest()
 
 
+class MovingPair(Protocol):
+    """Two robots of which B moves past A along a straight line, both turning evenly."""
+
+    @property
+    def begin(self) -> float: ...
+    @property
+    def end(self) -> float: ...
+    @property
+    def speed(self) -> float:
+        """The highest speed of any point of B, as A sees it."""
+
+    def is_within(self, t: float, limit_m: float) -> bool:
+        """Whether the two are within a distance at `t`. It may say so up to a fifth of a millimetre beyond."""
+
+
 class FclCheck:
     """Finds the first contact by halving the time; FCL excludes intervals without contact."""
 
@@ -31,20 +47,21 @@ class FclCheck:
     def first_contact(self, motions: Motions, from_t: float) -> float:
         """The first time after `from_t` within the target distance, to the tolerance; inf if there is none. Motions are
         in the order of time."""
-        return next((t for motion in motions if (t := self._in_one(_MovingRectangles(motion), from_t)) < inf), inf)
+        return self.first_of(map(_MovingRectangles, motions), from_t)
 
-    def _in_one(self, motion: "_MovingRectangles", from_t: float) -> float:
+    def first_of(self, pairs: Iterable[MovingPair], from_t: float) -> float:
+        """The same for any two robots, given by their motions."""
+        return next((t for pair in pairs if (t := self._in_one(pair, from_t)) < inf), inf)
+
+    def _in_one(self, pair: MovingPair, from_t: float) -> float:
         """Over [a, b], no point of B moves further from its place at the middle, as A sees it, than R = (|v| + |w| r)(b
         - a) / 2. If A grown by R and the target does not touch B there, there is no contact in [a, b]."""
-        stack: list[tuple[float, float]] = [(max(from_t, motion.begin), motion.end)] if from_t <= motion.end else []
+        stack: list[tuple[float, float]] = [(max(from_t, pair.begin), pair.end)] if from_t <= pair.end else []
         while stack:
             a, b = stack.pop()
-            middle, reach = (a + b) / 2, motion.speed * (b - a) / 2
+            middle, reach = (a + b) / 2, pair.speed * (b - a) / 2
             self.calls += 1
-            if not motion.touches(middle, self._target_m + reach):
-                continue
-            apart_m = motion.distance(middle) if self._target_m else 0.0
-            if apart_m > self._target_m + reach:
+            if not pair.is_within(middle, self._target_m + reach):
                 continue
             if reach <= 0.35 * self._tolerance_m:
                 return a
@@ -65,7 +82,11 @@ class _MovingRectangles:
         radii = [hypot(*half) for half in self.halves]
         self.speed = hypot(self.vx, self.vy) + sum(abs(w) * r for w, r in zip(self.turns, radii, strict=True))
 
-    def touches(self, t: float, grow_m: float) -> bool:
+    def is_within(self, t: float, limit_m: float) -> bool:
+        """A's sides grow by the limit; near its corners the distance decides."""
+        return self._touches(t, limit_m) and (limit_m == 0.0 or self._distance(t) <= limit_m)
+
+    def _touches(self, t: float, grow_m: float) -> bool:
         """Whether A, its sides grown by `grow_m`, touches B at `t`."""
         into = t - self.begin
         for box, half, grown in zip(_BOXES, self.halves, (grow_m, 0.0), strict=True):
@@ -75,7 +96,7 @@ class _MovingRectangles:
         _move(_OBJECTS[1], self.dx + self.vx * into, self.dy + self.vy * into, yaw_b)
         return bool(fcl.collide(*_OBJECTS, _REQUEST, fcl.CollisionResult()))
 
-    def distance(self, t: float) -> float:
+    def _distance(self, t: float) -> float:
         """Distance at `t` of rectangles that do not overlap: from a corner of one to the other; see
         `narrowphase.gap`."""
         into = t - self.begin

@@ -3,10 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, repeat
 from math import ceil, floor, inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.sweep.broadphase import PAIR, Pairs, SweptBoxes, sorted_pairs
 from deconflict.sweep.contact_intervals import (
@@ -31,6 +30,9 @@ from deconflict.sweep.narrowphase import (
     smallest_separation,
     start_distances,
 )
+from deconflict.sweep.shapes.shape_contacts import shape_distances
+from deconflict.sweep.shapes.shape_decisions import FloorState, Limits, ShapeDecisions, is_shaped
+from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Forecasts, Ints
 
@@ -67,10 +69,6 @@ class PairConflicts(NamedTuple):
     """Those of them whose circles come near enough for advancement."""
     fcl_calls: int
     """Calls of FCL."""
-
-
-FloorState = tuple[NDArray[Any], Robots, Knots]
-"""Boxes, robots and knots, by slot."""
 
 
 class Sweeper:
@@ -235,7 +233,14 @@ class Sweeper:
         self._box_pairs += len(pairs)
         self._segment_pairs += segment_pairs
         self._advanced_pairs += advanced
-        for row in np.flatnonzero(contacts["open"] < inf).tolist() if opened else ():
+        if not opened:
+            return contacts
+        rows = np.flatnonzero((contacts["open"] < inf) & is_shaped(robots, pairs["a"], pairs["b"]))
+        if len(rows):
+            limits = Limits(self._clearance_m, TOLERANCE_M, self._accuracy_m, ROUNDS)
+            decisions = ShapeDecisions(self._floor_state(), limits, fcl_check)
+            contacts[rows] = decisions.contacts(pairs[rows], contacts["open"][rows], span)
+        for row in np.flatnonzero(contacts["open"] < inf).tolist():
             motions = motions_of(pairs[row : row + 1], boxes, robots, knots, span)
             contact = fcl_check.first_contact(motions, float(contacts["open"][row]))
             separation = smallest_separation(motions, self._accuracy_m) if contact < inf else (inf, inf)
@@ -266,10 +271,18 @@ class Sweeper:
             contact_s=contact_s,
             separation_m=separation_m,
             separation_at_s=separation_at_s,
-            start_separation_m=start_distances(a, b, *self._floor_state(), now_s),
+            start_separation_m=self._start_distances(a, b, now_s),
             fresh=fresh,
             box_pairs=self._box_pairs,
             segment_pairs=self._segment_pairs,
             advanced_pairs=self._advanced_pairs,
             fcl_calls=fcl_check.calls,
         )
+
+    def _start_distances(self, a: Ints, b: Ints, now_s: float) -> Floats:
+        """See `start_distances`; of shapes the distance of the shapes."""
+        apart_m = start_distances(a, b, *self._floor_state(), now_s)
+        rows = np.flatnonzero(is_shaped(self._slot_table.robots, a, b))
+        if len(rows):
+            apart_m[rows] = shape_distances(a[rows], b[rows], *self._floor_state(), *SHAPES.arrays, now_s)
+        return apart_m

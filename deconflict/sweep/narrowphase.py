@@ -97,7 +97,7 @@ _MOTION, _CONTACT = numba.from_dtype(MOTION), numba.from_dtype(CONTACT)
 
 
 @inner
-def _turned(m: Any, into: float) -> tuple[float, float, float, float]:
+def turned(m: Any, into: float) -> tuple[float, float, float, float]:
     """Cosine and sine of A's heading, and of B's, `into` seconds after `begin`."""
     ca, sa, cb, sb = m.cos_a, m.sin_a, m.cos_b, m.sin_b
     if m.turn_a != 0.0:
@@ -144,7 +144,7 @@ def _between(
 def gap(m: Any, t: float) -> tuple[float, float, float]:
     """The distance at `t`, and the unit vector between the closest features, from A to B; all 0 if they overlap."""
     into = t - m.begin
-    ca, sa, cb, sb = _turned(m, into)
+    ca, sa, cb, sb = turned(m, into)
     half_a, half_b = (m.length_a, m.width_a), (m.length_b, m.width_b)
     return _between(m.dx + m.vx * into, m.dy + m.vy * into, (ca, sa), (cb, sb), half_a, half_b)
 
@@ -169,7 +169,7 @@ def apart(m: Any, t: float, target_m: float) -> tuple[float, float]:
     """
     into = t - m.begin
     dx, dy = m.dx + m.vx * into, m.dy + m.vy * into
-    ca, sa, cb, sb = _turned(m, into)
+    ca, sa, cb, sb = turned(m, into)
     c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
     along_a = _along(m, dx, dy, ca, sa, m.length_a, m.length_b * c + m.width_b * s, target_m)
     across_a = _along(m, dx, dy, -sa, ca, m.width_a, m.length_b * s + m.width_b * c, target_m)
@@ -286,7 +286,7 @@ def _set_motion(
 
 
 @inner
-def _both_there(boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any) -> float:
+def both_there(boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any) -> float:
     """From when on both robots of a pair are present in its slab, in seconds into the slab."""
     box_a, box_b = boxes[pair.ring, pair.a], boxes[pair.ring, pair.b]
     of_a, of_b = knots[robots[pair.a].first + box_a.knot], knots[robots[pair.b].first + box_b.knot]
@@ -294,7 +294,7 @@ def _both_there(boxes: NDArray[Any], robots: Robots, knots: Knots, pair: Any) ->
 
 
 @inner
-def _motions(
+def motions_in_slab(
     boxes: NDArray[Any],
     robots: Robots,
     knots: Knots,
@@ -363,20 +363,23 @@ def find_contacts(
     rounds: int,
 ) -> tuple[Contacts, int, int, int]:
     """The contact of each pair of boxes within `span`; and how many pairs are undecided, how many motions they have,
-    and how many of these have circles that come near enough for advancement."""
+    and how many of these have circles that come near enough for advancement. A pair with a shape is undecided from when
+    on the rectangles around the two are in contact."""
     contacts, opened, all_motions, advanced = np.empty(len(pairs), CONTACT), 0, 0, 0
     motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
     there = np.empty(BLOCK)
     for at in range(len(pairs)):
         if at % BLOCK == 0:
             for ahead in range(min(BLOCK, len(pairs) - at)):
-                there[ahead] = _both_there(boxes, robots, knots, pairs[at + ahead])
-        motions, n, near_or_far = _motions(
+                there[ahead] = both_there(boxes, robots, knots, pairs[at + ahead])
+        motions, n, near_or_far = motions_in_slab(
             boxes, robots, knots, pairs[at], there[at % BLOCK], span, target_m + tolerance_m, motions
         )
         all_motions, advanced = all_motions + near_or_far, advanced + n
         contact = contacts[at]
         contact.contact, contact.open = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        if robots[pairs[at].a].shape or robots[pairs[at].b].shape:
+            contact.contact, contact.open = inf, min(contact.contact, contact.open)
         opened += contact.open < inf
         if contact.contact < inf:
             contact.separation, contact.separation_at = smallest(motions[:n], accuracy_m, lows, highs)
@@ -386,8 +389,8 @@ def find_contacts(
 @kernel(_MOTION[::1](_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1], _TWO))
 def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, span: Span) -> Motions:
     """The motions of the single pair in `pairs`, within `span`."""
-    there = _both_there(boxes, robots, knots, pairs[0])
-    motions, n, _ = _motions(boxes, robots, knots, pairs[0], there, span, inf, np.empty(16, MOTION))
+    there = both_there(boxes, robots, knots, pairs[0])
+    motions, n, _ = motions_in_slab(boxes, robots, knots, pairs[0], there, span, inf, np.empty(16, MOTION))
     return motions[:n].copy()
 
 
@@ -398,7 +401,7 @@ def smallest_separation(motions: Motions, accuracy_m: float) -> tuple[float, flo
 
 
 @inner
-def _set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None:
+def set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None:
     """Set the place of a robot at `t`, which is in the slab of `box`."""
     k, last = robot.first + box.knot, robot.first + robot.count - 1
     while k < last and knots[k + 1].t <= t:
@@ -421,7 +424,7 @@ def _start_distance(
     t = max(now_s, robot_a.appears, robot_b.appears)
     for slot in (a, b):
         if places[slot].t != t:
-            _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+            set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
     p, q = places[a], places[b]
     if p.floor < 0 or p.floor != q.floor:
         return inf
@@ -438,7 +441,7 @@ def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots
         wanted[a[at]] = wanted[b[at]] = True
     for slot in np.flatnonzero(wanted):
         t = max(now_s, robots[slot].appears)
-        _set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+        set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
     for at in range(len(a)):
         apart_m[at] = _start_distance(a[at], b[at], boxes, robots, knots, now_s, places)
     return apart_m
@@ -484,9 +487,11 @@ def first_contacts_of(
         pair, row = pairs[at], pair_of[at]
         if contact_s[row] < inf:
             continue
-        there, span = _both_there(boxes, robots, knots, pair), (now_s, until_s[row])
-        motions, n, _ = _motions(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
+        there, span = both_there(boxes, robots, knots, pair), (now_s, until_s[row])
+        motions, n, _ = motions_in_slab(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
         t, open_[at] = _first_of(motions[:n], target_m, tolerance_m, rounds)
+        if robots[pair.a].shape or robots[pair.b].shape:
+            t, open_[at] = inf, min(t, open_[at])
         opened += open_[at] < inf
         if t < inf or open_[at] < inf:
             contact_s[row] = max(boxes[pair.ring, pair.a].slab + t, now_s)

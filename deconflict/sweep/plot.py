@@ -11,8 +11,8 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 from shapely.plotting import plot_polygon
 
-from deconflict.sweep.geometry.encounter import envelope
 from deconflict.sweep.geometry.pose import Pose, pose_at
+from deconflict.sweep.shapes.shape_encounters import outline
 from deconflict.sweep.sweep_once import Conflicts
 from ingest.batch import Forecasts
 
@@ -50,14 +50,19 @@ def draw(
         )
         for pose in _poses(robot, now_s, horizon_s, OUTLINE_S):
             if pose.floor == floor:
-                axes.plot(*envelope(robot, pose).exterior.xy, color=colour, linewidth=0.6, alpha=0.6)
-    touching = [envelope(robot, pose_at(robot, contact_s)) for robot in robots]
-    for outline, colour in zip(touching, COLOURS, strict=True):
-        axes.plot(*outline.exterior.xy, color=colour, linewidth=2.0)
+                _draw_outline(axes, outline(robot, pose), colour, 0.6, 0.6)
+    touching = [outline(robot, pose_at(robot, contact_s)) for robot in robots]
+    for area, colour in zip(touching, COLOURS, strict=True):
+        _draw_outline(axes, area, colour, 2.0, 1.0)
     _mark_contact(axes, shapely.MultiPoint(nearest_points(*touching)).centroid, contact_s - now_s)
     axes.set(aspect="equal", xlabel="x, m", ylabel="y, m")
     axes.legend(frameon=False)
     return axes
+
+
+def _draw_outline(axes: Axes, area: BaseGeometry, colour: str, linewidth: float, alpha: float) -> None:
+    for part in shapely.get_parts(area):
+        axes.plot(*part.exterior.xy, color=colour, linewidth=linewidth, alpha=alpha)
 
 
 def _mark_contact(axes: Axes, point: shapely.Point, after_s: float) -> None:
@@ -80,7 +85,7 @@ def _swept(robot: Forecasts, floor: int, now_s: float, horizon_s: float) -> Base
     poses = _poses(robot, now_s, horizon_s, STEP_S)
     return shapely.union_all(
         [
-            envelope(robot, pose).union(envelope(robot, next_pose)).convex_hull
+            outline(robot, pose).union(outline(robot, next_pose)).convex_hull
             for pose, next_pose in pairwise(poses)
             if pose.floor == next_pose.floor == floor
         ]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
 from deconflict.sweep.robot_slots import RobotSlots
+from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -60,7 +61,21 @@ class SlotTable:
         if used == UNSOUND:
             return None
         self._used, self.widened_m[slots] = used, widened_m
+        self._set_shapes(slots, SHAPES.numbers(forecasts))
         return slots
+
+    def _set_shapes(self, slots: Ints, numbers: Ints | int) -> None:
+        """Set the shapes of robots. The rectangle around a shape is that of the shape, whatever was reported."""
+        self.robots["shape"][slots] = numbers
+        if isinstance(numbers, int):
+            return
+        shaped = numbers > 0
+        slots, numbers = slots[shaped], numbers[shaped]
+        grown_m = self.widened_m[slots] / 2
+        half_m = SHAPES.half_m[numbers].T + grown_m
+        self.robots["grown"][slots] = grown_m
+        self.robots["half_length"][slots], self.robots["half_width"][slots] = half_m
+        self.robots["radius"][slots] = np.hypot(*half_m)
 
     def discard(self, keys: Iterable[str]) -> list[int]:
         """Remove robots. Returns the slots that become free."""

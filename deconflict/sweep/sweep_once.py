@@ -13,6 +13,9 @@ from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.knots import Knots, Robots
 from deconflict.sweep.incremental import ROUNDS, TOLERANCE_M, Sweeper
 from deconflict.sweep.narrowphase import first_contacts_of, motions_of
+from deconflict.sweep.shapes.shape_contacts import shape_distances
+from deconflict.sweep.shapes.shape_decisions import Limits, ShapeDecisions, is_shaped
+from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Floats, Forecasts, Ints
 
 
@@ -82,7 +85,21 @@ def first_contacts(
     contact_s, start_m, open_, opened = first_contacts_of(
         pairs, pair_of, *floor_state, now_s, until_s, clearance_m, TOLERANCE_M, ROUNDS
     )
-    for row in np.flatnonzero(open_ < np.inf).tolist() if opened else ():
+    if not opened:
+        return contact_s, start_m
+    shaped = is_shaped(robots, a, b)
+    rows = np.flatnonzero((open_ < np.inf) & shaped[pair_of])
+    if len(rows):
+        limits = Limits(clearance_m, TOLERANCE_M, np.inf, ROUNDS, is_confirmed=False)
+        decisions = ShapeDecisions(floor_state, limits, FclCheck(clearance_m, TOLERANCE_M))
+        found = decisions.contacts(pairs[rows], open_[rows], (now_s, float(until_s.max())))["contact"]
+        at_s = np.maximum(boxes["slab"][pairs["ring"][rows], pairs["a"][rows]] + found, now_s)
+        at_s[at_s > until_s[pair_of[rows]]] = np.inf
+        np.minimum.at(contact_s, pair_of[rows], at_s)
+        open_[rows] = np.inf
+        near = np.flatnonzero(shaped & (start_m < np.inf))
+        start_m[near] = shape_distances(a[near], b[near], *floor_state, *SHAPES.arrays, now_s)
+    for row in np.flatnonzero(open_ < np.inf).tolist():
         pair, box_pair, fcl_check = pair_of[row], pairs[row : row + 1], FclCheck(clearance_m, TOLERANCE_M)
         motions = motions_of(box_pair, *floor_state, (now_s, until_s[pair]))
         slab, from_t = boxes["slab"][box_pair["ring"][0], box_pair["a"][0]], float(open_[row])

@@ -11,6 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 from ingest.batch import AMOUNTS, Batch, Claim, Destinations, Floats, Forecasts, Ints
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast
 from ingest.fleet.robot import Robot
+from ingest.shapes import shapes_of
 
 
 def batch(
@@ -66,6 +67,7 @@ def _forecasts(forecasts: list[Forecast]) -> Forecasts:
         width_m=_column(forecasts, "width_m"),
         bottom_m=_column(forecasts, "bottom_m"),
         top_m=_column(forecasts, "top_m"),
+        shapes=shapes_of(list(_values(forecasts, "shape"))),
     )
 
 

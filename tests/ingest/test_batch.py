@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ingest.batch import AMOUNTS, Amounts, Basis, Batch, Claim, Destinations, Forecasts
+from ingest.shapes import Shape, ShapePart, shapes_of
 
 
 def forecasts(*knots: int, seed: int = 1) -> Forecasts:
@@ -90,6 +91,17 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
     for name in Amounts._fields:
         np.testing.assert_array_equal(back.amounts[name], batch.amounts[name])
+
+
+def test_shapes_survive_the_bytes_of_a_batch() -> None:
+    made = batch_of(2, 1, 1, 3)
+    part = ShapePart(((0.5, 0.1),), 0.25, 0.0, 1.5)
+    shapes = [Shape.circle(1.0), None, Shape((*Shape.circle(0.3).parts, part)), Shape.circle(1.0)]
+    shaped = replace(made, forecasts=replace(made.forecasts, shapes=shapes_of(shapes)))
+    back = Batch.from_bytes(shaped.to_bytes()).forecasts
+    assert [back.shape(row) for row in range(4)] == shapes
+    assert back.shape(0) is back.shape(3)
+    assert Batch.from_bytes(made.to_bytes()).forecasts.shapes is None
 
 
 def test_a_batch_of_a_release_without_an_amount_is_read() -> None:

@@ -144,14 +144,14 @@ def straight_on(batch: Batch, rows: Ints, slots: Ints, stated_ways: StatedWays, 
     first, m = forecasts.start[rows], len(rows)
     records = stated_ways[slots]
     t_s, x_m, y_m = forecasts.t_s[first], forecasts.x_m[first], forecasts.y_m[first]
-    straight = Forecasts(
-        np.arange(0, 2 * m + 1, 2),
-        np.stack([t_s, t_s + horizon_s], axis=1).ravel(),
-        np.stack([x_m, x_m + records["x_mps"] * horizon_s], axis=1).ravel(),
-        np.stack([y_m, y_m + records["y_mps"] * horizon_s], axis=1).ravel(),
-        forecasts.yaw_rad[first].repeat(2),
-        forecasts.floor[first].repeat(2),
-        *(size_m[rows] for size_m in (forecasts.length_m, forecasts.width_m, forecasts.bottom_m, forecasts.top_m)),
+    straight = replace(
+        forecasts.take(rows),
+        start=np.arange(0, 2 * m + 1, 2),
+        t_s=np.stack([t_s, t_s + horizon_s], axis=1).ravel(),
+        x_m=np.stack([x_m, x_m + records["x_mps"] * horizon_s], axis=1).ravel(),
+        y_m=np.stack([y_m, y_m + records["y_mps"] * horizon_s], axis=1).ravel(),
+        yaw_rad=forecasts.yaw_rad[first].repeat(2),
+        floor=forecasts.floor[first].repeat(2),
     )
     order, basis = np.arange(len(batch)), batch.basis.copy()
     order[rows], basis[rows] = len(batch) + np.arange(m), Basis.VELOCITY

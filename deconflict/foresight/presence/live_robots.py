@@ -11,6 +11,7 @@ from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Basis, Batch, Bools, Floats, Forecasts, Ints
 from ingest.kernels import inner, kernel
+from ingest.shapes import shapes_of
 
 _BASES = tuple(Basis)
 _FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
@@ -199,4 +200,5 @@ def _joined(robots: Sequence[LiveRobot]) -> Forecasts:
         width_m=np.array([robot.batch_forecasts.width_m[robot.row] for robot in robots]),
         bottom_m=np.array([robot.batch_forecasts.bottom_m[robot.row] for robot in robots]),
         top_m=np.array([robot.batch_forecasts.top_m[robot.row] for robot in robots]),
+        shapes=shapes_of([robot.batch_forecasts.shape(robot.row) for robot in robots]),
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.probably_left import PresenceChanges
-from ingest.batch import Basis, Batch, Forecasts
+from ingest.batch import Basis, Batch
 
 LATER_S = 1e-6
 """Added to event times: a batch replaces an earlier one of a robot only if it is newer."""
@@ -34,11 +34,8 @@ def stopped_batch(live: LiveRobots, robots: Sequence[str], now_s: float) -> Batc
     """Robots on the floor, standing where they were last heard."""
     batch = last_reports(live, robots, now_s)
     f, first, n = batch.forecasts, batch.forecasts.start[:-1], len(batch)
-    forecasts = Forecasts(
-        np.arange(n + 1),
-        *(f.t_s[first], f.x_m[first], f.y_m[first], f.yaw_rad[first], f.floor[first]),
-        *(f.length_m, f.width_m, f.bottom_m, f.top_m),
-    )
+    columns = {name: getattr(f, name)[first] for name in ("t_s", "x_m", "y_m", "yaw_rad", "floor")}
+    forecasts = replace(f, start=np.arange(n + 1), **columns)
     basis = np.full(n, Basis.STATIONARY.value)
     return replace(batch, forecasts=forecasts, basis=basis, event_s=batch.event_s + LATER_S)
 

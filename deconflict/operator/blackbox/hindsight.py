@@ -16,6 +16,7 @@ from ingest.batch import Forecasts
 from ingest.fleet.robot import Robot
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Received
+from ingest.shapes import Shape, shapes_of
 
 STOOD_M = 0.1
 """A robot that moved no further between two reports stood still."""
@@ -58,6 +59,8 @@ class RecordedTrack:
     """Of the newest envelope, along the heading."""
     width_m: float = 0.0
     """Of the newest envelope, across the heading."""
+    shape: Shape | None = None
+    """The newest one; None for a rectangle."""
 
     def add_pose(self, robot: Robot) -> None:
         """Add the robot's present pose, if it is newer than the last."""
@@ -72,7 +75,7 @@ class RecordedTrack:
             if new.t_s - last.t_s > JOINED_S and hypot(new.x_m - last.x_m, new.y_m - last.y_m) > STOOD_M:
                 self.reports.append(last._replace(t_s=last.t_s + BRIEF_S, floor=-1))
         self.reports.append(new)
-        self.length_m, self.width_m = forecast.length_m, forecast.width_m
+        self.length_m, self.width_m, self.shape = forecast.length_m, forecast.width_m, forecast.shape
 
     def forecasts(self) -> Forecasts:
         """The reports as forecasts, joined linearly: one for each stretch of time in which the robot kept its height.
@@ -95,6 +98,7 @@ class RecordedTrack:
             width_m=np.full(n, self.width_m),
             bottom_m=np.array([min(report.bottom_m for report in stretch) for stretch in stretches]),
             top_m=np.array([max(report.top_m for report in stretch) for stretch in stretches]),
+            shapes=shapes_of([self.shape] * n),
         )
 
     def _stretches(self) -> list[list[ReportedPose]]:

@@ -15,7 +15,7 @@ from deconflict.operator.blackbox.hindsight import (
     row_at,
 )
 from deconflict.settings.site import Site
-from deconflict.sweep.geometry.encounter import encounter
+from deconflict.sweep.shapes.shape_encounters import encounter
 from ingest.batch import Forecasts
 from ingest.languages import timestamps
 

@@ -2,20 +2,23 @@
 
 Pure: takes in batches, gives frames. A row is
 
-    [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots]
+    [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots, shape]
 
 `floor` is an index into the frame's `floors`; -1 is a robot that is compared with none. `knots` has the
-forecast's poses one after the other: seconds after `event_s`, x and y in metres, yaw in radians.
+forecast's poses one after the other: seconds after `event_s`, x and y in metres, yaw in radians. `shape` is left out
+for a rectangle. It has a list for each part: the radius of a circle, 0 for a polygon, then x and y of each corner or of
+the circle's centre.
 """
 
 import json
 from collections import OrderedDict
-from itertools import takewhile
+from itertools import chain, takewhile
 from typing import Any
 
 import numpy as np
 
 from ingest.batch import Basis, Batch
+from ingest.shapes import ShapePart
 
 MOST_GONE = 10_000
 """Number of gone robots that are remembered. A page with an older version receives the whole floor."""
@@ -94,5 +97,12 @@ def rows(batch: Batch) -> list[str]:
         end = next((k for k in range(start[i], start[i + 1]) if floor[k] != here), start[i + 1])
         knots = [value for k in range(start[i], end) for value in (after_s[k], x[k], y[k], yaw[k])]
         row: list[Any] = [uuid, vendor, name, state, here, BASES[basis], *(column[i] for column in columns), knots]
+        if shape := forecasts.shape(i):
+            row.append([outline_row(part) for part in shape.parts])
         written.append(json.dumps(row, separators=(",", ":")))
     return written
+
+
+def outline_row(part: ShapePart) -> list[float]:
+    """The outline of a part, as the page draws it."""
+    return [round(value, 3) for value in (part.radius_m, *chain.from_iterable(part.outline_m))]

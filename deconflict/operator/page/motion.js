@@ -30,13 +30,27 @@ export function movesFor(robot, atS) {
   return k > 0 ? Math.max(robot.eventS + knots[k] - atS, 0) : 0;
 }
 
-// Adds the envelope at a pose to a path, in pixels.
+// Adds the outline at a pose to a path, in pixels. The parts of a shape may overlap: fill with "nonzero".
 export function envelope(path, camera, robot, pose, moreM = 0) {
   const cos = Math.cos(pose[2]) * camera.scale, sin = Math.sin(pose[2]) * camera.scale;
+  if (robot.shape) return robot.shape.forEach((part) => outline(path, part, [camera.px(pose[0]), camera.py(pose[1])], [cos, sin], camera.scale, moreM));
   const long = robot.lengthM / 2 + moreM, wide = robot.widthM / 2 + moreM, x = camera.px(pose[0]), y = camera.py(pose[1]);
   path.moveTo(x + long * cos - wide * sin, y - long * sin - wide * cos);
   path.lineTo(x - long * cos - wide * sin, y + long * sin - wide * cos);
   path.lineTo(x - long * cos + wide * sin, y + long * sin + wide * cos);
   path.lineTo(x + long * cos + wide * sin, y - long * sin + wide * cos);
+  path.closePath();
+}
+
+// Adds a part of a shape: [radius, x, y, ...], a circle if it has a radius, else the corners of a polygon.
+function outline(path, [radius, ...corners], [x, y], [cos, sin], scale, moreM) {
+  const at = (k) => [x + corners[k] * cos - corners[k + 1] * sin, y - corners[k] * sin - corners[k + 1] * cos];
+  if (radius) {
+    const [middleX, middleY] = at(0), pixels = (radius + moreM) * scale;
+    path.moveTo(middleX + pixels, middleY);
+    path.arc(middleX, middleY, pixels, 0, 2 * Math.PI);
+    return;
+  }
+  for (let k = 0; k < corners.length; k += 2) path[k ? "lineTo" : "moveTo"](...at(k));
   path.closePath();
 }

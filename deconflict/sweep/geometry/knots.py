@@ -47,6 +47,8 @@ ROBOT = np.dtype(
         ("appears", np.float64),  # time of the first knot
         ("first", np.int64),  # place of its first knot
         ("count", np.int64),  # how many knots it has
+        ("grown", np.float64),  # how much larger than reported a shape is all around
+        ("shape", np.int64),  # number of its shape, 0 for a rectangle
     ],
     align=True,
 )

@@ -1,6 +1,7 @@
 """What a forecast is made from and what it is made of."""
 
 from collections.abc import Sequence
+from math import inf
 from typing import Protocol
 
 import msgspec
@@ -10,6 +11,7 @@ from ingest.batch import Basis, Floats
 from ingest.frames.frame_registry import Frame
 from ingest.languages.model import LoadBox
 from ingest.settings import Envelope, Model, Reading
+from ingest.shapes import Shape, ShapePart
 
 Knot = tuple[float, float, float, float]
 """t_s, x_m, y_m, yaw_rad"""
@@ -33,6 +35,10 @@ class RobotBody(msgspec.Struct, frozen=True, gc=False):
     """Its centre relative to the reported location: along the heading, and to its left."""
     max_speed_mps: float | None = None
     """None if the robot has not stated it."""
+    shape: Shape | None = None
+    """Around the centre of the envelope; None for a rectangle."""
+    lift_m: float = 0.0
+    """From the reported height to the bottom of the envelope."""
 
 
 class ForecastContext(msgspec.Struct, frozen=True):
@@ -78,12 +84,16 @@ class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Lowest height of the envelope, -inf if unknown."""
     top_m: float
     """Highest height of the envelope, inf if unknown."""
+    shape: Shape | None = None
+    """None for a rectangle."""
     findings: tuple[str, ...] = ()
     """Deviations of the path that it was made from."""
 
 
 def robot_body(model: Model, reported: RobotBody, loaded: bool, load: LoadBox | None) -> RobotBody:
     """The body that the site states for the model and the load, else the reported one with the reported load."""
+    if outline := model.outline(loaded):
+        return _shaped_body(outline, (model.envelope_m or reported.envelope_m)[2], load, reported.max_speed_mps)
     if loaded and model.loaded_envelope_m:
         offset_m = model.loaded_offset_m or model.offset_m
         return RobotBody(model.loaded_envelope_m, offset_m, reported.max_speed_mps)
@@ -99,3 +109,27 @@ def with_load(body: RobotBody, load: LoadBox) -> RobotBody:
     right_m, left_m = min(y_m - width_m / 2, load.right_m), max(y_m + width_m / 2, load.left_m)
     envelope_m = front_m - back_m, left_m - right_m, max(height_m, load.top_m) if height_m else 0.0
     return RobotBody(envelope_m, ((front_m + back_m) / 2, (left_m + right_m) / 2), body.max_speed_mps)
+
+
+def _load_part(load: LoadBox, outline: Shape) -> ShapePart:
+    """A load as a part of a shape; as high as the robot if the other parts are."""
+    corners = ((load.front_m, load.left_m), (load.back_m, load.left_m), (load.back_m, load.right_m))
+    bottom_m, top_m = outline.heights_m
+    is_known = bottom_m > -inf
+    return ShapePart(
+        (*corners, (load.front_m, load.right_m)), 0.0, bottom_m, max(load.top_m, 0.0) if is_known else top_m
+    )
+
+
+def _shaped_body(outline: Shape, height_m: float, load: LoadBox | None, max_speed_mps: float | None) -> RobotBody:
+    """The body of a shape that is drawn from the reported location. Its envelope is the rectangle around it."""
+    if load:
+        height_m = max(height_m, load.top_m) if height_m else 0.0
+        outline = Shape((*outline.parts, _load_part(load, outline)))
+    lift_m, top_m = outline.heights_m
+    west, south, east, north = outline.bounds_m
+    centre = round((west + east) / 2, 9), round((south + north) / 2, 9)
+    shape = outline.moved(-centre[0], -centre[1])
+    if lift_m == -inf:
+        return RobotBody((east - west, north - south, height_m), centre, max_speed_mps, shape)
+    return RobotBody((east - west, north - south, top_m - lift_m), centre, max_speed_mps, shape.raised(-lift_m), lift_m)

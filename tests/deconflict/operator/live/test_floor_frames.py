@@ -11,7 +11,8 @@ from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from tests.helpers.saying import HALL, LOFT, points, robot, status
+from ingest.settings import Model, Vendor
+from tests.helpers.saying import HALL, LOFT, identity, points, robot, status
 
 NOW_S = 1_792_000_000.0
 LINE = Connection(1)
@@ -45,6 +46,18 @@ def test_a_row_has_the_poses_of_the_batch(fleet: Fleet) -> None:
     expected = np.stack([forecasts.t_s - batch.event_s[0], forecasts.x_m, forecasts.y_m, forecasts.yaw_rad], axis=1)
     assert np.abs(knots - expected).max() < 0.006
     assert row[9:11] == [forecasts.length_m[0], forecasts.width_m[0]]
+
+
+def test_a_row_has_the_shape_of_a_robot_that_is_no_rectangle() -> None:
+    model = Model(shape="circle", diameter_m=0.8)
+    fleet = fleet_of(Site(vendors=(Vendor(name="Alder", models={"A1": model}),)), Measures())
+    fleet.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    moved(fleet, "A-1", "B-1")
+    picture = FloorFrames()
+    picture.add_batch(fleet.next_batch(NOW_S), whole=True)
+    rows = {row[0]: row for row in frame(picture, 0)["robots"]}
+    assert rows[robot("A-1")][12:] == [[[0.4, 0.0, 0.0]]]
+    assert rows[robot("B-1")][12:] == []
 
 
 def test_the_row_ends_where_the_robot_leaves_the_floor(fleet: Fleet) -> None:

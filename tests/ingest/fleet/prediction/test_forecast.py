@@ -6,12 +6,14 @@ import pytest
 from msgspec.structs import replace
 
 from ingest.batch import Basis
+from ingest.fleet.prediction.envelope import with_envelope
 from ingest.fleet.prediction.forecast import forecast, matches
 from ingest.fleet.prediction.forecast_model import Forecast, ForecastContext, RobotBody, Sighting, robot_body
 from ingest.frames.frame_registry import Frame, FrameRegistry
 from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import LoadBox, Status
-from ingest.settings import Model, Reading
+from ingest.settings import Model, Part, Reading
+from ingest.shapes import Shape, ShapePart
 from tests.helpers.saying import HALL, LOFT, points, status
 
 NOW_S = 1_790_000_000.0
@@ -202,3 +204,40 @@ def test_error_words_match_whatever_their_spelling() -> None:
     assert matches(("ROBOT-LOST",), ("lost",))
     assert matches(("safetyStop",), ("safety stop",))
     assert not matches((), ("lost",))
+
+
+REPORTED = RobotBody((1.0, 1.0, 1.0))
+
+
+def test_a_footprint_is_drawn_from_the_location_and_its_envelope_from_its_middle() -> None:
+    model = Model(footprint_m=((2.0, 0.0), (-1.0, 1.0), (-1.0, -0.5)), envelope_m=(9.0, 9.0, 1.5))
+    body = robot_body(model, REPORTED, False, None)
+    assert (body.envelope_m, body.offset_m) == ((3.0, 1.5, 1.5), (0.5, 0.25))
+    assert body.shape == Shape.polygon([(1.5, -0.25), (-1.5, 0.75), (-1.5, -0.75)])
+
+
+def test_a_load_is_a_part_that_comes_and_goes() -> None:
+    truck = Part(length_m=2.0, width_m=1.0, bottom_m=0.5, top_m=2.0)
+    load = Part(shape="circle", diameter_m=1.0, offset_m=(1.5, 0.0), bottom_m=1.0, top_m=3.0, load=True)
+    model = Model(parts=(truck, load))
+    empty, loaded = (robot_body(model, REPORTED, is_loaded, None) for is_loaded in (False, True))
+    assert (empty.envelope_m, empty.lift_m) == ((2.0, 1.0, 1.5), 0.5)
+    assert (loaded.envelope_m, loaded.offset_m) == ((3.0, 1.0, 2.5), (0.5, 0.0))
+    assert loaded.shape is not None
+    assert loaded.shape.parts[1] == ShapePart(((1.0, 0.0),), 0.5, 0.5, 2.5)
+
+
+def test_a_shape_without_a_heading_is_the_circle_that_holds_it() -> None:
+    body = robot_body(Model(footprint_m=((2.0, 0.0), (-1.0, 1.0), (-1.0, -0.5))), REPORTED, False, None)
+    made = with_envelope(Basis.STATIONARY, [(0.0, 5.0, 6.0, nan)], (0,), body, 0.0, ())
+    assert made.knots == ((0.0, 5.0, 6.0, 0.0),)
+    assert made.shape == Shape.circle(made.length_m)
+    assert made.length_m >= 2 * 2.0
+
+
+def test_a_reported_load_is_a_part_of_a_shape() -> None:
+    load = LoadBox(-0.5, 0.5, -0.6, 0.6, 1.8)
+    body = robot_body(Model(shape="circle", diameter_m=0.8), REPORTED, True, load)
+    assert body.shape is not None
+    assert body.shape.parts[1].outline_m == ((0.5, 0.6), (-0.5, 0.6), (-0.5, -0.6), (0.5, -0.6))
+    assert body.envelope_m == (1.0, 1.2, 1.8)

@@ -1,0 +1,192 @@
+"""The first contact and the smallest separation of pairs of which at least one robot is a shape.
+
+The method is that of `deconflict/sweep/narrowphase.py`, with the distances of true shapes. The rectangles around them
+have excluded what keeps apart, so this begins where those first meet.
+"""
+
+from math import cos, floor, inf, sin
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from deconflict.sweep.broadphase import BOX, PAIR, Pairs
+from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
+from deconflict.sweep.narrowphase import (
+    CONTACT,
+    MOST_HALVINGS,
+    MOTION,
+    PLACE,
+    Contacts,
+    Motions,
+    Span,
+    both_there,
+    motions_in_slab,
+    nearest_centres,
+    set_place,
+)
+from deconflict.sweep.shapes.shape_gaps import Body, Table, body_of, gap, table_of
+from deconflict.sweep.shapes.shape_table import CORNER, PIECE
+from ingest.batch import Floats, Ints
+from ingest.kernels import inner, kernel
+
+CLEAR, MET, OPEN = 0, 1, 2
+"""Results of advancement: no contact, contact, and undecided."""
+Poses = Floats
+"""(n, 5) of robot B in the frame of robot A: x, y and heading; and the shortest vector from A to B."""
+
+_BOX, _KNOT, _ROBOT, _PAIR, _PIECE, _CORNER = map(numba.from_dtype, (BOX, KNOT, ROBOT, PAIR, PIECE, CORNER))
+_TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
+_FLOOR = (_BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
+_TABLE = (numba.int64[::1], _PIECE[::1], _CORNER[::1])
+_CONTACT, _REAL = numba.from_dtype(CONTACT), numba.float64
+
+
+@inner
+def _first_contact(
+    m: Any, since: float, a: Body, b: Body, table: Table, target_m: float, tolerance_m: float, rounds: int
+) -> tuple[float, int]:
+    """As `narrowphase.first_contact`, from `since` on."""
+    t = max(m.begin, since)
+    if t > m.end:
+        return t, CLEAR
+    for _ in range(rounds):
+        (nearest, lasts, _, _), _ = gap(m, t, a, b, table, target_m + tolerance_m / 4, 0.0)
+        if nearest <= target_m + tolerance_m / 2:
+            return t, MET
+        t += lasts
+        if t > m.end:
+            return t, CLEAR
+    return t, OPEN
+
+
+@inner
+def _smallest_of_one(
+    m: Any, a: Body, b: Body, table: Table, best: float, when: float, accuracy_m: float, lows: Floats, highs: Floats
+) -> tuple[float, float]:
+    """As `narrowphase._smallest_of_one`."""
+    lows[0], highs[0], depth = m.begin, m.end, 1
+    while depth and best > 0.0:
+        depth -= 1
+        low, high = lows[depth], highs[depth]
+        middle = (low + high) / 2
+        (nearest, _, after, before), _ = gap(m, middle, a, b, table, 0.0, (high - low) / 2)
+        if nearest < best:
+            best, when = max(nearest, 0.0), middle
+        for begin, end, least in ((middle, high, after), (low, middle, before)):
+            if least < best - accuracy_m and depth < len(lows):
+                lows[depth], highs[depth] = begin, end
+                depth += 1
+    return best, when
+
+
+@inner
+def _smallest(
+    motions: Motions, a: Body, b: Body, table: Table, accuracy_m: float, lows: Floats, highs: Floats
+) -> tuple[float, float]:
+    """As `narrowphase.smallest`."""
+    best, when = inf, 0.0
+    for look in range(3):
+        for m in motions:
+            t = nearest_centres(m)[0] if look == 0 else (m.begin if look == 1 else m.end)
+            (nearest, _, _, _), _ = gap(m, t, a, b, table, 0.0, 0.0)
+            if nearest < best:
+                best, when = max(nearest, 0.0), t
+            if best == 0.0:
+                return best, when
+    for m in motions:
+        best, when = _smallest_of_one(m, a, b, table, best, when, accuracy_m, lows, highs)
+    return best, when
+
+
+@inner
+def _set_pose(pose: Floats, m: Any, t: float, a: Body, b: Body, table: Table) -> None:
+    into, (_, bridge) = t - m.begin, gap(m, t, a, b, table, 0.0, 0.0)
+    dx, dy, yaw = m.dx + m.vx * into, m.dy + m.vy * into, m.yaw_a + m.turn_a * into
+    c, s = cos(yaw), sin(yaw)
+    pose[0], pose[1], pose[2] = c * dx + s * dy, c * dy - s * dx, m.yaw_b + m.turn_b * into - yaw
+    pose[3], pose[4] = bridge
+
+
+@kernel(
+    numba.types.Tuple((_CONTACT[::1], _REAL[:, ::1]))(  # type: ignore[no-untyped-call]
+        _PAIR[::1], _REAL[::1], *_FLOOR, _TWO, *_TABLE, *[_REAL] * 3, numba.int64
+    )
+)
+def shape_contacts(
+    pairs: Pairs,
+    since: Floats,
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    span: Span,
+    begins: Ints,
+    all_pieces: NDArray[Any],
+    all_corners: NDArray[Any],
+    target_m: float,
+    tolerance_m: float,
+    accuracy_m: float,
+    rounds: int,
+) -> tuple[Contacts, Poses]:
+    """The contact of each pair of boxes within `span`, from `since` (pairs,) seconds into the slab on; and the poses
+    at the contacts. Separations are left out if their accuracy is infinite."""
+    contacts, poses = np.empty(len(pairs), CONTACT), np.empty((len(pairs), 5))
+    motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
+    table = table_of(begins, all_pieces, all_corners)
+    for at in range(len(pairs)):
+        pair, contact = pairs[at], contacts[at]
+        a, b = body_of(robots[pair.a], table, 0), body_of(robots[pair.b], table, 1)
+        there = both_there(boxes, robots, knots, pair)
+        motions, n, _ = motions_in_slab(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
+        contact.contact, contact.open = inf, inf
+        for m in motions[:n]:
+            t, state = _first_contact(m, since[at], a, b, table, target_m, tolerance_m, rounds)
+            if state != CLEAR:
+                _set_pose(poses[at], m, t, a, b, table)
+                contact.contact, contact.open = (t, inf) if state == MET else (inf, t)
+                break
+        if contact.contact < inf and accuracy_m < inf:
+            contact.separation, contact.separation_at = _smallest(motions[:n], a, b, table, accuracy_m, lows, highs)
+    return contacts, poses
+
+
+@kernel(_TWO(_ROBOT[::1], numba.from_dtype(MOTION)[::1], *_TABLE, _REAL))
+def smallest_of_shapes(
+    two: Robots, motions: Motions, begins: Ints, pieces: NDArray[Any], corners: NDArray[Any], accuracy_m: float
+) -> tuple[float, float]:
+    """The smallest distance of two robots over all of `motions`, to the accuracy, and when."""
+    table = table_of(begins, pieces, corners)
+    a, b = body_of(two[0], table, 0), body_of(two[1], table, 1)
+    return _smallest(motions, a, b, table, accuracy_m, np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS))
+
+
+@kernel(_REAL[::1](numba.int64[::1], numba.int64[::1], *_FLOOR, *_TABLE, _REAL))
+def shape_distances(
+    a: Ints,
+    b: Ints,
+    boxes: NDArray[Any],
+    robots: Robots,
+    knots: Knots,
+    begins: Ints,
+    pieces: NDArray[Any],
+    corners: NDArray[Any],
+    now_s: float,
+) -> Floats:
+    """(p,) distance of the robots `a` (p,) and `b` (p,) at `now_s`, or when the later of the two appears; inf on
+    different floors."""
+    apart_m, places, motion = np.empty(len(a)), np.empty(2, PLACE), np.zeros(1, MOTION)
+    table, m = table_of(begins, pieces, corners), motion[0]
+    for at in range(len(a)):
+        t = max(now_s, robots[a[at]].appears, robots[b[at]].appears)
+        for side in range(2):
+            slot = (a[at], b[at])[side]
+            set_place(places[side], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+        p, q = places[0], places[1]
+        if p.floor < 0 or p.floor != q.floor:
+            apart_m[at] = inf
+            continue
+        m.dx, m.dy, m.cos_a, m.sin_a, m.cos_b, m.sin_b = q.x - p.x, q.y - p.y, p.cos, p.sin, q.cos, q.sin
+        bodies = body_of(robots[a[at]], table, 0), body_of(robots[b[at]], table, 1)
+        apart_m[at] = max(gap(m, 0.0, bodies[0], bodies[1], table, 0.0, 0.0)[0][0], 0.0)
+    return apart_m

@@ -1,0 +1,94 @@
+"""The encounter of two robots of any shape: distance and place at one moment."""
+
+from dataclasses import replace
+from itertools import product
+from math import cos, inf, sin
+from typing import NamedTuple
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import nearest_points
+
+from deconflict.sweep.geometry import encounter as of_rectangles
+from deconflict.sweep.geometry.encounter import Encounter, Row
+from deconflict.sweep.geometry.heights import at_one_height
+from deconflict.sweep.geometry.pose import Pose, pose_at
+from ingest.batch import Forecasts
+from ingest.shapes import ShapePart
+
+SEGMENTS = 32
+"""Of a quarter circle, where a circle is drawn."""
+
+
+class PlacedPart(NamedTuple):
+    """A part of a robot in the frame of its floor: its corners, or the centre of a circle."""
+
+    core: BaseGeometry
+    radius_m: float
+    bottom_m: float
+    top_m: float
+
+    @property
+    def outline(self) -> BaseGeometry:
+        return self.core.buffer(self.radius_m, quad_segs=SEGMENTS) if self.radius_m else self.core
+
+
+def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
+    """The encounter of two robots at `contact_s`. Its place is midway between their nearest points, or in the middle of
+    their common area; see `geometry.encounter.encounter` for rectangles."""
+    met = of_rectangles.encounter(a, b, contact_s)
+    if _are_rectangles(a, b):
+        return met
+    (_, part, other) = _nearest_parts(a, b, contact_s)
+    if part.outline.intersects(other.outline):
+        place = part.outline.intersection(other.outline).centroid
+    else:
+        place = shapely.LineString(nearest_points(part.outline, other.outline)).centroid
+    return replace(met, x_m=place.x, y_m=place.y)
+
+
+def separation_m(a: Row, b: Row, t_s: float) -> float | None:
+    """Distance of two robots at `t_s`, 0 if they overlap; None if they are on different floors. Parts that pass above
+    each other have no distance."""
+    apart_m = of_rectangles.separation_m(a, b, t_s)
+    if apart_m is None or _are_rectangles(a, b):
+        return apart_m
+    return _nearest_parts(a, b, t_s)[0]
+
+
+def outline(robot: Forecasts, pose: Pose) -> BaseGeometry:
+    """The area of one robot at `pose`."""
+    return shapely.union_all([part.outline for part in placed_parts(robot, pose)])
+
+
+def placed_parts(robot: Forecasts, pose: Pose) -> list[PlacedPart]:
+    """The parts of one robot at `pose`."""
+    bottom_m, top_m, shape = float(robot.bottom_m[0]), float(robot.top_m[0]), robot.shape(0)
+    if shape is None:
+        return [PlacedPart(of_rectangles.envelope(robot, pose), 0.0, bottom_m, top_m)]
+    return [_placed(part, pose, bottom_m, top_m) for part in shape.parts]
+
+
+def _placed(part: ShapePart, pose: Pose, bottom_m: float, top_m: float) -> PlacedPart:
+    c, s = cos(pose.yaw_rad), sin(pose.yaw_rad)
+    corners = [(pose.x_m + c * u - s * v, pose.y_m + s * u + c * v) for u, v in part.outline_m]
+    core = shapely.Point(corners[0]) if part.radius_m else shapely.Polygon(corners)
+    if part.bottom_m > -inf and bottom_m > -inf:
+        bottom_m, top_m = bottom_m + part.bottom_m, bottom_m + part.top_m
+    return PlacedPart(core, part.radius_m, bottom_m, top_m)
+
+
+def _are_rectangles(a: Row, b: Row) -> bool:
+    return all(forecasts.shape(row) is None for forecasts, row in (a, b))
+
+
+def _nearest_parts(a: Row, b: Row, t_s: float) -> tuple[float, PlacedPart, PlacedPart]:
+    """The two parts that are nearest to each other, at one height if any are, and their distance."""
+    robots = [forecasts.single(row) for forecasts, row in (a, b)]
+    parts = [placed_parts(robot, pose_at(robot, t_s)) for robot in robots]
+    found = []
+    for part, other in product(*parts):
+        apart_m = max(part.core.distance(other.core) - part.radius_m - other.radius_m, 0.0)
+        found.append((not at_one_height(part, other), apart_m, part, other))
+    passes_above, apart_m, part, other = min(found, key=lambda row: row[:2])
+    return inf if passes_above else apart_m, part, other
