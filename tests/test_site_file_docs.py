@@ -26,6 +26,7 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[zones]]`": shared_places.Zone,
     "`[[operator.people]]`": site.Person,
     "`[receiver.tls]`": settings.Tls,
+    "`[[mqtt_sources]]`": settings.MqttSource,
     "`[[webhooks]]`": outlets.Webhook,
     "`[mqtt]`": outlets.Mqtt,
     "`[cluster]`": Cluster,

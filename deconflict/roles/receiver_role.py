@@ -25,6 +25,7 @@ from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
+from ingest.port.broker_source import BrokerSource
 from ingest.port.connection import Connection
 from ingest.port.dialer import Dialer
 from ingest.port.rate_limits import ArrivedMessage
@@ -33,6 +34,7 @@ from ingest.recording.log_reader import segments
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.tokens import SecretError
 from ingest.security.vendor_credentials import VendorCredentials
+from ingest.settings import MqttSource
 
 logger = logging.getLogger(__name__)
 
@@ -87,6 +89,8 @@ class ReceiverRole:
         """When followers may next be shown the floor although no engine asks for it."""
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
+        self._sources: dict[MqttSource, tuple[BrokerSource, asyncio.Task[None]]] = {}
+        self.measures.call_before_reading(self._measure_sources)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -102,13 +106,14 @@ class ReceiverRole:
         }
         await self._open_port()
         self._dial()
+        self._hear_brokers(self.site)
         reloading = asyncio.create_task(self._reload())
         try:
             async with listening(socket_path(self._runtime, "receiver"), calls):
                 self.ready.set()
                 await stop.wait()
         finally:
-            tasks = [reloading, *self._dialers.values()]
+            tasks = [reloading, *self._dialers.values(), *(task for _, task in self._sources.values())]
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -157,6 +162,7 @@ class ReceiverRole:
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
             self.fleet.reconfigure(VendorRegistry(site.vendors), FrameRegistry(site.datums, site.vendors), site.reading)
         self._dial()
+        self._hear_brokers(site, again=before.vendors != site.vendors)
 
     def _dial(self) -> None:
         """Dial new addresses of the site file, and end the dialers of removed ones."""
@@ -165,6 +171,22 @@ class ReceiverRole:
             self._dialers.pop(removed).cancel()
         for new in sorted(addresses - self._dialers.keys()):
             self._dialers[new] = asyncio.create_task(self._dialer(*new).run())
+
+    def _hear_brokers(self, site: Site, again: bool = False) -> None:
+        """Hear the brokers of the site file. With `again` connect anew, since manufacturers may mean other vendors."""
+        for settings in [known for known in self._sources if again or known not in site.mqtt_sources]:
+            self._sources.pop(settings)[1].cancel()
+        for settings in site.mqtt_sources:
+            if settings not in self._sources:
+                vendor_of = self.fleet.vendors.of_manufacturer
+                source = BrokerSource(settings, self.receiver, vendor_of, self.measures, Random())
+                self._sources[settings] = source, asyncio.create_task(source.run())
+
+    def _measure_sources(self) -> None:
+        connected: dict[tuple[str, ...], float] = {
+            (settings.name,): float(source.is_connected) for settings, (source, _) in self._sources.items()
+        }
+        self.measures.level("deconflict_broker_connected", connected)
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
         return Dialer(self.receiver, url, vendor, time.monotonic, Random())

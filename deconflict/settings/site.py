@@ -10,6 +10,7 @@ from deconflict.settings.shared_places import ContentionSettings, Resource, Zone
 from ingest.settings import (
     Datum,
     Metres,
+    MqttSource,
     Reading,
     ReceiverSettings,
     RecorderSettings,
@@ -147,6 +148,8 @@ class Site(Section):
     """Docks, chargers, stations, lifts and parking that robots share."""
     zones: tuple[Zone, ...] = ()
     """Crossings, single-lane aisles and doors that robots share."""
+    mqtt_sources: tuple[MqttSource, ...] = ()
+    """Brokers whose robots are heard."""
     receiver: ReceiverSettings = ReceiverSettings()
     recorder: RecorderSettings = RecorderSettings()
     reading: Reading = Reading()

@@ -132,6 +132,7 @@ def _contradictions(site: Site) -> Iterator[str]:
     yield from place_problems(site.resources, site.zones, (datum.id for datum in site.datums))
     yield from outlet_problems(site.webhooks, site.mqtt)
     yield from cluster_contradictions(site.cluster)
+    yield from _source_contradictions(site)
     conflict, reading, recorder = site.conflict, site.reading, site.recorder
     if conflict.confirm[0] > conflict.confirm[1]:
         yield f"conflict.confirm: {list(conflict.confirm)} asks for more looks than it counts"
@@ -226,3 +227,19 @@ def _repeated(values: Iterable[tuple[str, str]]) -> Iterator[str]:
         if count > 1:
             keys = [key for key, given in pairs if given == value]
             yield f"{keys[-1]}: {value!r} is given by {' and '.join(keys[:-1])} too; expected it once"
+
+
+def _source_contradictions(site: Site) -> Iterator[str]:
+    names = Counter(source.name for source in site.mqtt_sources)
+    for row, source in enumerate(site.mqtt_sources):
+        key, (first_s, longest_s) = f"mqtt_sources[{row}]", source.retry_s
+        if names[source.name] > 1:
+            yield f"{key}.name: {source.name!r} is taken; give each source a name of its own"
+        if first_s > longest_s:
+            yield f"{key}.retry_s: found {[first_s, longest_s]}; expected the first wait not above the longest"
+        if source.ca and not source.tls:
+            yield f"{key}.ca: is used over TLS alone; set tls = true"
+        if source.password and not source.user:
+            yield f"{key}.user: is missing; a broker reads a password only with a user name"
+    if site.cluster and site.mqtt_sources:
+        yield "mqtt_sources: every ingest of a cluster would hear every broker; use a service without [cluster]"

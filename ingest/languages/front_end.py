@@ -5,7 +5,7 @@ of a robot between two messages is the robot's memory, which the caller holds. S
 give the same results, live and from a recording.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from ingest.languages.model import Message, Status
@@ -39,6 +39,9 @@ class FrontEnd(Protocol):
 
     def has_topic(self, topic: str) -> bool:
         """Whether the language has topics of this form, of which it reads the messages."""
+
+    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:
+        """What to subscribe to at a broker. Without prefixes those of the standard, without manufacturers all."""
 
     def sender(self, topic: str) -> TopicSender | None:
         """The robot of a topic. None if the topic names none, since the message does."""

@@ -170,6 +170,22 @@ class Receiver:
         """A connection with a new number, accepted or dialled."""
         return Connection(next(self._ids), peer, path, vendor)
 
+    def take(self, raw: bytes, connection: Connection) -> None:
+        """Deliver a message of a topic. If too much waits already, it is dropped: a broker can't be made to wait."""
+        if self._slices.full:
+            self._measures.count("deconflict_messages_shed_total", connection.vendor or UNKNOWN)
+        else:
+            message = ArrivedMessage(raw, self._clock(), connection)
+            self._deliver_in_turn(message, asyncio.get_running_loop().time())
+
+    def refuse(self, rule: str, reason: str, connection: Connection) -> None:
+        """Pass on that a message is not taken."""
+        self._slices.run(partial(self._refuse, rule, reason, self._clock(), connection))
+
+    def forget(self, connection: Connection) -> None:
+        """Pass on that nothing more comes over a connection."""
+        self._slices.run(partial(self._closed, connection))
+
     async def listen(self, socket: FrameCuttingConnection, connection: Connection) -> None:
         """Deliver everything that arrives over one socket until it ends."""
         now_s = asyncio.get_running_loop().time
@@ -181,7 +197,7 @@ class Receiver:
             self._count_close(socket, connection)
         finally:
             self._remove(connection)
-            self._slices.run(partial(self._closed, connection))
+            self.forget(connection)
 
     def _receive(self, session: Session, raw: bytes) -> None:
         session.heard_s = session.now_s()
@@ -235,7 +251,7 @@ class Receiver:
         if code == CloseCode.MESSAGE_TOO_BIG:
             most = self.settings.max_message_bytes
             reason = f"larger than {most} bytes; send a shorter path"
-            self._slices.run(partial(self._refuse, "message-too-large", reason, self._clock(), connection))
+            self.refuse("message-too-large", reason, connection)
         elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
             self._count_refused("protocol-error")
 

@@ -198,6 +198,14 @@ ALERTING_RULES = (
         "Nothing has been delivered to {{ $labels.outlet }} for five minutes and attempts fail; advisories wait.",
     ),
     AlertingRule(
+        "DeconflictBrokerGone",
+        "deconflict_broker_connected == 0",
+        "2m",
+        "page",
+        "The broker {{ $labels.source }} can't be heard",
+        "No message of the robots at {{ $labels.source }} arrives. They drive on, and are treated as silent.",
+    ),
+    AlertingRule(
         "DeconflictRevisionSetAside",
         f"{increase('deconflict_advisories_set_aside_total', '15m', ['reason'])} > 0",
         "0s",

@@ -42,6 +42,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_messages_per_second": gauge("Messages per second in the last minute, with any result.", "vendor"),
     "deconflict_deviations_total": counter("Deviations from the standard in accepted messages.", "vendor", "rule"),
     "deconflict_rejections_total": counter("Rejected messages, by the rule that rejects them.", "vendor", "rule"),
+    "deconflict_broker_connected": gauge("Whether the broker of robots is being heard, 0 or 1.", "source"),
+    "deconflict_broker_failures_total": counter("Failed or lost connections to a broker of robots.", "source"),
     "deconflict_robots_by_language": gauge(
         "Robots known, by the standard that their messages follow.", "vendor", "language"
     ),

@@ -43,7 +43,7 @@ from ingest.recording.log_reader import (
     segments_until,
 )
 
-OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "store", "recorder", "blackbox"}
+OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "mqtt_sources", "store", "recorder", "blackbox"}
 """Sections of the site that a replay does not need."""
 OMITTED_VENDOR_KEYS = {"token", "certificate_names", "dial"}
 """Keys of a vendor that a replay does not need, and that may hold secrets."""

@@ -1,7 +1,7 @@
 """The MassRobotics AMR Interoperability Standard 1.0 as one of the languages. Each message stands by itself."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ingest.languages.front_end import TopicSender
@@ -25,6 +25,9 @@ class MassRoboticsFrontEnd:
 
     def has_topic(self, topic: str) -> bool:  # noqa: ARG002 - it knows no brokers
         return False
+
+    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:  # noqa: ARG002
+        return []
 
     def sender(self, topic: str) -> TopicSender | None:  # noqa: ARG002 - messages name their robots
         return None

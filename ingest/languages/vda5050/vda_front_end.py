@@ -5,8 +5,9 @@ update (all others). A status rests on all of the robot's memory: a visualizatio
 remaining nodes, and the order where these are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import product
 from typing import Any, NamedTuple
 from uuid import UUID, uuid5
 
@@ -34,6 +35,8 @@ from ingest.languages.vda5050.vda_status import status_of
 
 ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
 """Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
+PREFIXES = ("uagv/v2", "vda5050/v3")
+"""What stands before the manufacturer in topics of 2.x and 3.0, as the standard suggests."""
 MAX_REASON = 300
 MAX_NAME = 100
 _TOPICS_CACHED = 65_536
@@ -57,6 +60,10 @@ class VdaFrontEnd:
     def has_topic(self, topic: str) -> bool:
         parsed = _parsed_topic(topic)
         return parsed is not None and parsed.kind in KINDS
+
+    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:
+        parts = product(prefixes or PREFIXES, manufacturers or ("+",), KINDS)
+        return ["/".join((*filter(None, (prefix,)), manufacturer, "+", kind)) for prefix, manufacturer, kind in parts]
 
     def sender(self, topic: str) -> TopicSender | None:
         parsed = _parsed_topic(topic)

@@ -23,6 +23,8 @@ _REJECTING = (
     _rejecting("position-absurd", "The position lies more than ten thousand kilometres out.", "state"),
     _rejecting("envelope-not-positive", "The factsheet's length or width is not above zero.", "factsheet"),
     _rejecting("envelope-absurd", "The robot is longer, wider or higher than 100 m.", "factsheet"),
+    _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
+    _rejecting("pose-retained", "A retained state or visualization; it may be of any age.", "topics", alone=False),
     _rejecting(
         "uuid-of-another-vendor",
         "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",

@@ -48,6 +48,7 @@ FOREIGN = 'deconflict_advisories_open{kind="foreign_claim",severity="warning"}'
 TWO_PLACES = 'deconflict_advisories_open{kind="two_places",severity="warning"}'
 CROWD = 'deconflict_advisories_open{kind="crowd",severity="warning"}'
 SITUATIONS = 'deconflict_situations_open{{kind="knot",severity="{}"}}'
+BROKER = 'deconflict_broker_connected{source="hall"}'
 ASIDE = 'deconflict_advisories_set_aside_total{reason="invalid"}'
 PRUNED = 'deconflict_advisories_pruned_total{{reason="{}"}}'
 CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
@@ -84,6 +85,8 @@ CASES = [
     Case("DeconflictOutletStuck", 20, {"outlet": "mes"}, {DELIVERED: "0+3x5 15x20", FAILED: "0x5 0+1x20"}),
     Case("DeconflictOutletStuck", 20, None, {DELIVERED: "0+3x30", FAILED: "0+1x30"}),
     Case("DeconflictOutletStuck", 20, None, {DELIVERED: "0x30", FAILED: "0x30"}),
+    Case("DeconflictBrokerGone", 20, {"source": "hall"}, {BROKER: "1x5 0x20"}),
+    Case("DeconflictBrokerGone", 20, None, {BROKER: "1x10 0x1 1x20"}),
     Case("DeconflictRevisionSetAside", 20, {"reason": "invalid"}, {ASIDE: "0x15 1x10"}),
     Case("DeconflictRevisionSetAside", 40, None, {ASIDE: "0x15 1x30"}),
     Case("DeconflictAdvisoriesPrunedForSize", 90, {}, {PRUNED.format("size"): "0x60 0+500x40"}),

@@ -1,0 +1,147 @@
+"""Hears robots over an MQTT broker, and connects again after each failure.
+
+It only subscribes. Messages take the way of those of sockets: rate limits by vendor, the queue, the fleet. Each topic
+counts as a connection of its own.
+"""
+
+import asyncio
+import logging
+import ssl
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import replace
+from random import Random
+from typing import cast
+
+from aiomqtt import Client, Message, MqttError
+
+from ingest.languages.front_ends import FRONT_ENDS
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.port.receiver import Receiver
+from ingest.security.tokens import SecretError, secret
+from ingest.settings import MqttSource
+
+MOST_TOPICS = 100_000
+"""Topics whose connections are kept. Beyond it, the one that was quiet for the longest is closed."""
+KEEPALIVE_S = 15
+"""A broker that answers nothing for about this long is gone."""
+TIMEOUT_S = 10.0
+STEADY_S = 30.0
+"""A connection that lasted this long resets the back-off."""
+
+log = logging.getLogger(__name__)
+
+
+class BrokerSource:
+    """Hears one broker."""
+
+    def __init__(
+        self,
+        settings: MqttSource,
+        receiver: Receiver,
+        vendor_of: Callable[[str], str],
+        measures: Measures,
+        random: Random,
+    ) -> None:
+        """`vendor_of` gives the vendor of a manufacturer that a topic names."""
+        self.settings, self._receiver, self._vendor_of = settings, receiver, vendor_of
+        self._measures, self._random = measures, random
+        self._front_end = FRONT_ENDS[settings.language]
+        self._connections: OrderedDict[str, Connection] = OrderedDict()
+        """By topic, those heard longest ago first."""
+        self.is_connected = False
+
+    async def run(self) -> None:
+        """Hear the broker until cancelled."""
+        failures, now_s = 0, asyncio.get_running_loop().time
+        while True:
+            began_s = now_s()
+            try:
+                await self._hear()
+            except (MqttError, OSError, SecretError) as error:
+                self._note_failure(error, is_first=failures == 0)
+            except Exception:
+                log.exception("hearing %s failed; connecting again", self.settings.name)
+                self._measures.count("deconflict_broker_failures_total", self.settings.name)
+            finally:
+                self.is_connected = False
+            failures = 0 if now_s() - began_s > STEADY_S else failures + 1
+            await asyncio.sleep(self._wait_s(failures))
+
+    def _wait_s(self, failures: int) -> float:
+        """It doubles with each failure, within bounds. A random part is taken off, so that sources do not agree."""
+        first_s, longest_s = self.settings.retry_s
+        return min(first_s * 2.0 ** min(max(failures - 1, 0), 30), longest_s) * self._random.uniform(0.5, 1.0)
+
+    def _note_failure(self, error: Exception, *, is_first: bool) -> None:
+        """Count it, and log the first of several in a row."""
+        self._measures.count("deconflict_broker_failures_total", self.settings.name)
+        if is_first:
+            log.warning("the broker %s can't be heard: %s; trying until it answers", self.settings.name, error)
+
+    async def _hear(self) -> None:
+        settings = self.settings
+        async with Client(
+            settings.host,
+            settings.port,
+            username=settings.user or None,
+            password=secret(settings.password) if settings.password else None,
+            tls_context=ssl.create_default_context(cafile=settings.ca or None) if settings.tls else None,
+            queue_type=cast(type[asyncio.Queue[Message]], self._new_delivery),
+            keepalive=KEEPALIVE_S,
+            timeout=TIMEOUT_S,
+        ) as client:
+            filters = self._front_end.topic_filters(settings.prefixes, settings.manufacturers)
+            await client.subscribe([(topic_filter, 1) for topic_filter in filters])
+            self.is_connected = True
+            log.info("hearing %s at %s:%d", settings.name, settings.host, settings.port)
+            async for _ in client.messages:  # none comes out of the queue; it raises when the connection is lost
+                pass
+
+    def _new_delivery(self, maxsize: int) -> "_Delivery":
+        return _Delivery(self.take, maxsize)
+
+    def take(self, message: Message) -> None:
+        """Pass on one message, unless nobody can know how old it is."""
+        topic, raw = message.topic.value, message.payload
+        if not isinstance(raw, bytes):
+            raw = str(raw or "").encode()
+        connection = self._connection(topic)
+        if not raw:
+            return  # the broker forgets a retained message
+        if len(raw) > self.settings.max_message_bytes:
+            reason = f"larger than {self.settings.max_message_bytes} bytes; raise mqtt_sources.max_message_bytes"
+            self._receiver.refuse("message-too-large", reason, connection)
+        elif message.retain and self._front_end.has_pose(raw, topic):
+            reason = "a retained pose may be of any age; publish it without retain"
+            self._receiver.refuse("pose-retained", reason, connection)
+        else:
+            self._receiver.take(raw, connection)
+
+    def _connection(self, topic: str) -> Connection:
+        known = self._connections.get(topic)
+        if known is None:
+            known = self._connections[topic] = self._new_connection(topic)
+            if len(self._connections) > MOST_TOPICS:
+                self._receiver.forget(self._connections.popitem(last=False)[1])
+        else:
+            self._connections.move_to_end(topic)
+        return known
+
+    def _new_connection(self, topic: str) -> Connection:
+        sender = self._front_end.sender(topic)
+        vendor = self._vendor_of(sender.manufacturer) if sender and sender.manufacturer else None
+        connection = self._receiver.new_connection(self.settings.name, "/", vendor)
+        return replace(connection, language=self.settings.language, topic=topic)
+
+
+class _Delivery(asyncio.Queue[Message]):
+    """Passes each message on at once. From a queue, aiomqtt would hand it over in a task of its own."""
+
+    def __init__(self, take: Callable[[Message], None], maxsize: int) -> None:
+        super().__init__(maxsize)
+        self._take = take
+
+    def put_nowait(self, item: Message) -> None:
+        self._take(item)
