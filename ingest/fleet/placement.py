@@ -6,7 +6,14 @@ from math import isfinite
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.forecast import forecast, matches, stops
-from ingest.fleet.prediction.forecast_model import ForecastContext, RobotBody, Sighting, robot_body, with_load
+from ingest.fleet.prediction.forecast_model import (
+    ForecastContext,
+    RobotBody,
+    Sighting,
+    reported_body,
+    robot_body,
+    with_load,
+)
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
@@ -95,5 +102,4 @@ class Placement:
             body = RobotBody(vendor.default_envelope_m or self._reading.default_envelope_m)
             return with_load(body, load) if load else body
         model = self._vendors.model(robot.vendor, identity.model)
-        reported = RobotBody(identity.envelope_m, identity.offset_m, identity.max_speed_mps)
-        return robot_body(model, reported, loaded, load)
+        return robot_body(model, reported_body(identity), loaded, load)

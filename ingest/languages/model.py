@@ -7,6 +7,7 @@ from typing import NamedTuple
 import msgspec
 
 from ingest.batch import Amounts, Basis
+from ingest.shapes import Shape
 
 Row = tuple[float, float, float, float]
 """t_s, x, y, yaw_rad: time by the sender's clock, place in the sender's frame and unit. The yaw is nan if unknown."""
@@ -47,6 +48,8 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     """Length, width and height; height 0 if unknown."""
     offset_m: tuple[float, float] = (0.0, 0.0)
     """From the reported location to the centre of the envelope: along the heading, and to its left."""
+    outline: Shape | None = None
+    """Around the reported location; None for a rectangle."""
     max_speed_mps: float | None
     """None if it was not sent."""
     findings: tuple[str, ...]

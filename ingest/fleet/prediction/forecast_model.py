@@ -6,10 +6,11 @@ from typing import Protocol
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from ingest.batch import Basis, Floats
 from ingest.frames.frame_registry import Frame
-from ingest.languages.model import LoadBox
+from ingest.languages.model import Identity, LoadBox
 from ingest.settings import Envelope, Model, Reading
 from ingest.shapes import Shape, ShapePart
 
@@ -98,12 +99,24 @@ def robot_body(model: Model, reported: RobotBody, loaded: bool, load: LoadBox | 
         offset_m = model.loaded_offset_m or model.offset_m
         return RobotBody(model.loaded_envelope_m, offset_m, reported.max_speed_mps)
     offset_m = model.offset_m if "offset_m" in model.model_fields_set else reported.offset_m
-    body = RobotBody(model.envelope_m or reported.envelope_m, offset_m, reported.max_speed_mps)
+    if model.envelope_m:
+        body = RobotBody(model.envelope_m, offset_m, reported.max_speed_mps)
+    else:
+        body = replace(reported, offset_m=offset_m)
     return with_load(body, load) if load else body
+
+
+def reported_body(identity: Identity) -> RobotBody:
+    """The body by what a robot says of itself."""
+    if identity.outline:
+        return _shaped_body(identity.outline, identity.envelope_m[2], None, identity.max_speed_mps)
+    return RobotBody(identity.envelope_m, identity.offset_m, identity.max_speed_mps)
 
 
 def with_load(body: RobotBody, load: LoadBox) -> RobotBody:
     """The body with the rectangle about its own envelope and the load. A height that is not known stays so."""
+    if body.shape:
+        return _shaped_body(body.shape.moved(*body.offset_m), body.envelope_m[2], load, body.max_speed_mps)
     (length_m, width_m, height_m), (x_m, y_m) = body.envelope_m, body.offset_m
     back_m, front_m = min(x_m - length_m / 2, load.back_m), max(x_m + length_m / 2, load.front_m)
     right_m, left_m = min(y_m - width_m / 2, load.right_m), max(y_m + width_m / 2, load.left_m)

@@ -1,10 +1,13 @@
 """Factsheets: who a robot is, how large, and how it can drive."""
 
+from typing import NamedTuple
+
 from ingest.languages.model import Identity
 from ingest.languages.rules import Findings, RejectedError
 from ingest.languages.timestamps import Stamp
 from ingest.languages.vda5050.vda_memory import Abilities
-from ingest.languages.vda5050.vda_messages import FactsheetMessage, PhysicalParameters, TypeSpecification, Vertex
+from ingest.languages.vda5050.vda_messages import FactsheetMessage, PhysicalParameters, TypeSpecification
+from ingest.shapes import Corner, Shape, outline_fault
 
 MAX_SIZE_M = 100.0
 MAX_TEXT = 100
@@ -18,7 +21,7 @@ def identity_of(
     """The identity by a factsheet. Raises `RejectedError` if it has no size that a robot can have."""
     parameters, kind = message.physical_parameters or _NO_PARAMETERS, message.type_specification or _NO_TYPE
     height_m = parameters.maximum_height if parameters.maximum_height is not None else parameters.height_max
-    length_m, width_m, offset_m = _outline(message, parameters, findings)
+    length_m, width_m, offset_m, outline = _body(message, parameters, findings)
     if not (length_m > 0 and width_m > 0):
         reason = f"physicalParameters say {length_m:g} x {width_m:g} m; send the robot's length and width"
         raise RejectedError("envelope-not-positive", reason)
@@ -35,6 +38,7 @@ def identity_of(
         serial=serial[:MAX_TEXT],
         envelope_m=(length_m, width_m, max(height_m or 0.0, 0.0)),
         offset_m=offset_m,
+        outline=outline,
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
     )
@@ -56,28 +60,42 @@ def _speed_mps(parameters: PhysicalParameters) -> float | None:
     return parameters.maximum_speed if parameters.maximum_speed is not None else parameters.speed_max
 
 
-def _outline(
-    message: FactsheetMessage, parameters: PhysicalParameters, findings: Findings
-) -> tuple[float, float, tuple[float, float]]:
-    """Length, width and centre of the rectangle about the robot's outline, else the length and width that are stated.
+class _Body(NamedTuple):
+    """The rectangle about a robot, and its outline if that is another."""
+
+    length_m: float
+    width_m: float
+    offset_m: tuple[float, float] = (0.0, 0.0)
+    outline: Shape | None = None
+
+    def differs_m(self, length_m: float, width_m: float) -> float:
+        """How far its size is from a stated one."""
+        return abs(self.length_m - length_m) + abs(self.width_m - width_m)
+
+
+def _body(message: FactsheetMessage, parameters: PhysicalParameters, findings: Findings) -> _Body:
+    """The robot's outline, else the length and width that are stated.
 
     Several outlines may be for loads and for protective fields. The robot's own is the one nearest to its stated size.
     """
     geometry = message.mobile_robot_geometry or message.agv_geometry
-    outlines: list[tuple[float, float, tuple[float, float]]] = []
-    for outline in (geometry.envelopes2d if geometry else None) or ():
-        points = outline.vertices or outline.polygon_points or []
+    bodies: list[_Body] = []
+    for sent in (geometry.envelopes2d if geometry else None) or ():
+        points = sent.vertices or sent.polygon_points or []
         if len(points) < 3 or any(abs(point.x) > MAX_SIZE_M or abs(point.y) > MAX_SIZE_M for point in points):
             findings["outline-unreadable"] = None
         else:
-            outlines.append(_rectangle(points))
+            bodies.append(_body_of([(point.x, point.y) for point in points]))
     length_m, width_m = parameters.length or 0.0, parameters.width or 0.0
-    if not outlines:
-        return length_m, width_m, (0.0, 0.0)
-    return min(outlines, key=lambda outline: abs(outline[0] - length_m) + abs(outline[1] - width_m))
+    return min(bodies, key=lambda body: body.differs_m(length_m, width_m), default=_Body(length_m, width_m))
 
 
-def _rectangle(points: list[Vertex]) -> tuple[float, float, tuple[float, float]]:
-    """Length, width and centre of the rectangle about a polygon, along the axes of the robot's frame."""
-    xs, ys = [point.x for point in points], [point.y for point in points]
-    return max(xs) - min(xs), max(ys) - min(ys), ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2)
+def _body_of(corners: list[Corner]) -> _Body:
+    """A polygon, and the rectangle about it along the axes of the robot's frame."""
+    if corners[0] == corners[-1]:
+        corners = corners[:-1]
+    xs, ys = zip(*corners, strict=True)
+    west, east, south, north = min(xs), max(xs), min(ys), max(ys)
+    is_rectangle = set(corners) == {(west, south), (west, north), (east, south), (east, north)}
+    outline = None if is_rectangle or outline_fault(corners) else Shape.polygon(corners)
+    return _Body(east - west, north - south, ((west + east) / 2, (south + north) / 2), outline)

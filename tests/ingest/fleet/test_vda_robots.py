@@ -154,3 +154,22 @@ def test_an_unreadable_topic_and_a_broken_message_are_rejected_and_leave_the_rob
     assert tell(of, "state", b"{", NOW_S + 2) == "not-json"
     assert counted(of, "rejections_total")[MAKER, "not-json"] == 1
     assert robot.memory is memory
+
+
+def test_an_outline_in_the_factsheet_is_the_shape_of_the_forecast_also_with_a_load() -> None:
+    of = floor_of()
+    corners = [{"x": x, "y": y} for x, y in ((0.8, 0.0), (-0.4, 0.4), (-0.4, -0.4))]
+    tell(
+        of, "factsheet", factsheet(NOW_S, agvGeometry={"envelopes2d": [{"set": "a", "polygonPoints": corners}]}), NOW_S
+    )
+    tell(of, "state", state(NOW_S), NOW_S)
+    (robot,) = of.robots.values()
+    assert robot.forecast is not None
+    assert robot.forecast.shape is not None
+    assert len(robot.forecast.shape.parts) == 1
+    assert robot.forecast.knots[0][1:3] == pytest.approx((0.2, 0.0))
+    box = {"boundingBoxReference": {"x": -1.0, "y": 0.0, "z": 0.2}, "loadDimensions": {"length": 1.0, "width": 0.5}}
+    tell(of, "state", state(NOW_S + 1, loads=[box]), NOW_S + 1)
+    assert robot.forecast.shape is not None
+    assert len(robot.forecast.shape.parts) == 2
+    assert robot.forecast.length_m == pytest.approx(2.3)

@@ -3,6 +3,7 @@ from typing import Any
 import pytest
 
 from ingest.languages.model import Identity
+from ingest.shapes import Shape
 from tests.helpers.vda_saying import FACTSHEET, MAKER, SERIAL, factsheet
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
@@ -54,3 +55,19 @@ def test_a_robot_of_which_only_the_outline_is_known_has_its_size() -> None:
 def test_a_name_of_any_length_is_cut() -> None:
     kind = dict(FACTSHEET["typeSpecification"]) | {"seriesName": "x" * 10_000}
     assert len(identity(typeSpecification=kind).model) == 100
+
+
+def test_an_outline_that_is_no_rectangle_is_the_robots_shape() -> None:
+    corners = [(0.6, 0.0), (0.4, 0.4), (-0.6, 0.4), (-0.6, -0.4), (0.4, -0.4)]
+    geometry = {"envelopes2d": [{"set": "a", "polygonPoints": [{"x": x, "y": y} for x, y in (*corners, corners[0])]}]}
+    read = identity(agvGeometry=geometry)
+    assert read.outline == Shape.polygon(corners)
+    assert read.envelope_m == pytest.approx((1.2, 0.8, 1.5))
+    assert identity(agvGeometry={"envelopes2d": [{"set": "a", "polygonPoints": outline(0.6, 0.4)}]}).outline is None
+
+
+def test_of_an_outline_that_crosses_itself_only_the_rectangle_counts() -> None:
+    crossed = [{"x": x, "y": y} for x, y in ((-1.0, -1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 0.5))]
+    read = identity(agvGeometry={"envelopes2d": [{"set": "a", "polygonPoints": crossed}]})
+    assert read.outline is None
+    assert read.envelope_m == pytest.approx((2.0, 2.0, 1.5))
