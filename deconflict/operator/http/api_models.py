@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, StringConstraints
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisory import AnyAdvisory, Severity
 
 Document = dict[str, Any]
 
@@ -102,6 +102,22 @@ class Heat(BaseModel):
     until_s: float
     cell_m: float
     floors: dict[str, list[tuple[float, float, int]]]
+
+
+class ShiftSituation(BaseModel):
+    """A situation of a shift."""
+
+    situation: Situation = Field(description="its newest revision")
+    worst_severity: Severity
+    most_cost_s: float = Field(description="the most seconds that its robots were expected to lose")
+
+
+class Shift(BaseModel):
+    """The situations that were open since a time, newest first."""
+
+    since_s: float
+    complete: bool = Field(description="false if older ones were left out")
+    situations: list[ShiftSituation]
 
 
 class Removed(BaseModel):

@@ -13,7 +13,7 @@ from fastapi import FastAPI, HTTPException, Query, Response, WebSocket
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation import advisories_of, situations_of
-from deconflict.operator.http.api_models import Heat, PastFloor, Recorded, StillThere
+from deconflict.operator.http.api_models import Heat, PastFloor, Recorded, Shift, StillThere
 from deconflict.operator.http.api_sources import FloorSource
 from deconflict.operator.live.live_socket import LiveSocket
 from deconflict.operator.store.publisher import Publisher
@@ -24,6 +24,7 @@ from deconflict.settings.site import Site
 
 HEAT_CELL_M = 1.0
 HEAT_S = 3600.0
+MOST_OF_A_SHIFT = 5000
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
@@ -96,6 +97,17 @@ class PageRoutes:
         floors = {datum: [(*cell, count) for cell, count in cells.items()] for datum, cells in counts.items()}
         return _json(Heat(since_s=end_s - HEAT_S, until_s=end_s, cell_m=HEAT_CELL_M, floors=floors))
 
+    def shift(self, since_s: Annotated[float, Query(ge=0, allow_inf_nan=False)]) -> Response:
+        """The situations that were open since a time, at most 5,000, with how severe each was at worst."""
+        rows = self._store.situations_since(since_s, MOST_OF_A_SHIFT)
+        situations = b",".join(
+            b'{"situation": %b, "worst_severity": "%b", "most_cost_s": %.1f}' % (text.encode(), worst.encode(), cost_s)
+            for text, worst, cost_s in rows
+        )
+        complete = b"true" if len(rows) < MOST_OF_A_SHIFT else b"false"
+        body = b'{"since_s": %.3f, "complete": %b, "situations": [%b]}' % (since_s, complete, situations)
+        return Response(body, media_type="application/json")
+
     def _file(self, name: str) -> Response:
         content = self._page.get(name)
         if content is None:
@@ -117,6 +129,7 @@ def add_page_routes(
     app.get("/recorded", response_model=Recorded)(routes.recorded)
     app.get("/past", response_model=PastFloor)(routes.past)
     app.get("/heat", response_model=Heat)(routes.heat)
+    app.get("/shift", response_model=Shift)(routes.shift)
     app.get("/presence", response_model=StillThere)(routes.presence)
 
     @app.websocket("/live")

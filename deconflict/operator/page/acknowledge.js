@@ -1,5 +1,6 @@
 // The dialog in which a person acknowledges a situation.
 
+const SEEN = "Seen, is looked after"; // what the key says is done about it
 const dialog = document.getElementById("acknowledge");
 const [about, refused, who, why] = ["acknowledge-what", "refused", "who", "why"].map((id) => document.getElementById(id));
 
@@ -18,12 +19,28 @@ export function askAndAcknowledge({ id, summary }, signedIn) {
   dialog.showModal();
 }
 
+// Acknowledges at once, if it is known who does it; else asks.
+export async function acknowledgeAtOnce(situation, signedIn) {
+  const name = remembered("name") ?? "";
+  if (!name && !signedIn) return askAndAcknowledge(situation, signedIn);
+  try {
+    await post(situation.id, name, SEEN);
+  } catch (error) {
+    askAndAcknowledge(situation, signedIn);
+    refused.textContent = `Not stored: ${error.message}`;
+  }
+}
+
+async function post(id, name, reason) {
+  const answer = await fetch(`situations/${encodeURIComponent(id)}/acknowledgement`, {
+    method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ name, reason }),
+  });
+  if (!answer.ok) throw new Error(problem((await answer.json()).detail));
+}
+
 async function send(id, name, reason) {
   try {
-    const answer = await fetch(`situations/${encodeURIComponent(id)}/acknowledgement`, {
-      method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ name, reason }),
-    });
-    if (!answer.ok) throw new Error(problem((await answer.json()).detail));
+    await post(id, name, reason);
     remember("name", name);
     dialog.close();
   } catch (error) {

@@ -3,19 +3,21 @@
 import { KINDS, SIGNS, change, countdown, gist, plural, sentence, severityOf, short, since, toDo, urgency, what } from "./texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
-const STILL_MS = 2000; // cards keep their order for so long after the pointer moved over them, so that nobody presses a wrong one
+const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
 
 export class Cards {
   // `acts` are called with what a person does: choose(id), acknowledge(id), point(id, robot), showRobot(uuid).
   constructor(list, more, acts) {
-    Object.assign(this, { list, more, acts, cards: new Map(), all: false, movedMs: -Infinity });
-    list.onpointermove = () => { this.movedMs = Date.now(); };
+    Object.assign(this, { list, more, acts, cards: new Map(), all: false, movedMs: -Infinity, shown: new Set() });
+    list.onpointermove = list.onpointerdown = () => { this.movedMs = Date.now(); };
+    list.onpointerleave = () => { this.movedMs = -Infinity; };
     more.onclick = () => { this.all = !this.all; acts.changed(); };
   }
 
   // `ended` are those that were cleared lately; `behind(id)` are the advisories of a situation.
   show(open, ended, view) {
-    const sorted = this.inOrder([...open, ...ended]), ids = new Set(sorted.map(({ id }) => id)), shown = new Set([...open].sort(urgency).slice(0, MOST_CARDS).map(({ id }) => id));
+    const sorted = this.inOrder([...open, ...ended]), ids = new Set(sorted.map(({ id }) => id)), kept = this.isHeld() ? this.shown : [];
+    const shown = this.shown = new Set([...kept, ...[...open].sort(urgency).slice(0, MOST_CARDS).map(({ id }) => id)]);
     for (const [id, card] of this.cards) if (!ids.has(id)) this.remove(id, card);
     sorted.forEach((situation, i) => {
       const card = this.cards.get(situation.id) ?? this.newCard(situation.id);
@@ -27,10 +29,13 @@ export class Cards {
     setText(this.more, this.all ? "Show fewer" : `Show ${open.length - MOST_CARDS} more, less urgent`);
   }
 
-  // Most urgent first, or, while somebody points at the cards, as they are.
+  // Whether somebody points at the cards: then none changes its place, so that nobody presses a wrong one.
+  isHeld() { return Date.now() - this.movedMs < STILL_MS; }
+
+  // Most urgent first, or, while they are held, as they are.
   inOrder(situations) {
     const sorted = [...situations].sort(urgency);
-    if (Date.now() - this.movedMs > STILL_MS) return sorted;
+    if (!this.isHeld()) return sorted;
     const order = [...this.cards.keys()].sort((a, b) => this.cards.get(a).compareDocumentPosition(this.cards.get(b)) & Node.DOCUMENT_POSITION_FOLLOWING ? -1 : 1);
     const at = ({ id }) => (order.includes(id) ? order.indexOf(id) : order.length);
     return sorted.sort((a, b) => at(a) - at(b));
@@ -60,6 +65,7 @@ export class Cards {
     parts.show.type = parts.take.type = "button";
     parts.show.textContent = "Show on the map";
     parts.take.textContent = "Acknowledge";
+    parts.take.title = "Key A acknowledges at once";
     parts.show.onclick = () => acts.choose(id);
     parts.take.onclick = () => acts.acknowledge(id);
     card.onpointerenter = () => acts.point(id, null);
@@ -84,7 +90,7 @@ export class Cards {
     card.classList.toggle("flash", flashed.has(situation.id));
     card.classList.toggle("answered", Boolean(answer));
     card.classList.toggle("advised", Boolean(first));
-    setText(parts.severity, ended ? "✓ Closed" : severityOf(situation));
+    setText(parts.severity, ended ? "✓ Ended" : severityOf(situation));
     setText(parts.kind, KINDS[situation.situation_kind]);
     setText(parts.when, ended ? "" : countdown(situation, nowS));
     setText(parts.what, text);

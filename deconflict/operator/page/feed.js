@@ -1,7 +1,7 @@
 // The open situations and advisories, read once and then kept up to date by the stream.
 
 const RETRY_MS = 1000;
-export const FADE_MS = 5000;
+export const FADE_MS = 8000;
 
 export class Feed {
   constructor(changed) {
@@ -49,6 +49,7 @@ export class Feed {
     } else this.changed();
   }
 
+  // A situation that ended stays for some seconds, as it was last.
   fade(before, cleared) {
     this.ended.set(before.id, { ...before, ...cleared, outline: before.outline, endedMs: Date.now() });
     setTimeout(() => { this.ended.delete(before.id); this.changed(); }, FADE_MS);

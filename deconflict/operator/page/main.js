@@ -1,12 +1,15 @@
 // Puts the page together: shows the live floor, or the recorded floor if the slider is at a time in the past.
 
-import { askAndAcknowledge, remember, remembered } from "./acknowledge.js";
+import { acknowledgeAtOnce, askAndAcknowledge, remember, remembered } from "./acknowledge.js";
+import { Alarm } from "./alarm.js";
 import { Camera } from "./camera.js";
 import { Cards, lines, setText } from "./cards.js";
 import { Feed } from "./feed.js";
+import { Filters } from "./filters.js";
 import { Live } from "./live.js";
 import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
+import { Shift } from "./shift.js";
 import { Vendors } from "./vendors.js";
 import { KINDS, ago, clock, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
 
@@ -17,6 +20,7 @@ const EXITS_MS = 20_000;
 const FRAME_MS = 30;
 const FLASH_MS = 3000;
 const LEAST_SHOWN_M = 5;
+const EXTENT_STEP_M = 2;
 const NEWS_S = 5; // an older revision is not announced: the stream sends it again after a gap
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -25,7 +29,11 @@ const vendors = new Vendors();
 const live = new Live(() => {});
 const feed = new Feed(announce);
 const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), live: $("live"), shown: $("shown") }, () => live.nowS(), () => list());
-let moved = false;
+let moved = false; // whether somebody chose what the map shows; else it shows the whole floor
+const views = new Map(); // by floor, what it showed when somebody left it
+const extents = new Map(); // by floor, what its whole is
+const alarm = new Alarm();
+const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRobot(null, uuid) });
 const camera = new Camera($("map"), (byHand) => { moved ||= byHand === true; }, press);
 const map = new FloorMap($("map"), camera, vendors);
 const cards = new Cards($("situations"), $("more"), { choose, acknowledge, point, showRobot, changed: () => list() });
@@ -42,16 +50,19 @@ function floors() {
 }
 
 function robots() { return past.floor ? past.floor.robots : live.robots; }
-function open() { return past.atS === null ? [...feed.situations.values()] : past.floor?.situations ?? []; }
-function ended() { return past.atS === null ? [...feed.ended.values()] : []; }
+function allOpen() { return past.atS === null ? [...feed.situations.values()] : past.floor?.situations ?? []; }
+function open() { return allOpen().filter((situation) => filters.matches(situation)); }
+function ended() { return past.atS === null ? [...feed.ended.values()].filter((situation) => filters.matches(situation)) : []; }
 function advisories() { return past.atS === null ? [...feed.advisories.values()] : past.floor?.advisories ?? []; }
 function nowS() { return past.floor ? past.floor.atS : frozenS() ?? live.nowS(); }
 function frozenS() { return root.dataset.state === "lost" || root.dataset.state === "stale" ? live.tickS : null; }
+function centre({ id, name, polygon }) { return { name: name || id, x: mean(polygon, 0), y: mean(polygon, 1) }; }
+function mean(points, axis) { return points.reduce((total, each) => total + each[axis], 0) / points.length; }
 function floorName(id) { return floors().find((known) => known.id === id)?.name ?? id; }
 
 // The open advisories by the id of their situation; null for those that are part of none.
 function advisoriesBySituation() {
-  const ids = new Set(open().map(({ id }) => id)), partOf = new Map(open().flatMap((situation) => situation.advisories.map((id) => [id, situation.id])));
+  const ids = new Set(allOpen().map(({ id }) => id)), partOf = new Map(allOpen().flatMap((situation) => situation.advisories.map((id) => [id, situation.id])));
   return Map.groupBy(advisories(), ({ id, situation_id: named }) => partOf.get(id) ?? (ids.has(named) ? named : null));
 }
 
@@ -93,7 +104,7 @@ function scene() {
   const involved = new Map(), first = new Set(situations.map(({ advice }) => advice?.actions[0].robot)), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
   for (const { id, severity, robots, advice } of situations.filter(({ endedMs }) => !endedMs).reverse()) {
     for (const uuid of robots) involved.set(uuid, severity);
-    for (const { robot, action } of advice?.actions ?? []) advised.set(robot, action);
+    for (const each of advice?.actions ?? []) advised.set(each.robot, each);
     for (const advisory of grouped.get(id) ?? []) if (advisory.resource) contended.set(advisory.resource, { ...advisory, severity });
   }
   const known = floors().find((each) => each.id === floor);
@@ -110,9 +121,14 @@ function scene() {
 function bounds(shown) {
   const points = [...shown.marks.map((mark) => [mark.x, mark.y]), ...shown.places.flatMap((place) => place.polygon), ...shown.robots.map((robot) => robot.knots.slice(1, 3))];
   if (!points.length) return [-10, -10, 10, 10];
-  const xs = points.map((point) => point[0]).sort((a, b) => a - b), ys = points.map((point) => point[1]).sort((a, b) => a - b);
-  return [xs[0] - 1, ys[0] - 3, xs.at(-1) + 1, ys.at(-1) + 2];
+  const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]), [left, bottom, right, top] = extents.get(shown.floor) ?? [Infinity, Infinity, -Infinity, -Infinity];
+  const whole = [Math.min(left, down(Math.min(...xs))), Math.min(bottom, down(Math.min(...ys))), Math.max(right, -down(-Math.max(...xs))), Math.max(top, -down(-Math.max(...ys)))];
+  extents.set(shown.floor, whole);
+  return whole;
 }
+
+// To whole steps, so that the map stands still while robots drive.
+function down(metres) { return Math.floor((metres - 1) / EXTENT_STEP_M) * EXTENT_STEP_M; }
 
 function draw(at) {
   requestAnimationFrame(draw);
@@ -152,7 +168,12 @@ function tabs() {
 }
 
 function show(id) {
-  if (floor !== id) moved = false;
+  if (floor !== id) {
+    views.set(floor, moved && [camera.x, camera.y, camera.scale]);
+    const view = views.get(id);
+    moved = Boolean(view);
+    if (view) [camera.x, camera.y, camera.scale] = view;
+  }
   floor = id;
   list();
 }
@@ -166,18 +187,22 @@ function list() {
   });
   setText($("count"), listed.length ? `(${listed.length})` : "");
   $("none").hidden = listed.length > 0;
+  const left = allOpen().length - listed.length;
+  $("filtered").hidden = !filters.active;
+  setText($("filtered").firstElementChild, left ? `${plural(left, "situation")} hidden by the filter.` : "The filter hides nothing.");
   setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? "Nothing needs you." : "Loading…");
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
   if ($("machines").open) lines($("machines-lines"), others);
   const known = [...robots().values()], here = onFloor();
   for (const robot of known) vendors.indexOf(robot.vendor);
+  filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id }))], known);
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${listed.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
-  vendors.table($("vendors").tBodies[0], live.health);
+  vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health);
   if ($("robots").open) table(here);
   detail();
 }
@@ -222,7 +247,10 @@ function announce(situation, before) {
   else if (situation && past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !situation.acknowledgement) {
     const { first, then } = toDo(situation), isCritical = situation.severity === "critical";
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
-    if (isCritical && before?.severity !== "critical") $("say").textContent = text;
+    if (isCritical && before?.severity !== "critical") {
+      $("say").textContent = text;
+      alarm.raise(KINDS[situation.situation_kind], `${what(situation)}. ${first || then}`);
+    }
     else if (!before) $("say-politely").textContent = text;
   }
   list();
@@ -236,7 +264,7 @@ function ends({ id, joined_into: into }) {
 }
 
 function choose(id) {
-  const situation = open().find((each) => each.id === id);
+  const situation = allOpen().find((each) => each.id === id);
   chosen = situation ? id : null;
   if (!situation) return;
   if (situation.location) lookAt(situation.location.datum, [...situation.outline, ...situation.robots.map(placeOf).filter(Boolean)]);
@@ -276,7 +304,19 @@ function press(px, py) {
   document.querySelector("#situations .chosen")?.scrollIntoView({ block: "nearest" });
 }
 
-function acknowledge(id) { askAndAcknowledge(open().find((each) => each.id === id), site.sign_in); }
+function acknowledge(id) { askAndAcknowledge(allOpen().find((each) => each.id === id), site.sign_in); }
+
+function fit() {
+  moved = false;
+  extents.delete(floor);
+}
+
+// Acknowledges with one key: the situation with the focus, else the chosen one, else the most urgent that nobody has taken.
+function acknowledgeByKey() {
+  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = open().sort(urgency);
+  const situation = listed.find(({ id }) => id === focused) ?? listed.find(({ id }) => id === chosen) ?? listed.find(({ acknowledgement }) => !acknowledgement);
+  if (situation && past.atS === null) acknowledgeAtOnce(situation, site.sign_in);
+}
 
 function setTheme(theme) {
   root.dataset.theme = theme;
@@ -284,10 +324,16 @@ function setTheme(theme) {
 }
 
 $("theme").onclick = () => { const next = root.dataset.theme === "dark" ? "light" : "dark"; setTheme(next); remember("theme", next); list(); };
-$("fit").onclick = () => { moved = false; };
+$("fit").onclick = fit;
 $("closer").onclick = () => camera.zoom(1.3);
 $("wider").onclick = () => camera.zoom(1 / 1.3);
-$("map").addEventListener("keydown", (event) => { if (event.key === "0") moved = false; });
+$("map").addEventListener("keydown", (event) => { if (event.key === "0") fit(); });
+document.addEventListener("keydown", (event) => {
+  const typing = event.target.closest?.("input, select, textarea, dialog") || event.ctrlKey || event.metaKey || event.altKey;
+  if (event.key === "a" && !typing) acknowledgeByKey();
+  if (event.key === "/" && !typing) { event.preventDefault(); $("robot").focus(); }
+});
+$("filters").onsubmit = (event) => event.preventDefault();
 $("tabs").addEventListener("keydown", (event) => {
   const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key], ids = floors().map(({ id }) => id);
   if (step) show(ids[(ids.indexOf(floor) + step + ids.length) % ids.length]);
@@ -324,6 +370,7 @@ const darkness = matchMedia("(prefers-color-scheme: dark)");
 const preferredTheme = () => remembered("theme") ?? (darkness.matches ? "dark" : "light");
 darkness.onchange = () => { setTheme(preferredTheme()); list(); };
 setTheme(preferredTheme());
+new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)]);
 begin();
 setInterval(list, 250);
 setInterval(readHeat, HEAT_MS);

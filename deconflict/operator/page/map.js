@@ -3,8 +3,9 @@
 import { exits } from "./exits.js";
 import { envelope, movesFor, poseAt } from "./motion.js";
 import { holds } from "./places.js";
-import { SituationLayer, overlap } from "./situation_layer.js";
-import { ACTIONS, likely, short } from "./texts.js";
+import { Labels, leader } from "./labels.js";
+import { SituationLayer } from "./situation_layer.js";
+import { likely, order, short } from "./texts.js";
 
 const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
@@ -14,6 +15,8 @@ const LABEL = { chosen: 4, first: 3, picked: 2, advised: 1, involved: 0, other: 
 const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
 const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
 const SPECK_PX = 5;
+const MOST_AVOIDED = 1500; // with more robots, labels may cover robots
+const EDGE_PX = 4; // of the numbers of the grid from the edge of the map
 
 export class FloorMap {
   constructor(canvas, camera, vendors) {
@@ -23,6 +26,7 @@ export class FloorMap {
     this.vendors = vendors;
     this.pose = [0, 0, 0];
     this.images = new Map();
+    this.labels = new Labels();
     this.situations = new SituationLayer(this);
   }
 
@@ -48,10 +52,15 @@ export class FloorMap {
     exits(this, scene);
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
+    this.labels.begin(camera, this.unit, robots.length > MOST_AVOIDED ? [] : robots.map((robot) => this.boxOf(robot)));
     if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
     this.situations.below(scene);
     this.robots(robots, scene);
+    this.situations.placeLabels(scene);
+    this.names(robots, scene);
+    this.placeNames(scene);
     this.situations.above(scene);
+    this.gridNumbers();
     return robots.length;
   }
 
@@ -90,10 +99,15 @@ export class FloorMap {
     pen.strokeStyle = ink.grid;
     pen.lineWidth = 1;
     pen.stroke();
-    pen.fillStyle = ink.faint;
-    pen.font = `${11 * this.unit}px system-ui, sans-serif`;
-    pen.textAlign = "right";
-    pen.fillText(`grid ${every} m`, camera.width - 10, camera.height - 10);
+  }
+
+  // The coordinates of the grid, as sentences name them: x along the upper edge, y along the left edge.
+  gridNumbers() {
+    const { camera, ink, unit } = this, [left, top] = camera.metres(0, 0), [right, bottom] = camera.metres(camera.width, camera.height);
+    const every = [1, 2, 5, 10, 20, 50, 100].find((step) => step * camera.scale >= 44 * unit) ?? 500;
+    for (let x = Math.ceil(left / every) * every; x <= right; x += every) if (camera.px(x) > 70 * unit) this.text(`${x}`, camera.px(x), EDGE_PX + 10 * unit, 11, ink.faint);
+    for (let y = Math.ceil(bottom / every) * every; y <= top; y += every) if (camera.py(y) > 30 * unit) this.text(`${y}`, EDGE_PX + 11 * unit, camera.py(y) + 4 * unit, 11, ink.faint);
+    this.text("x, y in m", EDGE_PX + 28 * unit, EDGE_PX + 10 * unit, 10, ink.faint);
   }
 
   places(scene) {
@@ -109,11 +123,28 @@ export class FloorMap {
       pen.strokeStyle = contended ? ink[contended.severity] : ink["place-line"];
       pen.lineWidth = contended ? 3 : 1.5;
       pen.stroke();
-      const x = place.polygon.reduce((sum, point) => sum + point[0], 0) / place.polygon.length;
-      const ys = place.polygon.map((point) => camera.py(point[1])), y = contended ? Math.max(...ys) + 14 * this.unit : Math.min(...ys) - 5;
-      const queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
-      if (camera.scale > 6 || contended) this.text(`${place.name || place.id} ${taken}/${place.capacity}${queue}`, camera.px(x), y, 12, contended ? ink[contended.severity] : ink.faint);
+      place.taken = taken;
     }
+  }
+
+  // The names of places and of columns, where they cover nothing.
+  placeNames(scene) {
+    const { camera, ink } = this, tiny = camera.scale <= 3;
+    for (const place of scene.places) {
+      const contended = scene.contended.get(place.id), queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
+      if (tiny && !contended) continue;
+      const xs = place.polygon.map(([x]) => camera.px(x)), ys = place.polygon.map(([, y]) => camera.py(y));
+      const box = { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
+      this.beside(place.id, box, `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint);
+    }
+    if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
+  }
+
+  beside(id, thing, text, size, colour) {
+    const { pen, unit } = this;
+    pen.font = `${size * unit}px system-ui, sans-serif`;
+    const [wide, high] = [pen.measureText(text).width, size * unit], box = this.labels.place(id, thing, wide, high, { rings: 1 });
+    if (box) this.text(text, box.left + wide / 2, box.top + high * 0.85, size, colour);
   }
 
   marks(scene) {
@@ -126,7 +157,6 @@ export class FloorMap {
       line(pen, x - 5, y, x + 5, y);
       line(pen, x, y - 5, x, y + 5);
       pen.stroke();
-      if (camera.scale > 9) this.text(mark.name, x, y + 16, 11, ink.faint);
     }
   }
 
@@ -199,9 +229,21 @@ export class FloorMap {
       pen.globalAlpha = 1;
     }
     for (const robot of robots) this.decorations(robot, scene);
-    const least = robots.length <= MOST_LABELLED && camera.scale > 7 ? LABEL.other : LABEL.involved, taken = [...this.situations.labels];
-    const labels = robots.map((robot) => [rankOf(robot, scene), robot]).filter(([rank]) => rank >= least && camera.scale > 3);
-    for (const [rank, robot] of labels.sort((a, b) => b[0] - a[0])) this.name(robot, scene, rank, taken);
+  }
+
+  // The names of robots: of all if there is room, else of those that are chosen, advised or involved.
+  names(robots, scene) {
+    const { camera } = this, least = robots.length <= MOST_LABELLED && camera.scale > 14 ? LABEL.other : camera.scale > 10 ? LABEL.involved : LABEL.advised;
+    const named = robots.map((robot) => [rankOf(robot, scene), robot]).filter(([rank]) => rank >= least);
+    for (const [rank, robot] of named.sort((a, b) => b[0] - a[0] || (a[1].uuid < b[1].uuid ? -1 : 1))) this.name(robot, scene, rank);
+  }
+
+  // What a robot covers on the canvas.
+  boxOf(robot) {
+    const { camera } = this, cos = Math.abs(Math.cos(robot.yaw)), sin = Math.abs(Math.sin(robot.yaw)), least = SPECK_PX / 2;
+    const wide = Math.max(((robot.lengthM * cos + robot.widthM * sin) / 2) * camera.scale, least), high = Math.max(((robot.lengthM * sin + robot.widthM * cos) / 2) * camera.scale, least);
+    const x = camera.px(robot.x), y = camera.py(robot.y);
+    return { left: x - wide, right: x + wide, top: y - high, bottom: y + high, wide: 2 * wide, high: 2 * high };
   }
 
   // Draws an envelope of a few pixels as a square of the same area: its heading could not be seen, and a thousand squares take
@@ -251,20 +293,18 @@ export class FloorMap {
     }
   }
 
-  // A robot's label below it, above it, right or left of it, where it covers none of `taken`.
-  name(robot, scene, rank, taken) {
-    const { pen, camera, ink, unit } = this, isBold = rank > LABEL.other, size = isBold ? 13 : 11;
+  // A robot's label beside it, where it covers nothing. An arrow leads from what it should do to the robot.
+  name(robot, scene, rank) {
+    const { pen, ink, unit } = this, isBold = rank > LABEL.other, size = isBold ? 13 : 11, action = scene.advised.get(robot.uuid);
     const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s${likely(robot)}` : "";
-    const advised = scene.advised.has(robot.uuid) ? `: ${ACTIONS[scene.advised.get(robot.uuid)]}` : "";
-    const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${advised}`;
-    const below = (Math.hypot(robot.lengthM, robot.widthM) / 2) * camera.scale + 13 * unit;
+    const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${action ? `: ${order(action)}` : ""}`;
     pen.font = `${isBold ? "600 " : ""}${size * unit}px system-ui, sans-serif`;
-    const [x, y, wide, high] = [camera.px(robot.x), camera.py(robot.y), pen.measureText(name).width, size * unit], beside = wide / 2 + below - 5 * unit;
-    const boxes = [[0, below], [0, high * 0.8 - below], [beside, high / 3], [-beside, high / 3]].map(([dx, dy]) => ({ left: x + dx - wide / 2, top: y + dy - high, wide, high }));
-    const box = boxes.find((each) => !taken.some((other) => overlap(each, other))) ?? (rank >= LABEL.first ? boxes[0] : null);
+    const [wide, high] = [pen.measureText(name).width + 4 * unit, (size + 3) * unit], thing = this.boxOf(robot);
+    const box = this.labels.place(robot.uuid, thing, wide, high, { must: rank >= LABEL.first, rings: action || rank >= LABEL.first ? undefined : 1 });
     if (!box) return;
-    taken.push(box);
-    this.text(name, box.left + wide / 2, box.top + high, size, isBold ? ink.ink : ink.faint, isBold ? "600 " : "");
+    const colour = action ? ink[scene.involved.get(robot.uuid)] ?? ink.ink : ink.faint;
+    if (box.line || action) leader(pen, toEdge(box, thing), colour, unit, Boolean(action));
+    this.text(name, box.left + wide / 2, box.top + size * unit, size, isBold ? ink.ink : ink.faint, isBold ? "600 " : "");
   }
 
   text(text, x, y, size, colour, weight = "") {
@@ -305,6 +345,13 @@ function sign(path, x, y, yaw, size, mark) {
   }
   shapes[mark].forEach(([a, b], i) => path[i ? "lineTo" : "moveTo"](x + a * cos - b * sin, y - a * sin - b * cos));
   path.closePath();
+}
+
+// From the nearest point of a label to the nearest point of a robot's box.
+function toEdge({ left, top, wide, high }, thing) {
+  const near = (value, low, top) => Math.min(Math.max(value, low), top), x = (thing.left + thing.right) / 2, y = (thing.top + thing.bottom) / 2;
+  const from = [near(x, left, left + wide), near(y, top, top + high)];
+  return [...from, near(from[0], thing.left, thing.right), near(from[1], thing.top, thing.bottom)];
 }
 
 function rankOf({ uuid }, { robot, highlighted, first, advised, involved }) {

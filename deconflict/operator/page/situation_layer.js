@@ -2,9 +2,9 @@
 
 import { FADE_MS } from "./feed.js";
 import { inside } from "./places.js";
+import { leader } from "./labels.js";
 import { KINDS, SIGNS, countdown } from "./texts.js";
 
-const MARGIN_PX = 8; // of labels from outlines
 const ANSWERED = 0.65; // opacity of what somebody takes care of
 const FONT = (unit) => `700 ${13 * unit}px system-ui, sans-serif`;
 const SMALLEST_PX = 22; // an outline that would be smaller is drawn as a circle
@@ -15,13 +15,20 @@ export class SituationLayer {
     this.labels = []; // those of this frame, with their boxes in pixels
   }
 
-  // Draws what lies below the robots, and places the labels: the first of `scene.situations`, the most urgent, has the best place.
+  // Draws what lies below the robots. Labels come later, once it is known what they must not cover.
   below(scene) {
     for (const situation of [...scene.situations].reverse()) this.outline(situation, scene.picked.has(situation.id));
     for (const situation of scene.situations) if (scene.picked.has(situation.id)) this.links(situation, scene);
     this.map.pen.globalAlpha = 1;
+  }
+
+  // Places the labels: the first of `scene.situations`, the most urgent, has the best place.
+  placeLabels(scene) {
     this.labels = [];
-    for (const situation of scene.situations) if (!situation.endedMs) this.labels.push(this.label(situation, scene.nowS));
+    for (const situation of scene.situations) {
+      const label = situation.endedMs ? null : this.label(situation, scene.nowS);
+      if (label) this.labels.push(label);
+    }
   }
 
   above(scene) {
@@ -82,12 +89,15 @@ export class SituationLayer {
     const { pen, unit } = this.map, { id, severity, acknowledgement, situation_kind: kind } = situation;
     const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
     pen.font = FONT(unit);
-    return { id, text, severity, isAnswered: Boolean(acknowledgement), ...this.place(this.shape(situation).box, pen.measureText(text).width + 14 * unit, 21 * unit) };
+    const { box } = this.shape(situation), { camera } = this.map;
+    if (box.right < 0 || box.left > camera.width || box.bottom < 0 || box.top > camera.height) return null;
+    return { id, text, severity, isAnswered: Boolean(acknowledgement), ...this.map.labels.place(id, box, pen.measureText(text).width + 14 * unit, 21 * unit, { must: true }) };
   }
 
-  pill({ text, severity, isAnswered, left, top, wide, high }, picked) {
+  pill({ text, severity, isAnswered, left, top, wide, high, line }, picked) {
     const { pen, ink, unit } = this.map, filled = picked || (!isAnswered && severity !== "caution");
     pen.globalAlpha = isAnswered ? ANSWERED : 1;
+    if (line) leader(pen, line, ink[severity], unit, false);
     pen.beginPath();
     pen.roundRect(left, top, wide, high, 6 * unit);
     pen.fillStyle = filled ? ink[severity] : ink.halo;
@@ -100,20 +110,6 @@ export class SituationLayer {
     pen.textAlign = "center";
     pen.fillText(text, left + wide / 2, top + 15 * unit);
   }
-
-  // Beside the outline where the label covers no other: above, below, right, left, then ever further up.
-  place({ left, right, top, bottom }, wide, high) {
-    const { camera } = this.map, x = Math.min(Math.max((left + right - wide) / 2, 2), camera.width - wide - 2), y = (top + bottom - high) / 2, step = high + 3;
-    const places = [[x, top - high - MARGIN_PX], [x, bottom + MARGIN_PX], [right + MARGIN_PX, y], [left - wide - MARGIN_PX, y]];
-    for (let i = 1; i <= this.labels.length; i += 1) places.push([x, top - high - MARGIN_PX - i * step]);
-    const boxes = places.map(([boxLeft, boxTop]) => ({ left: boxLeft, top: boxTop, wide, high }));
-    const free = boxes.filter((box) => !this.labels.some((other) => overlap(box, other)));
-    return free.find((box) => box.left >= 0 && box.top >= 0 && box.left + wide <= camera.width && box.top + high <= camera.height) ?? free[0] ?? boxes[0];
-  }
-}
-
-export function overlap(a, b) {
-  return a.left < b.left + b.wide && b.left < a.left + a.wide && a.top < b.top + b.high && b.top < a.top + a.high;
 }
 
 function strengthOf({ endedMs, acknowledgement }) {

@@ -2,13 +2,20 @@
 
 export const SEVERITIES = ["critical", "warning", "caution"];
 export const SIGNS = { critical: "▲", warning: "◆", caution: "●" };
-const SEVERITY = { critical: "Critical", warning: "Warning", caution: "Caution" };
+export const SEVERITY = { critical: "Critical", warning: "Warning", caution: "Caution" };
 export const KINDS = {
   meeting: "Two robots meet", head_on: "Head-on in a lane", knot: "Knot of robots", queue: "Queue", crowd: "Many robots at one point",
   blocked_aisle: "Way blocked", obstacle: "Robot in the way", silent_robot: "Silent robot", deadlock: "Waiting for each other", identity: "Who is this robot?",
 };
 export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };
+// What a robot should do, in the fewest words: "wait 12 s", "back out to Lift 1".
+export function order({ action, seconds: forS, speed_mps: speed, where }) {
+  const amount = action === "wait" && forS ? ` ${span(forS)}` : action === "slow_down" && speed ? ` to ${speed.toFixed(1)} m/s` : "";
+  return `${ACTIONS[action]}${amount}${where && ["wait", "back_out"].includes(action) ? ` ${where}` : ""}`;
+}
+
 const CHANGED_S = 15; // advice is new for so long
+const PREVENTABLE_STEP_S = 15;
 const LONG_S = 120; // what is open for longer has the time of day since when it is
 const ENDINGS = [["by itself", "Nothing to do: it ends by itself"], ["not by itself", "No advice. It does not end by itself"], ["", "No advice. It ends "]];
 
@@ -82,5 +89,8 @@ export function short(name, vendor) {
 
 export function urgency(a, b) {
   const rank = SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity);
-  return rank || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
+  return rank || preventable(b) - preventable(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
 }
+
+// The seconds that somebody can still save, in steps, so that cards do not change places for a second.
+function preventable({ preventable_s: s }) { return Math.round((s ?? 0) / PREVENTABLE_STEP_S); }

@@ -11,6 +11,8 @@ const CLOCK_OFF_S = 0.5;
 // The largest error of a forecast three seconds ahead, in four of five cases.
 const ACCURACY = { A: "within 0.1 m", B: "within 0.25 m", C: "within 0.5 m", D: "within 1 m", E: "over 1 m off" };
 
+const TRUST = { A: "very exact", B: "exact", C: "fair", D: "rough", E: "poor" };
+
 const CLOCK = { hour: "2-digit", minute: "2-digit" };
 
 export class Vendors {
@@ -54,17 +56,13 @@ export class Vendors {
     }));
   }
 
-  table(body, health) {
+  // The table in words, and the table of figures.
+  tables(words, figures, health) {
     if (!health.vendors || this.healths.at(-1)?.at_s === health.at_s) return;
     this.healths = [...this.healths.slice(1 - RATE_SAMPLES), health];
-    const rows = Object.entries(health.vendors).map(([name, vendor]) => {
-      const row = document.createElement("tr"), head = document.createElement("th");
-      head.scope = "row";
-      head.textContent = name;
-      row.append(head, ...this.cells(vendor, this.rate(name)));
-      return row;
-    });
-    body.replaceChildren(...rows);
+    const vendors = Object.entries(health.vendors).map(([name, vendor]) => [name, vendor, this.rate(name)]);
+    words.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inWords(vendor, rate))));
+    figures.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inFigures(vendor, rate))));
   }
 
   // Messages a second over the last healths; null if there is only one, or if the service has restarted its count.
@@ -73,28 +71,44 @@ export class Vendors {
     const more = last.vendors[name].messages - (first.vendors[name]?.messages ?? NaN);
     return more >= 0 && last.at_s > first.at_s ? more / (last.at_s - first.at_s) : null;
   }
+}
 
-  cells(vendor, rate) {
-    const offset = -(vendor.clock_s ?? 0);
-    const clock = Math.abs(offset) < CLOCK_OFF_S ? "right" : `${Math.abs(offset).toFixed(1)} s ${offset > 0 ? "fast" : "slow"}`;
-    const cells = [
-      [vendor.silent ? `${vendor.robots} (${vendor.silent} silent)` : `${vendor.robots}`, vendor.silent > 0],
-      [rate === null ? "…" : `${rate.toFixed(1)}/s`, rate === 0],
-      [vendor.rejected ? `${vendor.deviations}, ${vendor.rejected} rejected` : `${vendor.deviations}`, vendor.rejected > 0],
-      [clock, clock !== "right"],
-      [vendor.forecast_age_s === null ? "–" : `${vendor.forecast_age_s.toFixed(1)} s`, vendor.forecast_age_s > 3],
-    ];
-    const flags = vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
-    if (vendor.distrusted) flags.push(`${vendor.distrusted} robots whose motion contradicts their forecasts`);
-    cells.push(
-      [vendor.grade === null ? "not yet known" : `${vendor.grade}: ${ACCURACY[vendor.grade]}`, vendor.grade >= "D"],
-      [flags.join("; ") || "nothing", flags.length > 0],
-    );
-    return cells.map(([text, bad]) => {
-      const cell = document.createElement("td");
-      cell.textContent = text;
-      cell.classList.toggle("bad", bad);
-      return cell;
-    });
-  }
+// What a shift leader needs to know of a vendor.
+function inWords(vendor, rate) {
+  const notes = flags(vendor);
+  if (rate === 0) notes.unshift("no messages arrive");
+  if (vendor.rejected) notes.push("some messages can't be read");
+  if (clock(vendor) !== "right") notes.push(`its clock is ${clock(vendor)}`);
+  const heard = vendor.silent ? `${vendor.robots - vendor.silent} heard, ${vendor.silent} silent` : `${vendor.robots}, all heard`;
+  return [[heard, vendor.silent > 0], [TRUST[vendor.grade] ?? "not yet known", vendor.grade >= "D"], [notes.join("; ") || "nothing", notes.length > 0]];
+}
+
+function inFigures(vendor, rate) {
+  return [
+    [rate === null ? "…" : `${rate.toFixed(1)}/s`, rate === 0],
+    [vendor.rejected ? `${vendor.deviations}, ${vendor.rejected} rejected` : `${vendor.deviations}`, vendor.rejected > 0],
+    [clock(vendor), clock(vendor) !== "right"],
+    [vendor.forecast_age_s === null ? "–" : `${vendor.forecast_age_s.toFixed(1)} s`, vendor.forecast_age_s > 3],
+    [vendor.grade === null ? "not yet known" : `${vendor.grade}: ${ACCURACY[vendor.grade]}`, vendor.grade >= "D"],
+    [flags(vendor).join("; ") || "nothing", flags(vendor).length > 0],
+  ];
+}
+
+function clock(vendor) {
+  const offset = -(vendor.clock_s ?? 0);
+  return Math.abs(offset) < CLOCK_OFF_S ? "right" : `${Math.abs(offset).toFixed(1)} s ${offset > 0 ? "fast" : "slow"}`;
+}
+
+function flags(vendor) {
+  const found = vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
+  if (vendor.distrusted) found.push(`${vendor.distrusted} robots whose motion contradicts their forecasts`);
+  return found;
+}
+
+function row(name, cells) {
+  const made = document.createElement("tr"), head = document.createElement("th");
+  head.scope = "row";
+  head.textContent = name;
+  made.append(head, ...cells.map(([text, isBad]) => Object.assign(document.createElement("td"), { textContent: text, className: isBad ? "bad" : "" })));
+  return made;
 }

@@ -50,6 +50,7 @@ from deconflict.operator.store.tables import (
     raised_between,
     remove_oldest,
     revision_of,
+    situations_since,
     stored_revision,
     used_bytes,
     write_one,
@@ -250,6 +251,11 @@ class Store:
             places = Counter(raised_between(db, since_s, until_s))
         unstored = (revision for revision in decided_between(pending, since_s, until_s) if revision.revision == 1)
         return places + Counter(each.location for each in unstored if each.location and each.kind != SITUATION)
+
+    def situations_since(self, since_s: float, limit: int) -> list[tuple[str, str, float]]:
+        """As `tables.situations_since`, of what is on disk."""
+        with self._file_and_pending(long=True) as (db, _):
+            return situations_since(db, since_s, limit)
 
     def get(self, advisory_id: str) -> list[AnyRevision]:
         """Every revision of one advisory, ascending; empty if there is no such advisory."""

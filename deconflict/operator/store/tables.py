@@ -86,6 +86,19 @@ def latest(db: sqlite3.Connection, wanted: ListingFilter, limit: int) -> list[An
     return [revision_of(document) for (document,) in rows]
 
 
+def situations_since(db: sqlite3.Connection, since_s: float, limit: int) -> list[tuple[str, str, float]]:
+    """Situations that changed since a time, newest first: the newest document, the worst severity, the highest cost."""
+    rows = db.execute(
+        """SELECT newest.document, max(CASE r.document ->> '$.severity'
+            WHEN 'critical' THEN 2 WHEN 'warning' THEN 1 ELSE 0 END), max(r.document ->> '$.cost_s')
+        FROM advisories AS a JOIN revisions AS newest ON newest.seq = a.seq JOIN revisions AS r ON r.id = a.id
+        WHERE a.kind = 'situation' AND a.updated_s >= ? GROUP BY a.id ORDER BY a.seq DESC LIMIT ?""",
+        (since_s, limit),
+    )
+    severities = ("caution", "warning", "critical")
+    return [(document, severities[worst], cost_s) for document, worst, cost_s in rows]
+
+
 def after(db: sqlite3.Connection, seq: int, kinds: Set[str]) -> Iterator[tuple[int, AnyRevision | None]]:
     """The numbers above `seq`, ascending, each with its revision; None in place of one of another kind."""
     rows = db.execute(

@@ -225,7 +225,7 @@ def test_the_slider_goes_back_to_what_was_recorded_and_live_returns(browser: "Br
 @pytest.mark.parametrize(
     ("name", "width", "height", "scheme"),
     [
-        ("light", 1400, 850, "light"),
+        ("light", 1280, 800, "light"),
         ("dark", 1400, 850, "dark"),
         ("phone", 390, 844, "light"),
         ("wall", 2560, 1440, "dark"),
@@ -237,8 +237,10 @@ def test_the_page_fits_each_screen(
     with opened(browser, floor, width, height, scheme) as page:
         page.wait_for_selector(WARNED)
         until(page, "document.querySelectorAll('#vendors tbody tr').length === 4")
-        # every vendor has a cell in every column, the last of what has changed
-        assert page.evaluate("[...document.querySelectorAll('#vendors tr')].every((row) => row.cells.length === 8)")
+        # every vendor has a cell in every column, and the panel fits
+        assert page.evaluate("[...document.querySelectorAll('#vendors tr')].every((row) => row.cells.length === 4)")
+        assert page.evaluate("[...document.querySelectorAll('#figures tr')].every((row) => row.cells.length === 7)")
+        assert page.evaluate("(aside => aside.scrollWidth <= aside.clientWidth)(document.querySelector('aside'))")
         page.click("#heat")
         until(page, "document.getElementById('heat').ariaPressed === 'true'")
         page.click("#heat")

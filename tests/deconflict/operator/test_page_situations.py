@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from deconflict.advisories.situations.situation import Situation, SituationAdvice
-from deconflict.advisory import Action, ConflictAdvisory, Location, moment
+from deconflict.advisory import Action, ConflictAdvisory, Location, Severity, moment
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -249,6 +249,7 @@ async def test_cards_keep_their_order_while_somebody_points_at_them(browser: "Br
         await face.publish(shown(1, 0, 1, revision=2, severity="critical"))
         await page.wait_for_selector('[data-id="situation-1"].critical')
         assert await page.evaluate(order) == "situation-2,situation-1"
+        await page.mouse.move(10, 10)
         await until(page, f"{order} === 'situation-1,situation-2'")
 
 
@@ -271,6 +272,93 @@ async def test_a_situation_is_acknowledged_by_its_id(browser: "Browser", face: S
         answer = face.store.get("situation-1")[-1].acknowledgement
         assert answer
         assert answer.name == "Kim <b>Lee</b>"
+
+
+async def test_one_key_acknowledges_what_has_the_focus_once_the_name_is_known(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, left_s=40), shown(2, 4, 5, left_s=60))
+    async with opened(browser, face) as page:
+        await page.focus('[data-id="situation-2"] .chip >> nth=0')
+        await page.keyboard.press("a")
+        await page.fill("#who", "Kim")
+        await page.fill("#why", "called back")
+        await page.keyboard.press("Enter")
+        await page.wait_for_selector("#acknowledge", state="hidden")
+        await page.focus("#map")
+        await page.keyboard.press("a")
+        await page.wait_for_selector('[data-id="situation-1"].answered')
+        answers = [face.store.get(f"situation-{number}")[-1].acknowledgement for number in (1, 2)]
+        assert [(answer.name, answer.reason) for answer in answers if answer] == [
+            ("Kim", "Seen, is looked after"),
+            ("Kim", "called back"),
+        ]
+
+
+async def test_the_filter_hides_others_and_says_how_many(browser: "Browser", face: Served) -> None:
+    borealis = ("Alder", "Borealis")
+    await face.publish(shown(1, 0, 1, severity="critical"), shown(2, 4, 5, severity="caution", vendors=borealis))
+    async with opened(browser, face) as page:
+        await page.select_option("#by-severity", "critical")
+        await until(page, f"{CARDS}.map((card) => card.dataset.id).join() === 'situation-1'")
+        await until(page, "document.getElementById('filtered').textContent.startsWith('1 situation hidden')")
+        await page.click("#all")
+        await until(page, f"{CARDS}.length === 2")
+
+
+async def test_a_robot_is_found_by_a_part_of_its_name(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face) as page:
+        await until(page, "document.querySelectorAll('#names option').length > 2")
+        await page.fill("#robot", robot("A-2")[:8])
+        await page.keyboard.press("Enter")
+        await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
+
+
+async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_acknowledged(
+    browser: "Browser", face: Served
+) -> None:
+    worst = shown(1, 0, 1, revision=2, severity="critical")
+    await face.publish(
+        shown(1, 0, 1), worst, cleared(worst, "they have passed", severity=Severity.CAUTION), shown(2, 4, 5)
+    )
+    async with opened(browser, face) as page:
+        await page.evaluate("localStorage.setItem('name', 'Kim')")
+        await page.focus("#map")
+        await page.keyboard.press("a")
+        await page.wait_for_selector('[data-id="situation-2"].answered')
+        await page.click("#shift-open")
+        await until(page, "document.getElementById('shift-body').textContent.includes('2 situations since')")
+        body = await text(page, "#shift-body")
+        assert "1 of them critical at worst; 1 still open, 1 acknowledged" in body
+        assert "They have passed" in body
+        assert "Kim" in body
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / "shift.png")
+
+
+async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_are(
+    browser: "Browser", face: Served
+) -> None:
+    script = """async () => {
+        const { Labels } = await import("/page/labels.js");
+        const places = [[200, 200], [212, 204], [190, 196], [205, 214], [198, 186], [230, 190], [225, 215], [180, 210]];
+        const things = places.map(([x, y]) =>
+            ({ left: x - 8, right: x + 8, top: y - 5, bottom: y + 5, wide: 16, high: 10 }));
+        const labels = new Labels(), frame = () => {
+            labels.begin({ width: 600, height: 400 }, 1, things);
+            return things.map((thing, i) => labels.place(i, thing, 90, 18, { must: true }));
+        };
+        const first = frame(), second = frame();
+        const overlap = (a, b) =>
+            a.left < b.left + b.wide && b.left < a.left + a.wide && a.top < b.top + b.high && b.top < a.top + a.high;
+        return {
+            covering: first.filter((a, i) => [...things, ...first.slice(i + 1)].some((b) => overlap(a, b))).length,
+            still: JSON.stringify(first) === JSON.stringify(second),
+            lines: first.filter(({ line }) => line).length,
+        };
+    }"""
+    async with opened(browser, face) as page:
+        found = await page.evaluate(script)
+    assert (found["covering"], found["still"]) == (0, True)
+    assert found["lines"] > 0, "a label that is far has a line to its robot"
 
 
 async def test_critical_situations_are_announced_at_once_and_others_politely(browser: "Browser", face: Served) -> None:

@@ -192,6 +192,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/situations",
         "/situations/{situation_id}",
         "/situations/{situation_id}/acknowledgement",
+        "/shift",
         "/site/reload",
     }
     assert described["components"]["schemas"]["ConflictAdvisory"]["properties"]["severity"]

@@ -69,6 +69,15 @@ def test_the_site_has_its_floors_in_order_and_the_places_on_them() -> None:
     assert all(place["floor"] in floors and len(place["polygon"]) >= 3 for place in document["places"])
 
 
+async def test_a_shift_has_the_worst_severity_of_each_situation(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(situation(1, severity="critical", cost_s=50.0), cleared_situation(1, severity="caution"))
+    shift = (await client.get("/shift?since_s=0")).json()
+    (found,) = shift["situations"]
+    assert (found["situation"]["state"], found["worst_severity"], found["most_cost_s"]) == ("cleared", "critical", 50.0)
+    assert shift["complete"]
+    assert (await client.get(f"/shift?since_s={START.timestamp() + 3600}")).json()["situations"] == []
+
+
 async def test_the_heat_map_counts_advisories_raised_in_the_hour_before(
     face: Served, client: httpx.AsyncClient
 ) -> None:

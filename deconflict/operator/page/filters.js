@@ -1,0 +1,58 @@
+// Which situations are listed and drawn, and the search for a robot.
+
+import { inside } from "./places.js";
+import { SEVERITIES, SEVERITY } from "./texts.js";
+
+const $ = (id) => document.getElementById(id);
+const ANY = "";
+
+export class Filters {
+  // `acts`: changed(), showRobot(uuid).
+  constructor(acts) {
+    this.parts = { severity: $("by-severity"), vendor: $("by-vendor"), place: $("by-place") };
+    this.offer("severity", SEVERITIES.map((severity) => [severity, SEVERITY[severity]]), "Any severity");
+    for (const part of Object.values(this.parts)) part.onchange = acts.changed;
+    $("all").onclick = () => { for (const part of Object.values(this.parts)) part.value = ANY; acts.changed(); };
+    $("robot").onchange = () => { const robot = this.found($("robot").value); if (robot) { acts.showRobot(robot.uuid); $("robot").value = ""; } };
+    this.robots = [];
+  }
+
+  // What can be chosen, which changes with the site and its robots. `places` are floors and places: { id, name, polygon, floor }.
+  choices(vendors, places, robots) {
+    this.places = new Map(places.map((place) => [place.id, place]));
+    this.offer("vendor", vendors.map((vendor) => [vendor, vendor]), "Any vendor");
+    this.offer("place", places.map(({ id, name }) => [id, name]), "Anywhere");
+    this.robots = robots;
+    const names = robots.map(({ name }) => name).sort().join("\n");
+    if ($("names").dataset.key === names) return;
+    $("names").dataset.key = names;
+    $("names").replaceChildren(...names.split("\n").map((value) => Object.assign(document.createElement("option"), { value })));
+  }
+
+  offer(part, options, any) {
+    const select = this.parts[part], key = JSON.stringify(options), { value } = select;
+    if (select.dataset.key === key) return;
+    select.dataset.key = key;
+    select.replaceChildren(new Option(any, ANY), ...options.map(([id, name]) => new Option(name, id)));
+    select.value = options.some(([id]) => id === value) ? value : ANY;
+  }
+
+  // The robot with this name, or the only one whose name has this text.
+  found(text) {
+    const wanted = text.trim().toLowerCase(), matching = this.robots.filter(({ name }) => wanted && name.toLowerCase().includes(wanted));
+    return matching.find(({ name }) => name.toLowerCase() === wanted) ?? (matching.length === 1 ? matching[0] : null);
+  }
+
+  get active() { return Object.values(this.parts).some(({ value }) => value !== ANY); }
+
+  matches(situation) {
+    const { severity, vendor, place } = this.parts;
+    return (!severity.value || SEVERITIES.indexOf(situation.severity) <= SEVERITIES.indexOf(severity.value))
+      && (!vendor.value || situation.vendors.includes(vendor.value)) && (!place.value || isAt(situation, this.places.get(place.value)));
+  }
+}
+
+function isAt({ location, summary }, place) {
+  if (!location || !place) return false;
+  return location.datum === place.floor && (!place.polygon || inside(place.polygon, location.x, location.y) || summary.includes(place.name));
+}

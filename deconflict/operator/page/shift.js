@@ -1,0 +1,83 @@
+// The summary of a shift, to read and to print: what was raised, what came of it, where, whose robots, who acknowledged what.
+
+import { remember, remembered } from "./acknowledge.js";
+import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span, what } from "./texts.js";
+
+const MOST_ROWS = 10;
+const $ = (id) => document.getElementById(id);
+
+export class Shift {
+  constructor(floorName, places) {
+    Object.assign(this, { floorName, places });
+    $("shift-hours").value = remembered("hours") ?? "8";
+    $("shift-open").onclick = () => { $("shift").showModal(); this.read(); };
+    $("shift-hours").onchange = () => { remember("hours", $("shift-hours").value); this.read(); };
+    $("shift-print").onclick = () => window.print();
+    $("shift-close").onclick = () => $("shift").close();
+  }
+
+  async read() {
+    const fromS = Math.floor(Date.now() / 1000 - 3600 * Number($("shift-hours").value));
+    $("shift-body").textContent = "Reading…";
+    try {
+      const answer = await fetch(`shift?since_s=${fromS}`);
+      if (!answer.ok) throw new Error(answer.statusText);
+      const { situations, complete } = await answer.json();
+      this.show(situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost })).filter((each) => !each.joined_into), fromS, complete);
+    } catch (error) {
+      $("shift-body").textContent = `The service does not answer: ${error.message}`;
+    }
+  }
+
+  show(situations, fromS, isComplete) {
+    const acknowledged = situations.filter(({ acknowledgement }) => acknowledgement), open = situations.filter(({ state }) => state !== "cleared").length;
+    const critical = situations.filter(({ severity }) => severity === "critical").length;
+    const lead = `${plural(situations.length, "situation")} since ${clock(fromS).slice(0, 5)}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
+      + `If nobody had done anything, robots were expected to lose ${span(sum(situations, ({ lost }) => lost))} in all.`;
+    $("shift-body").replaceChildren(
+      text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
+      table("What was going on, by its worst severity", ["Kind", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations)),
+      table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_because: because }) => [sentence(because)])),
+      table("Where", ["Place", "Times"], tally(situations, (each) => [this.place(each)])),
+      table("Whose robots", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
+      table("Who acknowledged what", ["At", "Who", "What", "Done about it"], acknowledged.map((each) => {
+        const { acknowledgement: { name, reason, at } } = each;
+        return [clock(seconds(at)).slice(0, 5), name, what(each), reason];
+      })),
+    );
+  }
+
+  // The nearest named place or column of its floor.
+  place({ location }) {
+    if (!location) return "No place";
+    const near = this.places(location.datum).map(({ name, x, y }) => [Math.hypot(x - location.x, y - location.y), name]).sort((a, b) => a[0] - b[0])[0];
+    return near ? `Nearest to ${near[1]}, ${this.floorName(location.datum)}` : this.floorName(location.datum);
+  }
+}
+
+function kinds(situations) {
+  const nowS = Date.now() / 1000, forS = ({ since_at: since, cleared_at: end }) => (end ? seconds(end) : nowS) - seconds(since);
+  return [...Map.groupBy(situations, ({ situation_kind: kind }) => kind)].sort((a, b) => b[1].length - a[1].length).map(([kind, all]) => {
+    const lasted = all.map(forS).sort((a, b) => a - b);
+    return [KINDS[kind], ...SEVERITIES.map((severity) => all.filter((each) => each.severity === severity).length), span(lasted[Math.floor(lasted.length / 2)]), span(sum(all, ({ lost }) => lost))];
+  });
+}
+
+// How often each key occurs, the most frequent first.
+function tally(items, keysOf) {
+  const counts = new Map();
+  for (const key of items.flatMap(keysOf)) counts.set(key, (counts.get(key) ?? 0) + 1);
+  return [...counts].sort((a, b) => b[1] - a[1]).slice(0, MOST_ROWS);
+}
+
+function table(title, heads, rows) {
+  const box = document.createElement("section"), made = document.createElement("table"), head = made.createTHead().insertRow(), body = made.createTBody();
+  for (const name of heads) head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: name }));
+  for (const row of rows) for (const [line, cells] of [[body.insertRow(), row]]) for (const cell of cells) line.insertCell().textContent = cell;
+  box.append(text("h3", title), rows.length ? made : text("p", "Nothing."));
+  return box;
+}
+
+function text(tag, textContent) { return Object.assign(document.createElement(tag), { textContent }); }
+
+function sum(items, valueOf) { return items.reduce((total, item) => total + valueOf(item), 0); }
