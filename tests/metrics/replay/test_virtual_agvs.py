@@ -1,0 +1,74 @@
+"""Senders that this project did not write: the virtual robots of npm's `vda-5050-lib` drive orders that cross."""
+
+import asyncio
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from aiomqtt import Client
+
+from deconflict.settings.site import Site
+from ingest.recording.log_reader import LogReader
+from ingest.settings import Datum
+from metrics.replay.conformance_counts import conform
+from metrics.replay.replay import replay
+from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
+from tests.helpers.patience import PATIENCE_S
+
+SENDERS = Path(__file__).with_name("virtual_agvs.js")
+SECONDS = 15
+SITE = Site(datums=(Datum(id="hall", name="Hall"),))
+ENVIRONMENT = os.environ | {"NODE_PATH": os.environ.get("NODE_PATH") or str(Path("build/node/node_modules").absolute())}
+
+
+def has_library() -> bool:
+    if not shutil.which("node"):
+        return False
+    find = ["node", "-e", "require.resolve('vda-5050-lib')"]
+    return subprocess.run(find, env=ENVIRONMENT, capture_output=True, check=False).returncode == 0
+
+
+pytestmark = [
+    needs_mosquitto,
+    pytest.mark.slow,
+    pytest.mark.skipif(not has_library(), reason="npm install --prefix build/node vda-5050-lib"),
+]
+
+
+async def captured(port: int, path: Path) -> None:
+    """Write everything that the broker passes on until cancelled."""
+    async with Client("127.0.0.1", port) as client:
+        await client.subscribe("uagv/#")
+        with path.open("w") as file:
+            async for message in client.messages:
+                payload = bytes(message.payload).decode()
+                file.write(json.dumps({"time": time.time(), "topic": message.topic.value, "payload": payload}) + "\n")
+
+
+async def capture_of_two(path: Path) -> Path:
+    async with broker() as port, asyncio.timeout(PATIENCE_S):
+        capturing = asyncio.create_task(captured(port, path))
+        senders = await asyncio.create_subprocess_exec("node", SENDERS, str(port), str(SECONDS), env=ENVIRONMENT)
+        assert await senders.wait() == 0
+        capturing.cancel()
+        await asyncio.gather(capturing, return_exceptions=True)
+    return path
+
+
+async def test_the_crossing_of_two_virtual_robots_is_predicted_from_their_orders(tmp_path: Path) -> None:
+    log = await capture_of_two(tmp_path / "capture.jsonl")
+    reader = LogReader()
+    result = replay(reader, reader.read([log]), SITE, [0.3])
+    (figures,) = result["scores"]
+    assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
+    assert figures["lead_time_s"]["median"] > 4
+    errors_m = {row["horizon_s"]: row["distance_median_m"] for row in result["forecast_error"]["all"]}
+    assert errors_m[1] < 0.1
+    assert errors_m[5] < 0.3
+    (vendor,) = conform(LogReader(), LogReader().read([log]), SITE)["conformance"]
+    assert vendor["rejected"] == 0
+    assert {finding["rule"] for finding in vendor["findings"]} <= {"identity-missing"}
