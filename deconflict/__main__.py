@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from deconflict.operator.blackbox.start_state import BoxError
-from deconflict.operator.http import api_descriptions, json_schemas
+from deconflict.operator.http import access, api_descriptions, json_schemas
 from deconflict.roles.service_commands import add_service_commands
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import DataTakenError
@@ -69,7 +69,7 @@ def _add_check(commands: Commands) -> None:
         "deconflict check SITE.toml",
     )
     check_parser.add_argument("site", type=Path, metavar="SITE.toml", help="the site file")
-    check_parser.set_defaults(run=lambda args: check(args.site, sys.stdout))
+    check_parser.set_defaults(run=lambda args: check(args.site, sys.stdout, access.verify_credentials))
 
 
 def _add_site(commands: Commands) -> None:

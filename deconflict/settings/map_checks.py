@@ -1,9 +1,11 @@
 """Checks whether the reference points of datums, and vendors' readings of them, fit each other."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import combinations
 
 import numpy as np
 
+from ingest.batch import Floats
 from ingest.frames.fitting import Fit, FitError, Method
 from ingest.frames.frame_registry import fit_map
 from ingest.frames.projection import Projection
@@ -16,6 +18,18 @@ MAX_BEND = 0.2
 """Largest change of a length (as a share) or a heading (radians) that ADJUST may make within a triangle."""
 MAX_SITE_M = 20_000.0
 """Reference points in degrees lie nearer than this to the reference location, unless x and y are swapped."""
+
+
+SLIPS: tuple[tuple[str, Callable[[Floats], Floats]], ...] = (
+    ("seems to be in millimetres", lambda reading: reading / 1000.0),
+    ("seems to be in centimetres", lambda reading: reading / 100.0),
+    ("seems to be in feet", lambda reading: reading * 0.3048),
+    ("seems to be in inches", lambda reading: reading * 0.0254),
+    ("has x and y exchanged", lambda reading: reading[::-1]),
+    ("has the wrong sign of x", lambda reading: reading * (-1.0, 1.0)),
+    ("has the wrong sign of y", lambda reading: reading * (1.0, -1.0)),
+)
+"""Usual slips in one reading, and how to undo each. They are told apart by whether the others then fit."""
 
 
 def datum_problems(datum: Datum) -> Iterator[str]:
@@ -36,7 +50,8 @@ def map_problems(vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
     try:
         fit = fit_map(vendor_map, datum)
     except FitError as error:
-        yield f"readings: {error}"
+        key, cause = likely_cause(vendor_map, datum) or ("", str(error))
+        yield f"readings{key}: {cause}"
         return
     if fit.affine.mirrored and not vendor_map.mirrored:
         yield (
@@ -45,21 +60,29 @@ def map_problems(vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
         )
     if vendor_map.mirrored and not fit.affine.mirrored:
         yield "mirrored: found true, but the readings are not mirrored"
-    yield from _misfits(fit, vendor_map)
+    yield from _misfits(fit, vendor_map, datum)
 
 
-def _misfits(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
+def _misfits(fit: Fit, vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
     points = tuple(vendor_map.readings)
     worst = int(fit.residuals_m.argmax())
     if fit.residuals_m[worst] > vendor_map.tolerance_m:
+        key, cause = likely_cause(vendor_map, datum) or (
+            "",
+            "no single wrong reading, unit or exchange explains it: read all points again",
+        )
         yield (
-            f"readings.{points[worst]}: is off by {fit.residuals_m[worst]:.3f} m; "
+            f"readings{key}: {cause}; the fit of all misses {points[worst]} by {fit.residuals_m[worst]:.3f} m, "
             f"expected at most tolerance_m = {vendor_map.tolerance_m}"
         )
     if fit.method is Method.AFFINE and fit.affine.distortion > MAX_DISTORTION:
+        key, cause = likely_cause(vendor_map, datum) or (
+            "",
+            "three points always fit exactly, so nothing shows which is wrong; correct it, or read a fourth",
+        )
         yield (
-            f"readings: the fit stretches one direction {100 * fit.affine.distortion:.1f} % more than another; "
-            "correct the wrong reading, or read a fourth point to show that the map is like that"
+            f"readings{key}: the fit stretches one direction {100 * fit.affine.distortion:.1f} % more than another; "
+            f"{cause}"
         )
     if isinstance(fit.transform, Adjusted):
         bend, rows = fit.transform.bend()
@@ -69,3 +92,64 @@ def _misfits(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
                 f"{100 * bend:.0f} %; these points are close together and their readings disagree; "
                 "correct or remove one"
             )
+
+
+def likely_cause(vendor_map: VendorMap, datum: Datum) -> tuple[str, str] | None:
+    """Which one slip explains readings that do not fit: the key of the reading, and what is wrong with it.
+
+    A slip explains them if without it all points fit a map of one scale. None if none does, or more than one.
+    """
+    names = tuple(vendor_map.readings)
+    if not {point.id for point in datum.reference_points}.issuperset(names):
+        return None
+    readings = np.array(list(vendor_map.readings.values()))
+    reference = _reference(datum, names)
+    found = [
+        cause
+        for causes in (_exchanges(names, readings), _slips(names, readings), _single(names, readings, reference))
+        for cause, corrected, kept in causes
+        if len(kept) > 2 and _misfit_m(corrected[kept], reference[kept], vendor_map.mirrored) <= vendor_map.tolerance_m
+    ]
+    exact = [cause for cause in found if cause[1] != WRONG] or found
+    return exact[0] if len(exact) == 1 else None
+
+
+WRONG = "this reading is wrong, all others fit each other; read it again"
+_Trial = tuple[tuple[str, str], Floats, list[int]]
+"""What would be wrong, the readings without it, and the rows that must then fit."""
+
+
+def _exchanges(names: tuple[str, ...], readings: Floats) -> Iterator[_Trial]:
+    for a, b in combinations(range(len(names)), 2):
+        corrected = readings.copy()
+        corrected[[a, b]] = readings[[b, a]]
+        yield ("", f"{names[a]} and {names[b]} are exchanged"), corrected, list(range(len(names)))
+
+
+def _slips(names: tuple[str, ...], readings: Floats) -> Iterator[_Trial]:
+    for row, name in enumerate(names):
+        for text, undo in SLIPS:
+            corrected = readings.copy()
+            corrected[row] = undo(readings[row])
+            yield (f".{name}", f"this reading {text}"), corrected, list(range(len(names)))
+
+
+def _single(names: tuple[str, ...], readings: Floats, reference: Floats) -> Iterator[_Trial]:
+    for row, name in enumerate(names):
+        yield (f".{name}", WRONG), readings, [other for other in range(len(reference)) if other != row]
+
+
+def _misfit_m(readings: Floats, reference: Floats, mirrored: bool) -> float:
+    """The largest distance from the best fit of a rotation, a translation and one scale."""
+    sent = readings @ (1.0, -1j if mirrored else 1j)
+    wanted = reference @ (1.0, 1j)
+    sent, wanted = sent - sent.mean(), wanted - wanted.mean()
+    turn = np.vdot(sent, wanted) / np.vdot(sent, sent)
+    return float(np.abs(wanted - turn * sent).max())
+
+
+def _reference(datum: Datum, names: tuple[str, ...]) -> Floats:
+    """(points, 2) the named points of a datum, metres."""
+    places = {point.id: (point.x, point.y) for point in datum.reference_points}
+    points = np.array([places[name] for name in names])
+    return points if datum.coordinates == "metres" else Projection(datum).points(points)

@@ -1,10 +1,11 @@
 """`deconflict check`: a report on a site file, to read before robots depend on it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import degrees, dist
 from pathlib import Path
 from typing import TextIO
+from uuid import UUID
 
 import numpy as np
 import shapely
@@ -16,10 +17,12 @@ from deconflict.settings.site_file import SiteError, datum_of, fit_problems, loa
 from ingest.frames.fitting import Fit, FitError, Method
 from ingest.frames.frame_registry import FrameRegistry, Pose, fit_map
 from ingest.frames.projection import Projection
-from ingest.settings import Datum, Vendor, VendorMap
+from ingest.security.certificates import CertificateError
+from ingest.security.tokens import SecretError
+from ingest.settings import Datum, Envelope, Vendor, VendorMap
 
 METRE_LIKE = (0.8, 1.25)
-METRE_MAP = (0.98, 1.02)
+METRE_MAP = (0.998, 1.002)
 """A scale inside `METRE_LIKE` and outside `METRE_MAP` is probably a wrong reading of a map in metres."""
 
 
@@ -52,30 +55,48 @@ FAULTY = 2
 """Exit code for a site file that can't be used, as `serve` ends with."""
 
 
-def check(path: Path, out: TextIO) -> int:
-    """Print each vendor's fit and each problem of the site file. Returns 0 if there is no problem, else 2."""
+LARGE_ENVELOPE_M, LARGE_CLEARANCE_M = 10.0, 5.0
+"""Larger values are questioned: they may be in another unit."""
+
+
+def check(path: Path, out: TextIO, verify: Callable[[Site], object] = lambda _: None) -> int:
+    """Print the verdict, each problem and each vendor's fit. Returns 0 if there is no problem, else 2.
+
+    `verify` checks secrets and certificates; it raises `SecretError` or `CertificateError`.
+    """
     try:
         site = load(path)
     except SiteError as error:
         out.write(f"{error}\n")
         return FAULTY
-    report = site_report(site)
+    report = site_report(site, verify)
     out.writelines(f"{line}\n" for line in report_lines(report))
     return FAULTY if report.problems else 0
 
 
-def site_report(site: Site) -> SiteReport:
+def site_report(site: Site, verify: Callable[[Site], object] = lambda _: None) -> SiteReport:
     maps = tuple(
         _map_report(vendor, vendor_map, datum_of(site, vendor_map))
         for vendor in site.vendors
         for vendor_map in vendor.maps
     )
-    return SiteReport(site, maps, tuple(fit_problems(site)))
+    problems = fit_problems(site)
+    try:
+        verify(site)
+    except (SecretError, CertificateError) as error:
+        problems.append(str(error))
+    return SiteReport(site, maps, tuple(problems))
 
 
 def report_lines(report: SiteReport) -> Iterator[str]:
     """The report as text."""
     site = report.site
+    yield f"FAILED: {len(report.problems)} to correct" if report.problems else "PASSED"
+    for problem in report.problems:
+        yield f"FAILS {problem}"
+    for question in questions(site):
+        yield f"NOTE {question}"
+    yield ""
     yield f"{site.name}: {len(site.datums)} datums, {len(site.vendors)} vendors, {len(report.maps)} own maps"
     for datum in site.datums:
         yield from _datum_lines(datum)
@@ -85,10 +106,38 @@ def report_lines(report: SiteReport) -> Iterator[str]:
     for map_report in report.maps:
         yield from _map_lines(map_report)
     yield from _place_lines(site)
-    yield ""
-    for problem in report.problems:
-        yield f"FAILS {problem}"
-    yield f"FAILED: {len(report.problems)} to correct" if report.problems else "PASSED"
+
+
+def questions(site: Site) -> Iterator[str]:
+    """What may be right, but is more often a slip."""
+    for datum in site.datums:
+        if not _is_uuid(datum.id):
+            yield f"datum {datum.name}: its id {datum.id!r} is no UUID; messages of the standard name a datum by a UUID"
+    if site.conflict.clearance_m > LARGE_CLEARANCE_M:
+        yield f"conflict.clearance_m = {site.conflict.clearance_m:g}: robots that pass at that distance are warned of"
+    for key, size_m in _envelopes(site):
+        if max(size_m[:2]) > LARGE_ENVELOPE_M:
+            yield f"{key}: an envelope of {size_m[0]:g} x {size_m[1]:g}; is it in metres?"
+
+
+def _envelopes(site: Site) -> Iterator[tuple[str, Envelope]]:
+    sizes_m: list[tuple[str, Envelope | None]] = [("reading", site.reading.default_envelope_m)]
+    for vendor in site.vendors:
+        sizes_m.append((f"vendor {vendor.name}", vendor.default_envelope_m))
+        for name, model in vendor.models.items():
+            sizes_m += [
+                (f"vendor {vendor.name}, model {name}", size_m)
+                for size_m in (model.envelope_m, model.loaded_envelope_m)
+            ]
+    return ((key, size_m) for key, size_m in sizes_m if size_m)
+
+
+def _is_uuid(text: str) -> bool:
+    try:
+        UUID(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _map_report(vendor: Vendor, vendor_map: VendorMap, datum: Datum) -> MapReport:
@@ -97,7 +146,7 @@ def _map_report(vendor: Vendor, vendor_map: VendorMap, datum: Datum) -> MapRepor
         fit = fit_map(vendor_map, datum)
     except FitError:
         return MapReport(vendor.name, vendor_map, datum, None, problems, ())
-    return MapReport(vendor.name, vendor_map, datum, fit, problems, tuple(_notes(fit, vendor_map)))
+    return MapReport(vendor.name, vendor_map, datum, fit, problems, () if problems else tuple(_notes(fit, vendor_map)))
 
 
 def _notes(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
@@ -106,7 +155,13 @@ def _notes(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
         yield f"one unit of the map is {scale:z.3f} m; if it is a map in metres, a reading is wrong"
     if fit.method is Method.SIMILARITY:
         yield "two points can't show a wrong reading or a mirrored map; read at least two more"
-    elif not np.isnan(fit.left_out_m).all() and np.nanmax(fit.left_out_m) > vendor_map.tolerance_m:
+    elif fit.method is Method.AFFINE:
+        yield "three points always fit exactly, so they can't show which reading is wrong; read a fourth"
+    elif (
+        max(fit.residuals_m) <= vendor_map.tolerance_m
+        and not np.isnan(fit.left_out_m).all()
+        and np.nanmax(fit.left_out_m) > vendor_map.tolerance_m
+    ):
         worst = int(np.nanargmax(fit.left_out_m))
         p, off_m = points[worst], fit.left_out_m[worst]
         yield f"a fit without {p} places it {off_m:z.3f} m from its reference point; read {p} again first"
@@ -151,7 +206,7 @@ def _map_lines(report: MapReport) -> Iterator[str]:
         yield from _example_lines(report)
     for note in report.notes:
         yield f"  NOTE {note}"
-    yield "  FAILS, see below" if report.problems else f"  fits within tolerance_m = {vendor_map.tolerance_m}"
+    yield "  FAILS, see above" if report.problems else f"  fits within tolerance_m = {vendor_map.tolerance_m}"
 
 
 def _fit_lines(fit: Fit) -> Iterator[str]:
@@ -167,12 +222,13 @@ def _fit_lines(fit: Fit) -> Iterator[str]:
 def _point_lines(fit: Fit, vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
     names = {point.id: point.name or point.id for point in datum.reference_points}
     yield f"  {'reference point':24} {'map x':>11} {'map y':>11}  ->  {'floor x':>9} {'floor y':>9}  residual  left out"
+    digits = 3 if np.ptp(list(vendor_map.readings.values()), axis=0).max() >= 1 else 7
     for row, (point, reading) in enumerate(vendor_map.readings.items()):
         x_m, y_m = fit.transform(np.array([reading]))[0]
         left_out = "-" if np.isnan(fit.left_out_m[row]) else f"{fit.left_out_m[row]:z.3f} m"
         yield (
-            f"  {_short(names[point]):24} {reading[0]:z11.3f} {reading[1]:z11.3f}  ->  {x_m:z9.3f} {y_m:z9.3f}"
-            f"  {fit.residuals_m[row]:z6.3f} m  {left_out:>8}"
+            f"  {_short(names[point]):24} {reading[0]:z11.{digits}f} {reading[1]:z11.{digits}f}"
+            f"  ->  {x_m:z9.3f} {y_m:z9.3f}  {fit.residuals_m[row]:z6.3f} m  {left_out:>8}"
         )
 
 

@@ -70,14 +70,14 @@ def fit_problems(site: Site) -> list[str]:
     """A sentence for each problem of the reference points and of the vendors' readings of them."""
     return [
         *(
-            f"datums[{row}].{problem}"
-            for row, datum in enumerate(site.datums)
+            f"datum {datum.name}: {problem}"
+            for datum in site.datums
             for problem in (*datum_problems(datum), *plan_problems(datum))
         ),
         *(
-            f"vendors[{row}].maps[{column}].{problem}"
-            for row, vendor in enumerate(site.vendors)
-            for column, vendors_map in enumerate(vendor.maps)
+            f"vendor {vendor.name}, map {vendors_map.datum or '(no datum sent)'}: {problem}"
+            for vendor in site.vendors
+            for vendors_map in vendor.maps
             for problem in map_problems(vendors_map, datum_of(site, vendors_map))
         ),
     ]

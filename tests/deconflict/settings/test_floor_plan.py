@@ -44,7 +44,7 @@ def test_the_image_is_placed_by_its_reference_points(marks: tuple[str, ...], tmp
 def test_rows_counted_upwards_are_a_problem(tmp_path: Path) -> None:
     site = planned(tmp_path, {name: [20 * x, 20 * y] for name, (x, y) in MARKS.items()})
     assert fit_problems(site) == [
-        "datums[0].plan.readings: are upside down; count rows downwards from the image's upper left corner"
+        "datum Hall: plan.readings: are upside down; count rows downwards from the image's upper left corner"
     ]
 
 
@@ -52,7 +52,7 @@ def test_a_wrong_reading_is_named(tmp_path: Path) -> None:
     readings = {name: pixel(*at) for name, at in MARKS.items()}
     readings["dock"][0] += 200
     problem = fit_problems(planned(tmp_path, readings))[0]
-    assert "datums[0].plan.readings." in problem
+    assert "datum Hall: plan.readings." in problem
     assert "expected at most tolerance_m = 0.5" in problem
 
 
@@ -64,7 +64,7 @@ def test_an_unusable_image_is_named(image: str, message: str, tmp_path: Path) ->
 
 def test_a_point_that_the_floor_does_not_have_is_named(tmp_path: Path) -> None:
     (problem,) = fit_problems(planned(tmp_path, {"door": [0, 0], "window": [1, 1]}))
-    assert problem == "datums[0].plan.readings: reads window, which datum 'Hall' does not have"
+    assert problem == "datum Hall: plan.readings: reads window, which datum 'Hall' does not have"
 
 
 QUARTERS = """<svg xmlns="http://www.w3.org/2000/svg" width="880" height="560">

@@ -183,14 +183,14 @@ def test_readings_without_a_fit_load_but_are_a_problem(tmp_path: Path) -> None:
     document = put(sound(), "vendors.1.maps.0.readings", {"door": [0, 0]})
     site = load(written(document, tmp_path))
     assert fit_problems(site) == [
-        "vendors[1].maps[0].readings: readings of at least two reference points are needed, found 1"
+        "vendor bolt, map own: readings: readings of at least two reference points are needed, found 1"
     ]
 
 
 def test_reference_points_with_latitude_and_longitude_swapped_are_a_problem(tmp_path: Path) -> None:
     document = put(sound(), "datums.1.reference_points.0", {"id": "post", "x": -71.059, "y": 42.361})
     (problem,) = fit_problems(load(written(document, tmp_path)))
-    assert problem.startswith("datums[1].reference_points[0]: lies more than 20 km from reference_location")
+    assert problem.startswith("datum Yard: reference_points[0]: lies more than 20 km from reference_location")
 
 
 def test_the_json_schema_accepts_what_the_loader_accepts_and_describes_each_field() -> None:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deconflict.operator.http.access import verify_credentials
 from deconflict.settings.site_check import check, site_report
 from deconflict.settings.site_file import load
 from ingest.frames.fitting import Method
@@ -22,7 +23,7 @@ def checked(document: dict[str, Any], folder: Path) -> tuple[int, str]:
 def test_a_valid_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
     code, text = checked(sound(), tmp_path)
     assert code == 0
-    assert text.endswith("PASSED\n")
+    assert text.startswith("PASSED\n")
     assert "works: 2 datums, 2 vendors, 1 own maps" in text
     assert "acme: sends in the datums' own coordinates" in text
     assert "bolt: own map own on datum Hall" in text
@@ -62,15 +63,15 @@ def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path
 @pytest.mark.parametrize(
     ("path", "value", "says"),
     [
-        (f"{READINGS}.gate", [27.0, -2.0], "FAILS vendors[1].maps[0].readings."),
-        (READINGS, {"door": [0, 0], "dock": [9, 0], "pillar": [20, 0]}, "FAILS vendors[1].maps[0].readings: the"),
+        (f"{READINGS}.gate", [27.0, -2.0], "FAILS vendor bolt, map own: readings."),
+        (READINGS, {"door": [0, 0], "dock": [9, 0], "pillar": [20, 0]}, "FAILS vendor bolt, map own: readings: the"),
         (
             READINGS,
             {name: list(place[::-1]) for name, place in MARKS.items()},
-            "FAILS vendors[1].maps[0].mirrored: the",
+            "FAILS vendor bolt, map own: mirrored: the",
         ),
-        ("vendors.1.maps.0.mirrored", True, "FAILS vendors[1].maps[0].mirrored: found true"),
-        ("datums.1.reference_points.0.x", -42.361, "FAILS datums[1].reference_points[0]: lies more than 20 km"),
+        ("vendors.1.maps.0.mirrored", True, "FAILS vendor bolt, map own: mirrored: found true"),
+        ("datums.1.reference_points.0.x", -42.361, "FAILS datum Yard: reference_points[0]: lies more than 20 km"),
     ],
     ids=["bad fit", "collinear", "mirrored", "not mirrored", "elsewhere"],
 )
@@ -78,7 +79,7 @@ def test_a_bad_map_fails_with_its_key(path: str, value: Any, says: str, tmp_path
     code, text = checked(put(sound(), path, value), tmp_path)
     assert code == 2
     assert says in text
-    assert text.endswith("FAILED: 1 to correct\n")
+    assert text.startswith("FAILED: 1 to correct\nFAILS")
 
 
 def test_a_file_that_does_not_load_fails_with_every_problem(tmp_path: Path) -> None:
@@ -104,7 +105,7 @@ def test_a_map_in_another_unit_has_no_note(tmp_path: Path) -> None:
     code, text = checked(document, tmp_path)
     assert code == 0
     assert "one unit is 0.001 m along x" in text
-    assert "NOTE" not in text
+    assert "  NOTE" not in text
 
 
 def test_shared_places_are_listed_with_their_floors_and_service(tmp_path: Path) -> None:
@@ -116,3 +117,56 @@ def test_shared_places_are_listed_with_their_floors_and_service(tmp_path: Path) 
     assert code == 0
     assert "lift lift-1, lift-1, on Hall and Yard: 4.0 m2, capacity 1\n  service learned, 45 s at first" in text
     assert "single lane of 2.0 m" in text
+
+
+@pytest.mark.parametrize(
+    ("slip", "names"),
+    [
+        (
+            lambda readings: readings | {"gate": [1000 * at for at in readings["gate"]]},
+            "readings.gate: this reading seems",
+        ),
+        (
+            lambda readings: readings | {"gate": readings["dock"], "dock": readings["gate"]},
+            "dock and gate are exchanged",
+        ),
+        (
+            lambda readings: readings | {"dock": readings["dock"][::-1]},
+            "readings.dock: this reading has x and y exchanged",
+        ),
+        (
+            lambda readings: readings | {"gate": [readings["gate"][0] + 3.3, 1.7]},
+            "readings.gate: this reading is wrong",
+        ),
+    ],
+    ids=["unit", "exchanged points", "exchanged axes", "wrong"],
+)
+def test_the_reading_that_is_wrong_is_named_and_no_other(slip: Any, names: str, tmp_path: Path) -> None:
+    document = sound()
+    right = document["vendors"][1]["maps"][0]["readings"]
+    _, text = checked(put(document, READINGS, slip(right)), tmp_path)
+    assert "FAILS vendor bolt, map own: readings" in text
+    assert names in text
+    assert "  NOTE" not in text, "nothing contradicts it"
+
+
+def test_slips_of_units_and_secrets_are_found_before_the_service_starts(tmp_path: Path) -> None:
+    document = put(sound(), "conflict", {"clearance_m": 30.0})
+    document = put(document, "vendors.1.models.b1.envelope_m", [1200.0, 800.0, 0.0])
+    code, text = checked(document, tmp_path)
+    assert code == 0
+    assert "NOTE conflict.clearance_m = 30" in text
+    assert "NOTE vendor bolt, model b1: an envelope of 1200 x 800; is it in metres?" in text
+    assert "NOTE datum Yard: its id 'yard' is no UUID" in text
+    out = io.StringIO()
+    secretive = put(document, "vendors.1.token", "env:NOT_SET_ANYWHERE")
+    assert check(written(secretive, tmp_path), out, verify_credentials) == 2
+    assert "NOT_SET_ANYWHERE" in out.getvalue()
+
+
+def test_the_example_of_latitude_and_longitude_on_a_floor_in_metres_passes() -> None:
+    out = io.StringIO()
+    example = Path(__file__).parents[3] / "examples" / "latitude_and_longitude.toml"
+    assert check(example, out) == 0
+    assert "48.1371000  11.5754000  ->      0.000     0.000" in out.getvalue()
+    assert "yaw 0.0 deg on the map is at (19.998, 12.403), yaw 70.0 deg" in out.getvalue(), "north"
