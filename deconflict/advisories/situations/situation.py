@@ -21,6 +21,7 @@ class SituationAdvice(Published):
     """What to do about a situation. It names robots of the situation only."""
 
     actions: tuple[Action, ...] = Field(min_length=1, max_length=MOST_ACTIONS, description="the first to do first")
+    for_people: bool = Field(default=True, description="whether people have time for it; else only programs do")
     text: str = Field(description="the actions as one sentence")
     since_at: datetime = Field(description="since when it is advised")
     changed_because: str = Field(default="", description="why it replaces other advice; empty if it is the first")

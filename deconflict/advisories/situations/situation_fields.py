@@ -1,19 +1,20 @@
 """The fields of a situation's revisions. Whether a revision is due, others decide. Pure."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import shapely
 
 from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_ROBOTS, short_text
-from deconflict.advisories.situations.action_sets import proposal_of
+from deconflict.advisories.severity import SEVERITIES
+from deconflict.advisories.situations.advice.action_sets import proposal_of
+from deconflict.advisories.situations.advice.situation_advice import revised_advice
+from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
-from deconflict.advisories.situations.situation import MOST_ADVISORIES, MOST_CORNERS, Situation
-from deconflict.advisories.situations.situation_advice import revised_advice
-from deconflict.advisories.situations.situation_kinds import matter_of
+from deconflict.advisories.situations.situation import MOST_ADVISORIES, MOST_CORNERS, Situation, SituationAdvice
+from deconflict.advisories.situations.situation_kinds import Matter, matter_of
 from deconflict.advisories.situations.situation_wording import ending, names_of, sentence
-from deconflict.advisories.situations.stakes import Stakes, severity_of_stakes
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity, moment
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity, moment
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
 MARGIN_M = 1.5
@@ -26,62 +27,77 @@ def emptied(before: Situation, now_s: float) -> Situation:
     return before.next_revision(updated_at=moment(now_s), **nothing)
 
 
-def raised(group: Group, advisories: Sequence[AnyAdvisory], stakes: Stakes, place: str, now_s: float) -> Situation:
+class Assessment(NamedTuple):
+    """What the open advisories of a situation come to."""
+
+    advisories: Sequence[AnyAdvisory]
+    stakes: Stakes
+    matter: Matter
+    robots: tuple[str, ...]
+    """Those that it lists."""
+    advice: SituationAdvice | None
+    severity: Severity
+
+
+def assessed(
+    before: Situation | None,
+    advisories: Sequence[AnyAdvisory],
+    stakes: Stakes,
+    urgency: Severity,
+    busy: Collection[str],
+    now_s: float,
+) -> Assessment:
+    """What at least one advisory comes to, after the revision `before`. `busy` robots have more urgent things to do."""
+    matter, robots = matter_of(advisories, before.situation_kind if before else None), listed_robots(advisories)
+    proposal = proposal_of(advisories, [robot for robot in robots if robot not in busy], now_s)
+    advice = revised_advice(before.advice if before else None, proposal, robots, busy, now_s)
+    severity = min(urgency, _most_severe(matter, advice), key=SEVERITIES.index)
+    severity = max(severity, stakes.claim_severity, key=SEVERITIES.index)
+    return Assessment(advisories, stakes, matter, robots, advice, severity)
+
+
+def _most_severe(matter: Matter, advice: SituationAdvice | None) -> Severity:
+    """How severe a situation is at most: what people can do nothing about is not critical, and no warning if it passes
+    by itself."""
+    if advice and advice.for_people:
+        return Severity.CRITICAL
+    return Severity.CAUTION if isinstance(matter.principal, ConflictAdvisory) else Severity.WARNING
+
+
+def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
     """The first revision. `place` is where it is, for a person."""
-    began_s = min(advisory.raised_at for advisory in advisories)
     return Situation(
         id=group.id,
         revision=1,
         state=AdvisoryState.RAISED,
         raised_at=moment(now_s),
-        since_at=began_s,
+        since_at=min(advisory.raised_at for advisory in assessment.advisories),
         split_from=group.split_from,
-        **_fields(None, group, advisories, stakes, severity_of_stakes(stakes, None), place, now_s),
+        **_fields(group, assessment, place, now_s),
     )
 
 
-def updated(
-    before: Situation,
-    group: Group,
-    advisories: Sequence[AnyAdvisory],
-    stakes: Stakes,
-    severity: Severity,
-    place: str,
-    now_s: float,
-) -> Situation:
+def updated(before: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
     """The next revision."""
-    return before.next_revision(**_fields(before, group, advisories, stakes, severity, place, now_s))
+    return before.next_revision(**_fields(group, assessment, place, now_s))
 
 
-def has_first_advice(before: Situation, advisories: Sequence[AnyAdvisory], now_s: float) -> bool:
-    """Whether there is something to do now, and there was nothing before."""
-    return before.advice is None and bool(proposal_of(advisories, before.robots, now_s).actions)
-
-
-def listed_robots(advisories: Iterable[AnyAdvisory]) -> list[str]:
+def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
     """The robots that a situation with these advisories lists, in ascending order."""
-    return list(names_of(advisories))[:MOST_ROBOTS]
+    return tuple(names_of(advisories))[:MOST_ROBOTS]
 
 
-def _fields(
-    before: Situation | None,
-    group: Group,
-    advisories: Sequence[AnyAdvisory],
-    stakes: Stakes,
-    severity: Severity,
-    place: str,
-    now_s: float,
-) -> dict[str, Any]:
-    matter, names = matter_of(advisories, before.situation_kind if before else None), names_of(advisories)
+def _fields(group: Group, assessment: Assessment, place: str, now_s: float) -> dict[str, Any]:
+    advisories, stakes, matter, listed, advice, severity = assessment
+    names = names_of(advisories)
     vendors = {robot: vendor for each in advisories for robot, vendor in zip(each.robots, each.vendors, strict=True)}
-    listed = listed_robots(advisories)
     soonest = min(advisories, key=lambda advisory: (advisory.time_left_s(now_s), advisory.id))
     left_s = soonest.time_left_s(now_s)
     members = sorted(group.members, key=lambda name: (group.members[name].raised_s, name))
     return {
         "situation_kind": matter.kind,
         "severity": severity,
-        "robots": tuple(listed),
+        "robots": listed,
         "names": tuple(short_text(names[robot], MOST_NAME_BYTES) for robot in listed),
         "vendors": tuple(vendors[robot] for robot in listed),
         "more_robots": len(names) - len(listed),
@@ -94,9 +110,7 @@ def _fields(
         "ends": ending(matter, names),
         "cost_s": round(stakes.cost_s, 1),
         "preventable_s": None if stakes.preventable_s is None else round(stakes.preventable_s, 3),
-        "advice": revised_advice(
-            before.advice if before else None, proposal_of(advisories, listed, now_s), listed, now_s
-        ),
+        "advice": advice,
         "advisories": tuple(members[:MOST_ADVISORIES]),
         "more_advisories": max(len(group.members) - MOST_ADVISORIES, 0),
     }

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from deconflict.advisories.situations.advice.stakes import cost_of
 from deconflict.advisories.situations.situation import SituationKind
-from deconflict.advisories.situations.stakes import cost_of
 from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, EncounterClass
 
 KIND_OF: dict[str, SituationKind] = {

@@ -13,24 +13,25 @@ from math import hypot
 
 from deconflict.advisories.severity import rises
 from deconflict.advisories.situations import situation_fields
+from deconflict.advisories.situations.advice.orders import Orders
+from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
 from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisories.situations.situation_fields import NOTHING_LEFT
-from deconflict.advisories.situations.stakes import Stakes, severity_of_stakes, stakes_of
+from deconflict.advisories.situations.situation_fields import NOTHING_LEFT, Assessment
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
 from ingest.batch import FloorPoint
 
 LINGERS_S = 10.0
 """A situation is cleared once it has not been worth a reaction for so long."""
 UPDATE_GAP_S, JOINED_GAP_S = 4.0, 1.0
-"""Shortest time between two revisions, unless severity rises or there is advice at last; and before one that lists
-another robot."""
+"""Shortest time between two revisions, unless severity rises or advice changes; and before one that lists another
+robot."""
 LOOK_S = 1.0
 """A situation without news is looked at again after this time, as less and less of it can be prevented."""
 WORTH_S = 1.5
 """Less loss that can be prevented is not worth a reaction."""
 FALLS_S = 3.0
-"""A severity falls once it has been too high for so long."""
+"""An urgency falls once it has been too high for so long."""
 MOVED_S, MOVED_M = 3.0, 5.0
 """A larger change of the time or place of the first event is news."""
 
@@ -46,8 +47,10 @@ class _Watched:
     situation: Situation | None = None
     last_s: float = 0.0
     """When it was worth a reaction last."""
+    urgency: Severity = Severity.CAUTION
+    """How severe it is if people can do something."""
     held_s: float = 0.0
-    """When its severity was not too high last."""
+    """When its urgency was not too high last."""
     look_s: float = 0.0
     """When it is looked at next, unless there is news."""
 
@@ -60,7 +63,7 @@ class SituationLifecycle:
         """Renewed when the site changes."""
         self._advisories: dict[str, AnyAdvisory] = {}
         """The newest revision of each open advisory, by id."""
-        self._grouping = Grouping()
+        self._grouping, self._orders = Grouping(), Orders()
         self._watched: dict[str, _Watched] = {}
         """By id of the group."""
         self._regrouped: dict[str, Member] = {}
@@ -92,7 +95,8 @@ class SituationLifecycle:
             group = _restored_group(situation, members_of.get(situation.id, {}))
             self._grouping.restore(group)
             updated_s = situation.updated_at.timestamp()
-            self._watched[group.id] = _Watched(group, situation, updated_s, updated_s)
+            self._watched[group.id] = _Watched(group, situation, updated_s, situation.severity, updated_s)
+            self._orders.keep(situation, situation.severity)
 
     def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
         """The revisions of advisories with the ids of their situations, then the revisions of situations."""
@@ -110,12 +114,12 @@ class SituationLifecycle:
         for group in groups:
             self._watched.setdefault(group.id, _Watched(group)).look_s = now_s
         made = [revision for join in joins for revision in self._joined(join, now_s)]
-        due = [watched for watched in self._watched.values() if watched.look_s <= now_s]
-        for watched in due:
-            watched.look_s = now_s + LOOK_S
-            if revision := self._revision(watched, now_s):
-                made.append(revision)
-                self._keep(watched, revision)
+        while due := [watched for watched in self._watched.values() if watched.look_s <= now_s]:
+            for watched in due:
+                watched.look_s = now_s + LOOK_S
+                if revision := self._revision(watched, now_s):
+                    made.append(revision)
+                    self._keep(watched, revision, now_s)
         return made
 
     def _follow_clock(self, now_s: float) -> None:
@@ -133,16 +137,19 @@ class SituationLifecycle:
         self._advisories[revision.id] = revision
         return Member.of(revision)
 
-    def _keep(self, watched: _Watched, revision: Situation) -> None:
+    def _keep(self, watched: _Watched, revision: Situation, now_s: float) -> None:
         is_open = revision.state is not AdvisoryState.CLEARED
         watched.situation = revision if is_open else None
         watched.group.opened_s = revision.raised_at.timestamp() if is_open else None
+        for losing in self._orders.keep(revision, watched.urgency):
+            self._watched[losing].look_s = now_s
 
     def _joined(self, join: Join, now_s: float) -> Iterator[Situation]:
         """The last revision of a situation that became part of another one."""
         watched = self._watched.pop(join.group.id, None)
         if watched and watched.situation:
             cleared = watched.situation.cleared_revision(now_s, "it became part of another situation")
+            self._orders.keep(cleared, cleared.severity)
             yield cleared.model_copy(update={"joined_into": join.into.id, **NOTHING_LEFT})
 
     def _revision(self, watched: _Watched, now_s: float) -> Situation | None:
@@ -159,13 +166,12 @@ class SituationLifecycle:
             watched.look_s = min(watched.look_s, closes_s)
         if not advisories:
             return situation_fields.emptied(before, now_s) if before.advisories else None
-        severity = _severity(watched, before, stakes, now_s)
-        is_urgent = rises(severity, before.severity) or situation_fields.has_first_advice(before, advisories, now_s)
-        has_joined = not set(situation_fields.listed_robots(advisories)).issubset(before.robots)
-        gap_s = JOINED_GAP_S if has_joined else UPDATE_GAP_S
+        assessment = self._assessed(watched, advisories, stakes, now_s)
+        is_urgent = rises(assessment.severity, before.severity) or assessment.advice is not before.advice
+        gap_s = UPDATE_GAP_S if set(assessment.robots).issubset(before.robots) else JOINED_GAP_S
         if not is_urgent and 0.0 <= now_s - before.updated_at.timestamp() < gap_s:
             return None
-        after = situation_fields.updated(before, group, advisories, stakes, severity, self._place(group), now_s)
+        after = situation_fields.updated(before, group, assessment, self._place(group), now_s)
         return after if is_news(before, after) else None
 
     def _raised(
@@ -176,7 +182,16 @@ class SituationLifecycle:
         if not is_worth(stakes):
             return None
         watched.last_s = watched.held_s = now_s
-        return situation_fields.raised(watched.group, advisories, stakes, self._place(watched.group), now_s)
+        assessment = self._assessed(watched, advisories, stakes, now_s)
+        return situation_fields.raised(watched.group, assessment, self._place(watched.group), now_s)
+
+    def _assessed(
+        self, watched: _Watched, advisories: Sequence[AnyAdvisory], stakes: Stakes, now_s: float
+    ) -> Assessment:
+        before = watched.situation
+        watched.urgency = _urgency(watched, urgency_of_stakes(stakes, watched.urgency if before else None), now_s)
+        busy = self._orders.busy(watched.group.id, watched.urgency, situation_fields.listed_robots(advisories))
+        return situation_fields.assessed(before, advisories, stakes, watched.urgency, busy, now_s)
 
     def _place(self, group: Group) -> str:
         if not group.datum:
@@ -203,12 +218,12 @@ def is_worth(stakes: Stakes) -> bool:
     return stakes.service_prevents_s >= WORTH_S or stakes.claim_severity is not Severity.CAUTION
 
 
-def _severity(watched: _Watched, before: Situation, stakes: Stakes, now_s: float) -> Severity:
-    """The severity from now on: higher at once, lower after a while."""
-    severity = severity_of_stakes(stakes, before.severity)
-    if not rises(before.severity, severity):
+def _urgency(watched: _Watched, urgency: Severity, now_s: float) -> Severity:
+    """The urgency from now on: higher at once, lower after a while."""
+    before = watched.urgency if watched.situation else Severity.CAUTION
+    if not rises(before, urgency):
         watched.held_s = now_s
-    return before.severity if now_s - watched.held_s < FALLS_S and rises(before.severity, severity) else severity
+    return before if now_s - watched.held_s < FALLS_S and rises(before, urgency) else urgency
 
 
 def is_news(before: Situation, after: Situation) -> bool:

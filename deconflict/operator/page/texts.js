@@ -17,7 +17,7 @@ export function order({ action, seconds: forS, speed_mps: speed, where }) {
 const CHANGED_S = 15; // advice is new for so long
 const PREVENTABLE_STEP_S = 15;
 const LONG_S = 120; // what is open for longer has the time of day since when it is
-const ENDINGS = [["by itself", "Nothing to do: it ends by itself"], ["not by itself", "No advice. It does not end by itself"], ["", "No advice. It ends "]];
+const ENDINGS = [["by itself", "Nothing to do: it ends by itself"], ["", "Nothing to do now. It ends "]];
 
 export function clock(atS) {
   return new Date(atS * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
@@ -52,24 +52,25 @@ export function gist(situation) {
 
 export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
-// What to do: the first thing, and the other things after it. Without advice, how it ends.
+// What people do: the first thing, and the other things after it. If there is nothing, how it ends, and what programs do.
 export function toDo({ advice, ends }) {
-  if (advice) {
+  if (advice?.for_people) {
     const [first, ...then] = advice.text.split("; ");
     return { first: sentence(first), then: then.length ? `Then: ${then.join("; ")}` : "" };
   }
   const found = ENDINGS.find(([start]) => ends.startsWith(start));
-  return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.` };
+  const programs = advice ? ` Robots that follow advice: ${advice.text}.` : "";
+  return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.${programs}` };
 }
 
-// Why the advice has changed, as long as that is news.
+// Why the advice for people has changed, as long as that is news.
 export function change({ advice }, nowS) {
   const forS = advice ? nowS - seconds(advice.since_at) : Infinity;
-  return advice?.changed_because && forS < CHANGED_S ? `New advice, ${ago(forS)}: ${advice.changed_because}` : "";
+  return advice?.for_people && advice.changed_because && forS < CHANGED_S ? `New advice, ${ago(forS)}: ${advice.changed_because}` : "";
 }
 
 export function since(situation, nowS) {
-  const sinceS = seconds(situation.since_at), forS = nowS - sinceS;
+  const sinceS = seconds(situation.raised_at), forS = nowS - sinceS;
   return forS < LONG_S ? `for ${span(forS)}` : `since ${clock(sinceS).slice(0, 5)}`;
 }
 

@@ -191,11 +191,16 @@ async def test_a_card_without_advice_says_how_it_ends(browser: "Browser", face: 
     async with opened(browser, face) as page:
         expected = "Nothing to do: it ends by itself, once they have passed each other."
         assert await text(page, "#situations .advice") == expected
-        stuck = shown(1, 0, 1, revision=2, advice=None, ends="not by itself: somebody must move one of them")
-        await face.publish(stuck)
-        await until(page, f"{CARDS}[0].textContent.includes('It does not end by itself: somebody must move one')")
-        await face.publish(shown(1, 0, 1, revision=3, advice=None, ends=f"once {name(1)} moves on"))
-        await until(page, f"{CARDS}[0].textContent.includes('No advice. It ends once {name(1)} moves on.')")
+        await face.publish(shown(1, 0, 1, revision=2, advice=None, ends=f"once {name(1)} moves on"))
+        await until(page, f"{CARDS}[0].textContent.includes('Nothing to do now. It ends once {name(1)} moves on.')")
+
+
+async def test_a_card_tells_what_only_programs_have_time_for(browser: "Browser", face: Served) -> None:
+    quick = advice(1).model_copy(update={"for_people": False})
+    await face.publish(shown(1, 0, 1, advice=quick, ends="by itself, once they have passed each other"))
+    async with opened(browser, face) as page:
+        expected = "Nothing to do: it ends by itself, once they have passed each other. Robots that follow advice: "
+        assert (await text(page, "#situations .advice")).startswith(expected)
 
 
 async def test_changed_advice_says_why(browser: "Browser", face: Served) -> None:

@@ -11,8 +11,10 @@ from deconflict.advisory import (
     BlockageAdvisory,
     ConflictAdvisory,
     ContentionAdvisory,
+    DeadlockAdvisory,
     Location,
     Recommendation,
+    Wait,
     moment,
 )
 from tests.helpers.made_advisories import made
@@ -66,6 +68,13 @@ def blockage(robots: str, **fields: Any) -> BlockageAdvisory:
     blocker, held_up = robots[0], robots[1:]
     evidence = {"blocker": blocker, "since_at": moment(NOW_S - 30), "holds_up": tuple(held_up)}
     return BlockageAdvisory(**finding("blockage", robots, **evidence, **fields))
+
+
+def deadlock(robots: str, **fields: Any) -> DeadlockAdvisory:
+    """Robots that lock each other in a ring."""
+    ring = zip(robots, robots[1:] + robots[0], strict=True)
+    cycle = tuple(Wait(waiter=a, holder=b, where="lane", from_at=moment(NOW_S)) for a, b in ring)
+    return DeadlockAdvisory(**finding("deadlock", robots, cycle=cycle, **fields))
 
 
 def advice(*actions: Action) -> Recommendation:

@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deconflict.advice.document_limits import MOST_ACTIONS
+from deconflict.advisories.situations.advice.stakes import stakes_of
 from deconflict.advisories.situations.grouping import LEAST_OPEN_S, MOST_EXTENT_M, MOST_ROBOTS, NEAR_M
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle, is_worth
-from deconflict.advisories.situations.stakes import stakes_of
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Location, moment
+from tests.deconflict.advisories.situations.made_situations import action, advice
 from tests.helpers.made_advisories import made
 
 START_S = datetime(2024, 5, 1, 8, 0, tzinfo=UTC).timestamp()
@@ -71,6 +72,7 @@ class History:
             "time_to_conflict_s": left_s,
             "probability": probability,
             "location": Location(datum=FLOORS[place[0] == 30], x=place[0], y=place[1]),
+            "recommendation": advice(action(robots[number % 2], seconds=9.0 if place[1] else 4.0)),
         }
         if known is None:
             self.raised += 1
@@ -107,6 +109,8 @@ def check_open(history: History) -> None:
     """What holds at every moment."""
     situations = history.lifecycle.open()
     assert len({situation.id for situation in situations}) == len(situations)
+    advised = [action.robot for each in situations if each.advice for action in each.advice.actions]
+    assert len(set(advised)) == len(advised)
     for situation in situations:
         assert len(situation.robots) <= 20
         assert situation.advice is None or len(situation.advice.actions) <= MOST_ACTIONS

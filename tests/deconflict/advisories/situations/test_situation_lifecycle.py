@@ -4,7 +4,7 @@ from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
 from deconflict.advisories.situations.grouping import LEAST_OPEN_S
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
-from deconflict.advisory import AdvisoryState, Severity, moment
+from deconflict.advisory import AdvisoryState, EncounterClass, Severity, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -103,7 +103,7 @@ def test_severity_rises_at_once_and_other_news_waits() -> None:
     situations.revise(NOW_S, [first])
     joined = situations.revise(NOW_S + 0.1, [conflict("bc", left_s=40.0, probability=0.1)])
     assert joined == []
-    (worse,) = situations.revise(NOW_S + 0.2, [blockage("xabcd")])
+    (worse,) = situations.revise(NOW_S + 0.2, [blockage("xabcd", recommendation=advice(action("x", "look")))])
     assert worse.severity is Severity.CRITICAL
 
 
@@ -167,12 +167,37 @@ def test_a_clock_that_goes_back_freezes_nothing() -> None:
 
 
 def test_a_severity_falls_only_after_a_while() -> None:
-    situations, first = lifecycle(), conflict("ab", 20.0)
+    slow = advice(action("a", "slow_down", seconds=20.0, speed_mps=0.5))
+    situations, first = lifecycle(), conflict("ab", 25.0, encounter_class=EncounterClass.HEAD_ON, recommendation=slow)
     situations.revise(NOW_S, [first])
-    likely, unlikely = (first.next_revision(probability=p) for p in (0.8, 0.3))
+    likely, unlikely = (first.next_revision(probability=p) for p in (0.8, 0.08))
     for second in range(1, 20):
         situations.revise(NOW_S + second, [(likely, unlikely)[second % 2]])
         assert [each.severity for each in situations.open()] == [Severity.WARNING]
+
+
+def test_what_people_can_do_nothing_about_is_not_critical() -> None:
+    assert raised([blockage("xabcd")]).severity is Severity.WARNING
+    assert raised([blockage("xabcd", recommendation=advice(action("x", "look")))]).severity is Severity.CRITICAL
+    assert raised([conflict("ab", encounter_class=EncounterClass.HEAD_ON)]).severity is Severity.CAUTION
+
+
+def test_a_robot_that_two_situations_ask_for_goes_to_the_more_urgent() -> None:
+    situations = lifecycle()
+    (first,) = situations.revise(NOW_S, [conflict("ab", recommendation=advice(action("a")))])
+    blocked = blockage("xacd", location=conflict("cd", x_m=40.0).location, recommendation=advice(action("a", "look")))
+    revisions = situations.revise(NOW_S + 1, [blocked])
+    assert [each.id for each in revisions if each.advice] == [
+        each.id for each in situations.open() if each.id != first.id
+    ]
+    assert next(each for each in situations.open() if each.id == first.id).advice is None
+
+
+def test_a_robot_has_one_thing_to_do_in_situations_of_equal_urgency() -> None:
+    situations = lifecycle()
+    situations.revise(NOW_S, [conflict("ab", recommendation=advice(action("a")))])
+    situations.revise(NOW_S + 1, [conflict("ac", x_m=40.0, recommendation=advice(action("a")))])
+    assert [each.advice is None for each in situations.open()] == [False, True]
 
 
 def test_the_sentence_follows_the_time_left() -> None:

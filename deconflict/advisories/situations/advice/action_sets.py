@@ -4,6 +4,9 @@ The actions of one advisory were worked out together, so they are taken as a who
 order of their events while they agree: no robot has two different actions, no robots wait for each other in a ring, and
 there are at most three actions. What is vague comes last. Waits before a conflict are lost for certain, so they are
 advised only if the conflict is expected to cost more.
+
+What people have time for, and what is worth their time, comes before what only programs can have done. The two are not
+mixed.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -12,10 +15,15 @@ from typing import NamedTuple
 
 from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
-from deconflict.advisories.situations.stakes import SERVICE_REACTION_S, preventable_cost_of
-from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation
+from deconflict.advisories.situations.advice.stakes import PERSON_REACTION_S, SERVICE_REACTION_S, preventable_cost_of
+from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, DeadlockAdvisory, Recommendation
 
 GO_FIRST = "go_first"
+PEOPLE_SAVE_S, PEOPLE_STAND_S = 10.0, 8.0
+"""People are asked to do something only if it can prevent this much, and for no shorter time. It stands for so long at
+least."""
+LOOK_AFTER_S = 15.0
+"""Nobody is sent to look at robots that lock each other before this time: they may free themselves."""
 Key = tuple[str, str, bool]
 """The robot, the kind of action, and whether it is vague: what stays the same while advice stands."""
 
@@ -28,6 +36,7 @@ class ActionSet(NamedTuple):
     """When the event begins that it prevents."""
     waits: frozenset[tuple[str, str]]
     """Robots that wait, each with the robot that passes."""
+    for_people: bool
 
 
 @dataclass(slots=True)
@@ -37,22 +46,23 @@ class Proposal:
     actions: tuple[Action, ...] = ()
     predicted_s: float = 0.0
     """When the event begins that the first action prevents."""
+    for_people: bool = False
     asked_s: Mapping[Key, float] = field(default_factory=dict)
     """By key of every action that any advisory asks for: when the event begins that it prevents."""
 
 
 def proposal_of(advisories: Sequence[AnyAdvisory], robots: Collection[str], now_s: float) -> Proposal:
-    """The actions for `robots`, the robots that a situation lists."""
+    """The actions for `robots`: those that a situation lists, and that have nothing to do in another situation."""
     sets = sorted(_sets_of(advisories, robots, now_s), key=_rank)
     asked_s: dict[Key, float] = {}
     for each in sets:
         for action in each.actions:
             asked_s.setdefault(key_of(action), each.predicted_s)
     asked_s = {key: at_s for key, at_s in asked_s.items() if not key[2] or (*key[:2], False) not in asked_s}
-    actions = _agreed(sets, _unsolved(advisories))
-    if not actions:
-        return Proposal(asked_s=asked_s)
-    return Proposal(actions, asked_s[key_of(actions[0])], asked_s)
+    for for_people in (True, False):
+        if actions := _agreed([each for each in sets if each.for_people is for_people], _unsolved(advisories)):
+            return Proposal(actions, asked_s[key_of(actions[0])], for_people, asked_s)
+    return Proposal(asked_s=asked_s)
 
 
 def key_of(action: Action) -> Key:
@@ -76,7 +86,15 @@ def _sets_of(advisories: Iterable[AnyAdvisory], robots: Collection[str], now_s: 
         actions = tuple(action for each in advice.actions if (action := _left_of(each, advice, advisory, now_s)))
         is_for_them = all(action.robot in robots for action in actions)
         if actions and is_for_them and _is_worth_waiting(advisory, actions, now_s):
-            yield ActionSet(actions, advisory.predicted_at.timestamp(), _waits(advisory, actions))
+            for_people = _is_for_people(advisory, actions, now_s)
+            yield ActionSet(actions, advisory.predicted_at.timestamp(), _waits(advisory, actions), for_people)
+
+
+def _is_for_people(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:
+    """Whether people have the time for it, and it is worth theirs."""
+    timed_s = [action.seconds for action in actions if action.seconds is not None]
+    is_long = max(timed_s, default=PEOPLE_STAND_S) >= PEOPLE_STAND_S
+    return is_long and preventable_cost_of(advisory, now_s, PERSON_REACTION_S) >= PEOPLE_SAVE_S
 
 
 def _is_worth_waiting(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:
@@ -87,7 +105,9 @@ def _is_worth_waiting(advisory: AnyAdvisory, actions: Iterable[Action], now_s: f
 
 
 def _left_of(action: Action, advice: Recommendation, advisory: AnyAdvisory, now_s: float) -> Action | None:
-    """What is left of an action to do; None if a wait is over, or too short for people."""
+    """What is left of an action to do; None if a wait is over, or too short for people, or it is too early to look."""
+    if action.action == "look" and isinstance(advisory, DeadlockAdvisory):
+        return action if now_s - advisory.predicted_at.timestamp() >= LOOK_AFTER_S else None
     if action.action != "wait" or action.seconds is None:
         return action
     given_at = advice.given_at if isinstance(advisory, ConflictAdvisory) else None

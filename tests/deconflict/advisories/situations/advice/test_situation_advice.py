@@ -1,15 +1,28 @@
 """Which advice a situation gives, how long it stands, and why it changes."""
 
-from deconflict.advisories.situations.action_sets import proposal_of
+from collections.abc import Collection
+
+from deconflict.advisories.situations.advice.action_sets import LOOK_AFTER_S, PEOPLE_STAND_S, proposal_of
+from deconflict.advisories.situations.advice.situation_advice import STANDS_S, revised_advice
 from deconflict.advisories.situations.situation import SituationAdvice
-from deconflict.advisories.situations.situation_advice import STANDS_S, revised_advice
 from deconflict.advisory import AnyAdvisory, EncounterClass, moment
-from tests.deconflict.advisories.situations.made_situations import NOW_S, action, advice, blockage, conflict, queue
+from tests.deconflict.advisories.situations.made_situations import (
+    NOW_S,
+    action,
+    advice,
+    blockage,
+    conflict,
+    deadlock,
+    queue,
+)
 
 
-def revised(before: SituationAdvice | None, now_s: float, *advisories: AnyAdvisory) -> SituationAdvice | None:
+def revised(
+    before: SituationAdvice | None, now_s: float, *advisories: AnyAdvisory, busy: Collection[str] = ()
+) -> SituationAdvice | None:
     robots = {robot for advisory in advisories for robot in advisory.robots}
-    return revised_advice(before, proposal_of(advisories, robots, now_s), robots, now_s)
+    free = [robot for robot in robots if robot not in busy]
+    return revised_advice(before, proposal_of(advisories, free, now_s), robots, busy, now_s)
 
 
 def test_the_first_to_do_comes_first() -> None:
@@ -82,11 +95,11 @@ def test_advice_to_a_robot_that_has_left_the_situation_ends() -> None:
 def test_something_more_urgent_takes_the_place_of_advice_that_stands() -> None:
     stands = blockage("xab", predicted_at=moment(NOW_S + 60), recommendation=advice(action("x", "look")))
     before = revised(None, NOW_S, stands)
-    urgent = conflict("cd", 8.0, now_s=NOW_S + STANDS_S, recommendation=advice(action("c")))
-    after = revised(before, NOW_S + STANDS_S, stands, urgent)
+    urgent = blockage("ycd", predicted_at=moment(NOW_S + 20), recommendation=advice(action("y", "look")))
+    after = revised(before, NOW_S + PEOPLE_STAND_S, stands, urgent)
     assert after is not None
-    assert [each.robot for each in after.actions] == ["c", "x"]
-    assert after.changed_because == "there is less time for Robot c"
+    assert [each.robot for each in after.actions] == ["y", "x"]
+    assert after.changed_because == "there is less time for Robot y"
 
 
 def test_robots_in_an_unsolved_conflict_are_not_both_sent_first() -> None:
@@ -160,3 +173,62 @@ def test_a_person_is_asked_to_look_at_a_blocker() -> None:
     found = revised(None, NOW_S, blockage("xab", recommendation=advice(action("x", "look"))))
     assert found is not None
     assert found.text == "somebody should look at Robot x"
+
+
+def test_people_are_asked_first_and_for_long_enough() -> None:
+    crossing = conflict("ab", 5.0, recommendation=advice(action("a")))
+    blocked = blockage("xcd", recommendation=advice(action("x", "look")))
+    found = revised(None, NOW_S, crossing, blocked)
+    assert found is not None
+    assert (found.for_people, found.text) == (True, "somebody should look at Robot x")
+    short = blockage("xcd", recommendation=advice(action("c", seconds=PEOPLE_STAND_S - 1)))
+    found = revised(None, NOW_S, short)
+    assert found is not None
+    assert not found.for_people
+
+
+def test_what_people_can_do_takes_the_place_of_what_programs_do() -> None:
+    crossing = conflict("ab", 5.0, recommendation=advice(action("a")))
+    before = revised(None, NOW_S, crossing)
+    assert before is not None
+    assert not before.for_people
+    blocked = blockage("xcd", recommendation=advice(action("x", "look")))
+    after = revised(before, NOW_S + 1, crossing, blocked)
+    assert after is not None
+    assert (after.for_people, after.changed_because) == (True, "there is something that people can do")
+
+
+def test_advice_for_people_stands_for_longer() -> None:
+    before = revised(None, NOW_S, blockage("xcd", recommendation=advice(action("x", "look"))))
+    nothing = blockage("xcd")
+    assert revised(before, NOW_S + PEOPLE_STAND_S - 1, nothing) == before
+    assert revised(before, NOW_S + PEOPLE_STAND_S, nothing) is None
+
+
+def test_nobody_is_sent_to_robots_that_may_free_themselves() -> None:
+    locked = deadlock("ab", recommendation=advice(action("a", "look")))
+    begins_s = locked.predicted_at.timestamp()
+    assert revised(None, begins_s + LOOK_AFTER_S - 1, locked) is None
+    assert revised(None, begins_s + LOOK_AFTER_S, locked) is not None
+
+
+def test_a_robot_that_is_busy_elsewhere_gets_no_advice() -> None:
+    crossing = conflict("ab", 5.0, recommendation=advice(action("a"), action("b", "go_first")))
+    assert revised(None, NOW_S, crossing, busy="a") is None
+    assert revised(None, NOW_S, crossing, busy="b") is None
+
+
+def test_advice_ends_if_its_robot_gets_something_more_urgent_to_do() -> None:
+    crossing = conflict("ab", 5.0, recommendation=advice(action("a")))
+    before = revised(None, NOW_S, crossing)
+    other = conflict("bc", 6.0, recommendation=advice(action("c")))
+    after = revised(before, NOW_S + 1, crossing, other, busy="a")
+    assert after is not None
+    assert after.changed_because == "Robot a has something more urgent to do"
+
+
+def test_who_goes_first_is_no_step_of_its_own() -> None:
+    crossing = conflict("ab", 5.0, recommendation=advice(action("a"), action("b", "go_first")))
+    found = revised(None, NOW_S, crossing)
+    assert found is not None
+    assert found.text == "Robot a should wait 4 s, so that Robot b goes first"

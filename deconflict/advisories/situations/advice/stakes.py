@@ -104,8 +104,9 @@ def preventable_cost_of(advisory: AnyAdvisory, now_s: float, reaction_s: float) 
     return 0.0 if is_passing else cost_of(advisory)
 
 
-def severity_of_stakes(stakes: Stakes, before: Severity | None) -> Severity:
-    """By what a person can still prevent: its cost, and the time left. It falls if one is clearly out of its bound."""
+def urgency_of_stakes(stakes: Stakes, before: Severity | None) -> Severity:
+    """How severe it is if people can do something: by what they can still prevent, and the time left. It falls if one
+    is clearly out of its bound."""
     level = _level(stakes, 1.0, 0.0)
     if before is not None:
         level = max(level, min(SEVERITIES.index(before), _level(stakes, KEPT_SHARE, SLACK_S)))

@@ -1,0 +1,1 @@
+"""What to do about situations, and what is at stake."""

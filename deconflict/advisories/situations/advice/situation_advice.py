@@ -1,0 +1,81 @@
+"""What to do about a situation, and how long this stands. Pure.
+
+Advice stands for `STANDS_S` at least, for people for `PEOPLE_STAND_S`. Then it stands until everybody has had their
+time, until no advisory asks for it any more, or until something else is clearly more urgent. It never names a robot
+that the situation does not list, or that has something more urgent to do in another situation.
+"""
+
+from collections.abc import Collection, Sequence
+
+from deconflict.advice.actions.action_text import action_text
+from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
+from deconflict.advisories.situations.advice.action_sets import GO_FIRST, PEOPLE_STAND_S, Proposal, key_of
+from deconflict.advisories.situations.situation import SituationAdvice
+from deconflict.advisory import Action, moment
+
+STANDS_S = 4.0
+"""Advice for programs stands for so long at least, unless its robot has left or its time is over."""
+SOONER_S = 3.0
+"""Other advice takes its place if that is for an event sooner by more than this."""
+
+
+def revised_advice(
+    before: SituationAdvice | None, proposal: Proposal, robots: Collection[str], busy: Collection[str], now_s: float
+) -> SituationAdvice | None:
+    """The advice from now on: `before` as it is if it stands. `robots` are those that the situation lists. `busy` are
+    those that have something more urgent to do in another situation."""
+    if before is None:
+        return _advice(proposal, now_s, "") if proposal.actions else None
+    reason = _reason_to_change(before, proposal, robots, busy, now_s)
+    if reason is None:
+        return before
+    return _advice(proposal, now_s, reason) if proposal.actions else None
+
+
+def _reason_to_change(
+    before: SituationAdvice, proposal: Proposal, robots: Collection[str], busy: Collection[str], now_s: float
+) -> str | None:
+    """Why other advice takes the place of `before`; None if it stands."""
+    stood_s = now_s - before.since_at.timestamp()
+    if impossible := _why_impossible(before, robots, busy, stood_s):
+        return impossible
+    if proposal.for_people and not before.for_people:
+        return "there is something that people can do"
+    if 0.0 <= stood_s < (PEOPLE_STAND_S if before.for_people else STANDS_S):
+        return None
+    first = before.actions[0]
+    asked_s = proposal.asked_s.get(key_of(first))
+    if asked_s is None:
+        return f"earlier advice to {first.name} does not help any more"
+    sooner = proposal.actions[0] if proposal.actions and proposal.predicted_s < asked_s - SOONER_S else first
+    return None if sooner.robot == first.robot else f"there is less time for {sooner.name}"
+
+
+def _why_impossible(
+    before: SituationAdvice, robots: Collection[str], busy: Collection[str], stood_s: float
+) -> str | None:
+    """Why nobody can do `before` any more, or all of it is done; None if neither is the case."""
+    if left := next((action.name for action in before.actions if action.robot not in robots), None):
+        return f"{left} is not part of this any more"
+    if taken := next((action.name for action in before.actions if action.robot in busy), None):
+        return f"{taken} has something more urgent to do"
+    first = before.actions[0]
+    is_over = first.action == "wait" and stood_s >= max(action.seconds or 0.0 for action in before.actions)
+    return f"the time for {first.name} to wait is over" if is_over else None
+
+
+def _sentence(actions: Sequence[Action]) -> str:
+    """What to do, one thing after another. Who goes first belongs to the last of them."""
+    steps = "; ".join(action_text(action) for action in actions if action.action != GO_FIRST)
+    first = next((action.name for action in actions if action.action == GO_FIRST), None)
+    return f"{steps}, so that {first} goes first" if first else steps
+
+
+def _advice(proposal: Proposal, now_s: float, reason: str) -> SituationAdvice:
+    return SituationAdvice(
+        actions=proposal.actions,
+        for_people=proposal.for_people,
+        text=short_text(_sentence(proposal.actions), MOST_SUMMARY_BYTES),
+        since_at=moment(now_s),
+        changed_because=short_text(reason, MOST_SUMMARY_BYTES),
+    )
