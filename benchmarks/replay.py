@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.offer import Circling
 from deconflict.__main__ import GC_THRESHOLDS
-from deconflict.advice.hold_requests import HoldRequests
+from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.foresight.presence.live_robots import LiveRobots

@@ -20,7 +20,7 @@ from benchmarks.endtoend import benchmark_site
 from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
 from benchmarks.replay import timed
 from deconflict.__main__ import GC_THRESHOLDS
-from deconflict.advice.hold_requests import HoldRequests
+from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine

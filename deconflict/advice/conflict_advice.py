@@ -18,6 +18,10 @@ from ingest.batch import Pair
 
 HOLD_WORKS = "a hold keeps them apart now"
 NO_LONGER_WORKS = "what was advised before no longer keeps them apart"
+COSTS_MORE = "waiting costs more than it is expected to save"
+NOT_WORTH = Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note=COSTS_MORE)
+KEPT_SHARE = 0.6
+"""A standing hold is given up only if this share of it costs more than it is expected to save."""
 
 
 def advise_conflicts(
@@ -27,11 +31,13 @@ def advise_conflicts(
     *,
     burdens_s: Mapping[str, float] | None = None,
     standing: Mapping[Pair, Recommendation] | None = None,
+    losses_s: Mapping[Pair, float] | None = None,
     settings: Advice = USUAL_ADVICE,
 ) -> PairAdvice:
     """The advice for each of `conflicts`, which are a connected group; see `plan_holds`.
 
-    `standing` is the advice that they have now. It is given again if it still works.
+    `standing` is the advice that they have now. It is given again if it still works. `losses_s` are what the conflicts
+    are expected to cost: holds that cost more are left out.
     """
     standing = standing or {}
     held = frozenset(hold.robot for advice in standing.values() for hold in advice.holds)
@@ -47,7 +53,21 @@ def advise_conflicts(
         else:
             after = _pair_advice(parts, pair, before)
             advice[pair] = before if _is_same(before, after) else _changed(before, after, decision.because)
-    return advice
+    return advice if losses_s is None else _worth_their_time(advice, standing, losses_s)
+
+
+def _worth_their_time(
+    advice: PairAdvice, standing: Mapping[Pair, Recommendation], losses_s: Mapping[Pair, float]
+) -> PairAdvice:
+    """The advice without holds that cost more than the conflicts which they resolve are expected to cost."""
+    held = {pair: frozenset(hold.robot for hold in given.holds) for pair, given in advice.items() if given.holds}
+    kept = PairAdvice(advice)
+    for pair, robots in held.items():
+        saved_s = sum(losses_s[other] for other, others in held.items() if others <= robots)
+        before = standing.get(pair, NOT_WORTH)
+        if sum(hold.hold_s for hold in advice[pair].holds) * (KEPT_SHARE if before.holds else 1.0) > saved_s:
+            kept[pair] = _changed(before, NOT_WORTH, COSTS_MORE) if before.holds else NOT_WORTH
+    return kept
 
 
 def _is_same(before: Recommendation, after: Recommendation) -> bool:

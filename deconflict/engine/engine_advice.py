@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterable, Mapping
 
 from deconflict.advice.deferred_answers import AsyncAnswers, Submit
-from deconflict.advice.hold_requests import MOST_NEAR, NEAR_M, HoldRequests
 from deconflict.advice.holds.hold_windows import NearbyRobots, PlannedRobot
 from deconflict.advice.priorities import Priorities
+from deconflict.advice.requests.hold_requests import MOST_NEAR, NEAR_M, HoldRequests
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory

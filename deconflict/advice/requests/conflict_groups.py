@@ -5,6 +5,7 @@ from datetime import datetime
 from operator import attrgetter
 from typing import NamedTuple
 
+from deconflict.advice.expected_loss import expected_loss_s
 from deconflict.advisory import ConflictAdvisory, Recommendation, moment
 from ingest.batch import Pair
 
@@ -19,6 +20,8 @@ class ConflictGroup(NamedTuple):
     pairs: Pairs
     standing: tuple[tuple[Pair, Recommendation], ...]
     """The advice that its conflicts have now."""
+    losses_s: tuple[float, ...]
+    """What each of them is expected to cost."""
 
 
 class ConflictGroups:
@@ -72,10 +75,13 @@ def _merged(
 def _group(members: list[ConflictAdvisory]) -> ConflictGroup:
     if len(members) == 1:
         (advisory,) = members
-        return ConflictGroup(advisory.predicted_at, (advisory.robots,), _standing(members))
+        return ConflictGroup(
+            advisory.predicted_at, (advisory.robots,), _standing(members), (expected_loss_s(advisory),)
+        )
     members.sort(key=attrgetter("robots"))
     first = min(advisory.predicted_at for advisory in members)
-    return ConflictGroup(first, tuple(advisory.robots for advisory in members), _standing(members))
+    losses_s = tuple(map(expected_loss_s, members))
+    return ConflictGroup(first, tuple(advisory.robots for advisory in members), _standing(members), losses_s)
 
 
 def _standing(members: list[ConflictAdvisory]) -> tuple[tuple[Pair, Recommendation], ...]:

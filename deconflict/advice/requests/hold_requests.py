@@ -14,7 +14,6 @@ from math import inf
 from operator import itemgetter
 
 from deconflict.advice.conflict_advice import advise_conflicts
-from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups, Pairs
 from deconflict.advice.deferred_answers import (
     ANSWER_AFTER_S,
     AdviceQuestion,
@@ -24,6 +23,7 @@ from deconflict.advice.deferred_answers import (
     answer_at_once,
 )
 from deconflict.advice.holds.hold_windows import HoldWindow, NearbyRobots
+from deconflict.advice.requests.conflict_groups import ConflictGroup, ConflictGroups, Pairs
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.settings.site import Site
@@ -153,6 +153,7 @@ class HoldRequests:
             window,
             burdens_s=dict(self._burden.burdens_s),
             standing=dict(group.standing),
+            losses_s=dict(zip(group.pairs, group.losses_s, strict=True)),
             settings=self._settings,
         )
 

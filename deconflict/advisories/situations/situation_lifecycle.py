@@ -13,7 +13,7 @@ from math import hypot
 
 from deconflict.advisories.severity import rises
 from deconflict.advisories.situations import situation_fields
-from deconflict.advisories.situations.advice.orders import Orders
+from deconflict.advisories.situations.advice.advised_robots import AdvisedRobots
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
 from deconflict.advisories.situations.situation import AnyRevision, Situation
@@ -63,7 +63,7 @@ class SituationLifecycle:
         """Renewed when the site changes."""
         self._advisories: dict[str, AnyAdvisory] = {}
         """The newest revision of each open advisory, by id."""
-        self._grouping, self._orders = Grouping(), Orders()
+        self._grouping, self._advised = Grouping(), AdvisedRobots()
         self._watched: dict[str, _Watched] = {}
         """By id of the group."""
         self._regrouped: dict[str, Member] = {}
@@ -96,7 +96,7 @@ class SituationLifecycle:
             self._grouping.restore(group)
             updated_s = situation.updated_at.timestamp()
             self._watched[group.id] = _Watched(group, situation, updated_s, situation.severity, updated_s)
-            self._orders.keep(situation, situation.severity)
+            self._advised.keep(situation, situation.severity)
 
     def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
         """The revisions of advisories with the ids of their situations, then the revisions of situations."""
@@ -141,7 +141,7 @@ class SituationLifecycle:
         is_open = revision.state is not AdvisoryState.CLEARED
         watched.situation = revision if is_open else None
         watched.group.opened_s = revision.raised_at.timestamp() if is_open else None
-        for losing in self._orders.keep(revision, watched.urgency):
+        for losing in self._advised.keep(revision, watched.urgency):
             self._watched[losing].look_s = now_s
 
     def _joined(self, join: Join, now_s: float) -> Iterator[Situation]:
@@ -149,7 +149,7 @@ class SituationLifecycle:
         watched = self._watched.pop(join.group.id, None)
         if watched and watched.situation:
             cleared = watched.situation.cleared_revision(now_s, "it became part of another situation")
-            self._orders.keep(cleared, cleared.severity)
+            self._advised.keep(cleared, cleared.severity)
             yield cleared.model_copy(update={"joined_into": join.into.id, **NOTHING_LEFT})
 
     def _revision(self, watched: _Watched, now_s: float) -> Situation | None:
@@ -190,7 +190,7 @@ class SituationLifecycle:
     ) -> Assessment:
         before = watched.situation
         watched.urgency = _urgency(watched, urgency_of_stakes(stakes, watched.urgency if before else None), now_s)
-        busy = self._orders.busy(watched.group.id, watched.urgency, situation_fields.listed_robots(advisories))
+        busy = self._advised.busy(watched.group.id, watched.urgency, situation_fields.listed_robots(advisories))
         return situation_fields.assessed(before, advisories, stakes, watched.urgency, busy, now_s)
 
     def _place(self, group: Group) -> str:

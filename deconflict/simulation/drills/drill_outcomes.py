@@ -6,7 +6,7 @@ from typing import Any
 
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
+from deconflict.advisory import AdvisoryState, AnyAdvisory, Recommendation, Severity
 from deconflict.simulation.drills.drill_scripts import Drill, DrillSetup
 
 CLOSE_S = 3.0
@@ -84,7 +84,7 @@ class DrillOutcomes:
         if advisory.id in self._first:
             outcome.worst = max(outcome.worst or Severity.CAUTION, advisory.severity, key=SEVERITIES.index)
             outcome.ended = advisory.cleared_because or ""
-            outcome.advised = outcome.advised or (advisory.summary if advisory.recommendation else "")
+            outcome.advised = outcome.advised or (advisory.summary if _asks(advisory.recommendation) else "")
 
     def now(self) -> list[DrillOutcome]:
         """The outcomes so far."""
@@ -102,6 +102,11 @@ class DrillOutcomes:
 def documents(outcomes: Sequence[DrillOutcome]) -> list[dict[str, Any]]:
     """The outcomes as JSON documents."""
     return [asdict(outcome) | {"kept": outcome.kept} for outcome in outcomes]
+
+
+def _asks(advice: Recommendation | None) -> bool:
+    """Whether advice asks anybody for anything."""
+    return advice is not None and bool(advice.holds or advice.slots or advice.actions)
 
 
 def _advised(revision: AnyRevision) -> str:

@@ -1,8 +1,8 @@
 """The advice for one conflict: it names no robots that do not matter to it, and asks no short waits of people."""
 
-from deconflict.advice.conflict_advice import advise_conflicts
+from deconflict.advice.conflict_advice import COSTS_MORE, advise_conflicts
 from deconflict.advice.holds.hold_windows import DelayWindows
-from deconflict.advisory import Recommendation
+from deconflict.advisory import Recommendation, moment
 from tests.deconflict.advice.made_near import WINDOW, SeenRobot, eastward, held_s, near, northward
 
 
@@ -59,3 +59,29 @@ def test_no_hold_is_shorter_than_a_second() -> None:
     assert not delays.contacts_s({"a": 0.5}, "ab")
     (advice,) = advised([a, b], ("a", "b"))
     assert held_s(advice) == {"a": 1.0}
+
+
+PAIR = ("a", "b")
+
+
+def worth(loss_s: float, before: Recommendation | None = None) -> Recommendation:
+    """The advice on a conflict that is expected to cost `loss_s`."""
+    robots, standing = near([eastward("a", -4.0), northward("b", -4.0)]), {PAIR: before} if before else None
+    return advise_conflicts(robots, [PAIR], WINDOW, standing=standing, losses_s={PAIR: loss_s})[PAIR]
+
+
+def test_holds_that_take_longer_than_their_conflict_is_expected_to_cost_are_left_out() -> None:
+    best = worth(1000.0)
+    longest_s = sum(held_s(best).values())
+    assert longest_s > 0
+    assert worth(longest_s) == best
+    vain = worth(0.9 * longest_s)
+    assert (vain.holds, vain.actions, vain.note) == ((), (), COSTS_MORE)
+
+
+def test_holds_that_stand_are_given_up_only_if_they_clearly_cost_more() -> None:
+    before = worth(1000.0).model_copy(update={"given_at": moment(WINDOW.start_s)})
+    longest_s = sum(held_s(before).values())
+    assert worth(0.7 * longest_s, before) == before
+    given_up = worth(0.5 * longest_s, before)
+    assert (given_up.holds, given_up.changed_because) == ((), COSTS_MORE)

@@ -12,7 +12,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
-from deconflict.advice import hold_requests
+from deconflict.advice.requests import hold_requests
 from deconflict.advisories.situations.situation import REVISION, AnyRevision, advisories_of
 from deconflict.advisory import AdvisoryState
 from deconflict.roles.service import run_in_one_process

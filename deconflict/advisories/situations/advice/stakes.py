@@ -6,6 +6,7 @@ The costs are rough amounts of time that robots lose: they order situations, and
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from deconflict.advice.expected_loss import expected_loss_s
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisory import (
     AnyAdvisory,
@@ -14,19 +15,11 @@ from deconflict.advisory import (
     ConflictAdvisory,
     ContentionAdvisory,
     DeadlockAdvisory,
-    EncounterClass,
     Severity,
 )
 
 SERVICE_REACTION_S, PERSON_REACTION_S = 1.0, 3.0
 """The shortest useful reaction of a site service, and of a person. What begins sooner they can't prevent any more."""
-ENCOUNTER_COST_S = {
-    EncounterClass.HEAD_ON: 20.0,
-    EncounterClass.CROSSING: 6.0,
-    EncounterClass.FOLLOWING: 4.0,
-    EncounterClass.STATIONARY_OBSTACLE: 8.0,
-}
-"""What the two robots lose if they get in each other's way."""
 HELD_UP_COST_S, LOCKED_COST_S, CROWD_COST_S = 15.0, 60.0, 60.0
 """What a robot loses behind a blocker, and in a deadlock; and what a crowd costs."""
 LASTS_S = 7.0
@@ -62,7 +55,7 @@ def cost_of(advisory: AnyAdvisory) -> float:
     """What an advisory's event is expected to cost, in seconds."""
     match advisory:
         case ConflictAdvisory():
-            return (advisory.probability or 0.0) * ENCOUNTER_COST_S[advisory.encounter_class]
+            return expected_loss_s(advisory)
         case ContentionAdvisory():
             return min(advisory.wait_s * max(advisory.queue_length, 1), MOST_WAIT_S) * (
                 1.0 if advisory.probability is None else advisory.probability

@@ -6,7 +6,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from deconflict.advice.conflict_groups import ConflictGroup, ConflictGroups
+from deconflict.advice.expected_loss import expected_loss_s
+from deconflict.advice.requests.conflict_groups import ConflictGroup, ConflictGroups
 from deconflict.advisory import ConflictAdvisory, Hold, Recommendation, moment
 from ingest.batch import Pair
 from tests.deconflict.engine.made_engine import NOW_S
@@ -50,6 +51,9 @@ def test_groups_hold_all_conflicts_ahead_and_share_no_robot(seed: int) -> None:
     assert len(sizes) > 3
 
 
+LOSS_S = expected_loss_s(made(1))
+
+
 def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first() -> None:
     groups = ConflictGroups()
     conflicts = {
@@ -58,6 +62,6 @@ def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first
     }
     groups.update(NOW_S, conflicts.values())
     assert set(groups.all.values()) == {
-        ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), ()),
-        ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), ()),
+        ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), (), (LOSS_S, LOSS_S)),
+        ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), (), (LOSS_S,)),
     }

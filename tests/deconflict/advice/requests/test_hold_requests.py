@@ -9,8 +9,8 @@ from shapely import Polygon, box
 from shapely.affinity import rotate, translate
 
 from deconflict.advice.deferred_answers import ANSWER_AFTER_S, Answer, PendingAnswer, ReadyAnswer
-from deconflict.advice.hold_requests import MOST_PAIRS, PAIRS_PER_S, HoldRequests
 from deconflict.advice.holds.hold_windows import NearbyRobots
+from deconflict.advice.requests.hold_requests import MOST_PAIRS, PAIRS_PER_S, HoldRequests
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.conflict_lifecycle import PASSED, UNPREDICTED
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment

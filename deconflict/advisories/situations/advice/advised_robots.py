@@ -7,7 +7,7 @@ from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import AdvisoryState, Severity
 
 
-class Orders:
+class AdvisedRobots:
     """The robots that the advice of open situations names."""
 
     def __init__(self) -> None:

@@ -1,0 +1,1 @@
+"""What conflicts are asked about, and when."""
