@@ -246,12 +246,12 @@ class MqttSource(Section):
     """The broker."""
     port: Annotated[int, Field(gt=0, le=65535)] = 1883
     """Its port; brokers use 8883 for TLS."""
-    language: Literal["vda5050"] = "vda5050"
+    language: Literal["vda5050", "iso21423"] = "vda5050"
     """The standard of the messages. Its version is read from each message."""
     prefixes: tuple[TopicPrefix, ...] = ()
-    """What stands before the manufacturer in topics. If empty, what the standard suggests."""
+    """What stands before the manufacturer or the entity type in topics. If empty, what the standard suggests."""
     manufacturers: tuple[TopicPart, ...] = ()
-    """Manufacturers whose robots are heard, as topics spell them. If empty, all."""
+    """Manufacturers whose robots are heard, as topics spell them. If empty, all. Topics of ISO 21423 have none."""
     user: str = ""
     """User name, if the broker needs one."""
     password: SecretSource = ""

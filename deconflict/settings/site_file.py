@@ -237,6 +237,8 @@ def _source_contradictions(site: Site) -> Iterator[str]:
             yield f"{key}.name: {source.name!r} is taken; give each source a name of its own"
         if first_s > longest_s:
             yield f"{key}.retry_s: found {[first_s, longest_s]}; expected the first wait not above the longest"
+        if source.manufacturers and source.language == "iso21423":
+            yield f"{key}.manufacturers: topics of iso21423 name none; remove the key"
         if source.ca and not source.tls:
             yield f"{key}.ca: is used over TLS alone; set tls = true"
         if source.password and not source.user:

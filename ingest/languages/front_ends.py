@@ -1,6 +1,7 @@
 """The languages that are read, by name."""
 
 from ingest.languages.front_end import FrontEnd
+from ingest.languages.iso21423.iso_front_end import IsoFrontEnd
 from ingest.languages.massrobotics.massrobotics_front_end import MassRoboticsFrontEnd
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
 
@@ -9,6 +10,7 @@ MASSROBOTICS = "massrobotics"
 FRONT_ENDS: dict[str, FrontEnd] = {
     MASSROBOTICS: MassRoboticsFrontEnd(),
     "vda5050": VdaFrontEnd(),
+    "iso21423": IsoFrontEnd(),
 }
 
 

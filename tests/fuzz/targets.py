@@ -26,7 +26,8 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Reading, Vendor
 from tests.fuzz.mutation import JSON, TOML, Format
-from tests.helpers import vda_vectors
+from tests.helpers import iso_saying, vda_vectors
+from tests.helpers.iso_saying import line as iso_line
 from tests.helpers.made_site import sound, toml
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, status
 from tests.helpers.vda_saying import line as vda_line
@@ -67,6 +68,23 @@ def floor(raw: bytes) -> None:
 def vda5050(raw: bytes) -> None:
     """The same for messages of brokers. Keys decide on which topic of two robots a line comes."""
     _floor(raw, lambda line: vda_line(_kind(line), ("0001", "0002")[len(line) % 2]), vda_vectors.T)
+
+
+def iso21423(raw: bytes) -> None:
+    """The same for robots of ISO 21423."""
+    uuids = "91403a21-7534-4467-99a6-79c46a130fe8", "a-name"
+    _floor(raw, lambda line: iso_line(_resource(line), uuids[len(line) % 2]), vda_vectors.T)
+
+
+def _resource(raw: bytes) -> str:
+    marks = {
+        b"Footprint": "identity",
+        b"footprint": "footprint",
+        b"localTraj": "localTrajectory",
+        b"Plan": "globalPlan",
+    }
+    others = {b"states": "status", b"battery": "batteryStatus"}
+    return next((resource for mark, resource in (marks | others).items() if mark in raw), "odometry")
 
 
 def _kind(raw: bytes) -> str:
@@ -164,6 +182,16 @@ def _meeting() -> bytes:
 
 _MESSAGES = tuple(vector.raw for vector in VECTORS)
 _VDA = tuple(vector.raw for vector in vda_vectors.VECTORS if len(vector.raw) < 5000)
+_ISO = (
+    iso_saying.identity(vda_vectors.T),
+    iso_saying.states(vda_vectors.T, "MODE_AUTO", "FORWARD"),
+    iso_saying.odometry(vda_vectors.T, 1.0, 2.0, 0.5, 1.0),
+    iso_saying.trajectory(vda_vectors.T, *((vda_vectors.T + i, 1.0 + i, 2.0) for i in range(1, 5))),
+    iso_saying.odometry(vda_vectors.T + 1, 2.0, 2.0, 0.5, 1.0),
+    iso_saying.iso(vda_vectors.T, footprint=iso_saying.SQUARE, height=2.0),
+    iso_saying.iso(vda_vectors.T, batterySoc=0.5),
+    iso_saying.iso(vda_vectors.T, globalPlan=iso_saying.points((vda_vectors.T + 60, 9.0, 9.0))),
+)
 _LINES: Format = (
     lambda raw: [json.loads(line) for line in raw.split(b"\n")],
     lambda documents: b"\n".join(json.dumps(document).encode() for document in documents),
@@ -172,5 +200,6 @@ TARGETS = {
     "message": Target(message, JSON, _MESSAGES),
     "floor": Target(floor, _LINES, (_meeting(), *(b"\n".join(_MESSAGES[i::40]) for i in range(40)))),
     "vda5050": Target(vda5050, _LINES, tuple(b"\n".join(_VDA[i::12]) for i in range(12))),
+    "iso21423": Target(iso21423, _LINES, (b"\n".join(_ISO), b"\n".join(_ISO[::-1]))),
     "site": Target(site, TOML, (toml(sound()).encode(),)),
 }

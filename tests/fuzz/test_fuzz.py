@@ -12,7 +12,7 @@ from tests.fuzz.compiled import compiled_modules
 from tests.fuzz.mutation import mutated
 from tests.fuzz.targets import TARGETS
 
-INPUTS = {"message": 4000, "floor": 40, "vda5050": 60, "site": 100}
+INPUTS = {"message": 4000, "floor": 40, "vda5050": 60, "iso21423": 60, "site": 100}
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -1,13 +1,11 @@
 """Factsheets: who a robot is, how large, and how it can drive."""
 
-from typing import NamedTuple
-
 from ingest.languages.model import Identity
+from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError
 from ingest.languages.timestamps import Stamp
 from ingest.languages.vda5050.vda_memory import Abilities
 from ingest.languages.vda5050.vda_messages import FactsheetMessage, PhysicalParameters, TypeSpecification
-from ingest.shapes import Corner, Shape, outline_fault
 
 MAX_SIZE_M = 100.0
 MAX_TEXT = 100
@@ -60,42 +58,18 @@ def _speed_mps(parameters: PhysicalParameters) -> float | None:
     return parameters.maximum_speed if parameters.maximum_speed is not None else parameters.speed_max
 
 
-class _Body(NamedTuple):
-    """The rectangle about a robot, and its outline if that is another."""
-
-    length_m: float
-    width_m: float
-    offset_m: tuple[float, float] = (0.0, 0.0)
-    outline: Shape | None = None
-
-    def differs_m(self, length_m: float, width_m: float) -> float:
-        """How far its size is from a stated one."""
-        return abs(self.length_m - length_m) + abs(self.width_m - width_m)
-
-
-def _body(message: FactsheetMessage, parameters: PhysicalParameters, findings: Findings) -> _Body:
+def _body(message: FactsheetMessage, parameters: PhysicalParameters, findings: Findings) -> Outline:
     """The robot's outline, else the length and width that are stated.
 
     Several outlines may be for loads and for protective fields. The robot's own is the one nearest to its stated size.
     """
     geometry = message.mobile_robot_geometry or message.agv_geometry
-    bodies: list[_Body] = []
+    bodies: list[Outline] = []
     for sent in (geometry.envelopes2d if geometry else None) or ():
         points = sent.vertices or sent.polygon_points or []
         if len(points) < 3 or any(abs(point.x) > MAX_SIZE_M or abs(point.y) > MAX_SIZE_M for point in points):
             findings["outline-unreadable"] = None
         else:
-            bodies.append(_body_of([(point.x, point.y) for point in points]))
+            bodies.append(outline_of([(point.x, point.y) for point in points]))
     length_m, width_m = parameters.length or 0.0, parameters.width or 0.0
-    return min(bodies, key=lambda body: body.differs_m(length_m, width_m), default=_Body(length_m, width_m))
-
-
-def _body_of(corners: list[Corner]) -> _Body:
-    """A polygon, and the rectangle about it along the axes of the robot's frame."""
-    if corners[0] == corners[-1]:
-        corners = corners[:-1]
-    xs, ys = zip(*corners, strict=True)
-    west, east, south, north = min(xs), max(xs), min(ys), max(ys)
-    is_rectangle = set(corners) == {(west, south), (west, north), (east, south), (east, north)}
-    outline = None if is_rectangle or outline_fault(corners) else Shape.polygon(corners)
-    return _Body(east - west, north - south, ((west + east) / 2, (south + north) / 2), outline)
+    return min(bodies, key=lambda body: body.differs_m(length_m, width_m), default=Outline(length_m, width_m))

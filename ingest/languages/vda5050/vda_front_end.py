@@ -17,7 +17,8 @@ from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
 from ingest.languages.model import Message, Rejection, Status, Update
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.vda5050 import factsheets, vda_messages
+from ingest.languages.tolerant_json import document, stamp_of
+from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.orders import MAX_POSITION_M, order_of, with_update
 from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
@@ -29,7 +30,7 @@ from ingest.languages.vda5050.vda_messages import (
     StateMessage,
     VdaMotion,
 )
-from ingest.languages.vda5050.vda_reader import decoded, stamp_of
+from ingest.languages.vda5050.vda_reader import decoded
 from ingest.languages.vda5050.vda_rules import CHAPTERS, RULES
 from ingest.languages.vda5050.vda_status import status_of
 
@@ -43,7 +44,7 @@ _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("state", "visualization"))
 
 
-class _Topic(NamedTuple):
+class _VdaTopic(NamedTuple):
     """What the last parts of a topic say."""
 
     sender: TopicSender
@@ -97,24 +98,28 @@ class VdaFrontEnd:
         return topic.rpartition("/")[2] in _WITH_POSE
 
     def document(self, raw: bytes) -> dict[str, Any]:
-        return vda_messages.document(raw)
+        return document(raw)
 
 
 @lru_cache(_TOPICS_CACHED)
-def _parsed_topic(topic: str) -> _Topic | None:
+def _parsed_topic(topic: str) -> _VdaTopic | None:
     """The last three parts: manufacturer, serial number and kind."""
     parts = topic.split("/")
     if len(parts) < 3 or not all(parts[-3:]):
         return None
     manufacturer, serial, kind = parts[-3:]
     uuid = str(uuid5(ROBOTS, f"{manufacturer}/{serial}"))
-    return _Topic(TopicSender(uuid, manufacturer[:MAX_NAME], serial[:MAX_NAME]), kind)
+    return _VdaTopic(TopicSender(uuid, manufacturer[:MAX_NAME], serial[:MAX_NAME]), kind)
 
 
-def _read(raw: bytes, topic: _Topic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
+def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
     message = decoded(topic.kind, raw, findings)
     _compare_names(message, topic.sender, findings)
-    stamp = None if isinstance(message, FactsheetMessage) and not message.timestamp else stamp_of(message, findings)
+    stamp = (
+        None
+        if isinstance(message, FactsheetMessage) and not message.timestamp
+        else stamp_of(message.timestamp, findings)
+    )
     heard = Heard(message.header_id, stamp.t_s if stamp else 0.0)
     last = None if _is_last_will(message) else memory.heard.get(topic.kind)
     if last and stamp and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
@@ -159,7 +164,7 @@ def _plain(name: str | None) -> str:
 
 
 def _read_motion(
-    message: VdaMotion, topic: _Topic, stamp: timestamps.Stamp, memory: VdaMemory, findings: Findings
+    message: VdaMotion, topic: _VdaTopic, stamp: timestamps.Stamp, memory: VdaMemory, findings: Findings
 ) -> tuple[Message, VdaMemory]:
     position, is_newest = message.position, memory.pose is None or stamp.t_s >= memory.pose.stamp.t_s
     if isinstance(message, StateMessage):

@@ -4,8 +4,6 @@ Every key is optional and may be null, so that a message with a gap still says t
 all versions demand. Keys that are not read are skipped.
 """
 
-from typing import Any
-
 import msgspec
 
 
@@ -230,7 +228,7 @@ class Vertex(VdaObject, frozen=True):
     y: float
 
 
-class Outline(VdaObject, frozen=True):
+class VdaOutline(VdaObject, frozen=True):
     """A polygon of the robot's frame, `polygonPoints` or `vertices`."""
 
     polygon_points: list[Vertex] | None = None
@@ -238,7 +236,7 @@ class Outline(VdaObject, frozen=True):
 
 
 class Geometry(VdaObject, frozen=True):
-    envelopes2d: list[Outline] | None = None
+    envelopes2d: list[VdaOutline] | None = None
 
 
 class FactsheetMessage(Header, frozen=True):
@@ -285,9 +283,3 @@ REQUIRED: dict[str, tuple[str, ...]] = {
     "zoneSet": _HEADER,
     "responses": _HEADER,
 }
-
-
-def document(raw: bytes) -> dict[str, Any]:
-    """A message as it was sent, JSON-ready."""
-    decoded: dict[str, Any] = msgspec.json.decode(raw)
-    return decoded

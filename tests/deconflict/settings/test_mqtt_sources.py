@@ -19,6 +19,7 @@ SOURCE = {"name": "hall", "host": "broker"}
         ([SOURCE | {"prefixes": ["uagv/v2/"]}], r"mqtt_sources\[0\]\.prefixes\[0\]: "),
         ([SOURCE | {"password": "open sesame"}], "expected env:NAME or file:PATH, not the secret itself"),
         ([SOURCE | {"password": "env:A"}], r"mqtt_sources\[0\]\.user: is missing"),
+        ([SOURCE | {"language": "iso21423", "manufacturers": ["A"]}], "topics of iso21423 name none"),
         ([SOURCE | {"ca": "ca.pem"}], r"mqtt_sources\[0\]\.ca: .* set tls = true"),
         ([SOURCE | {"retry_s": [9.0, 1.0]}], r"mqtt_sources\[0\]\.retry_s: found \[9\.0, 1\.0\]"),
         ([{"name": "hall"}], r"mqtt_sources\[0\]\.host: is missing"),

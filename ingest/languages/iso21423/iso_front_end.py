@@ -1,0 +1,211 @@
+"""ISO 21423 as one of the languages: resources of robots on a broker, whose topics have the robot's UUID.
+
+The result of a message is an identity (an identity or a footprint), a status (an odometry), or an update.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from math import isfinite
+from typing import Any, NamedTuple
+from uuid import UUID, uuid5
+
+from msgspec.structs import replace
+
+from ingest.languages import timestamps
+from ingest.languages.front_end import TopicSender
+from ingest.languages.iso21423.iso_memory import NOTHING, REORDERED_S, IsoMemory, IsoPose
+from ingest.languages.iso21423.iso_messages import (
+    REQUIRED,
+    RESOURCES,
+    BatteryMessage,
+    CorePoint,
+    FootprintMessage,
+    IdentityMessage,
+    IsoDetails,
+    IsoMessage,
+    OdometryMessage,
+    PlanMessage,
+    StatusMessage,
+    TrajectoryMessage,
+)
+from ingest.languages.iso21423.iso_rules import CHAPTERS, RULES
+from ingest.languages.iso21423.iso_status import MAX_POSITION_M, path_of, status_of
+from ingest.languages.model import Identity, Message, Rejection, Status, Update
+from ingest.languages.outlines import Outline, outline_of
+from ingest.languages.rules import Findings, RejectedError, Rule
+from ingest.languages.tolerant_json import decoded, document, stamp_of
+
+PREFIXES = ("/ISO_21423/v1",)
+ROBOT = "IMR"
+"""The entity type of robots."""
+NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
+"""Namespace of the UUIDs of robots whose topic has none."""
+MAX_REASON, MAX_TEXT, MAX_SIZE_M = 300, 100, 100.0
+MOST_STATES = 50
+_TOPICS_CACHED = 65_536
+_WITH_POSE = frozenset(("odometry", "localTrajectory"))
+
+
+class _IsoTopic(NamedTuple):
+    """What the last parts of a topic say."""
+
+    sender: TopicSender
+    resource: str
+
+
+class IsoFrontEnd:
+    """The memory of a robot is an `IsoMemory`."""
+
+    standard = "ISO 21423"
+    chapters: Mapping[str, tuple[Rule, ...]] = CHAPTERS
+    rules: Mapping[str, Rule] = RULES
+
+    def has_topic(self, topic: str) -> bool:
+        parsed = _parsed_topic(topic)
+        return parsed is not None and parsed.resource in RESOURCES
+
+    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:  # noqa: ARG002
+        return [f"{prefix}/{ROBOT}/+/{resource}" for prefix in prefixes or PREFIXES for resource in RESOURCES]
+
+    def sender(self, topic: str) -> TopicSender | None:
+        parsed = _parsed_topic(topic)
+        return parsed.sender if parsed else None
+
+    def read(
+        self,
+        raw: bytes,
+        topic: str,
+        memory: IsoMemory | None,
+        names_as_uuid: str | None,  # noqa: ARG002 - named by topic
+    ) -> tuple[Message, Any]:
+        parsed, findings = _parsed_topic(topic), Findings()
+        if parsed is None or parsed.resource not in RESOURCES:
+            reason = f"topic {topic[-80:]!r} is not {ROBOT}/UUID/ and one of {', '.join(RESOURCES)}"
+            return Rejection("topic-unknown", reason), memory
+        try:
+            return _read(raw, parsed, memory or NOTHING, findings)
+        except RejectedError as rejected:
+            return Rejection(rejected.rule, rejected.reason[:MAX_REASON], parsed.sender.uuid, tuple(findings)), memory
+
+    def status(self, raw: bytes, memory: IsoMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
+        return status_of("", memory, {}) if memory else None
+
+    def superseded(self, raw: bytes, topic: str) -> bytes | None:  # noqa: ARG002
+        parsed = _parsed_topic(topic)
+        return parsed.sender.uuid.encode() if parsed and parsed.resource in _WITH_POSE else None
+
+    def has_pose(self, raw: bytes, topic: str) -> bool:  # noqa: ARG002 - the topic says it
+        return topic.rpartition("/")[2] in _WITH_POSE
+
+    def document(self, raw: bytes) -> dict[str, Any]:
+        return document(raw)
+
+
+@lru_cache(_TOPICS_CACHED)
+def _parsed_topic(topic: str) -> _IsoTopic | None:
+    """The last three parts: entity type, UUID and resource. None unless it is a robot's."""
+    parts = topic.split("/")
+    if len(parts) < 3 or parts[-3] != ROBOT or not all(parts[-2:]):
+        return None
+    try:
+        uuid = str(UUID(parts[-2]))
+    except ValueError:
+        uuid = str(uuid5(NAMED, parts[-2]))
+    return _IsoTopic(TopicSender(uuid, "", ""), parts[-1])
+
+
+def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
+    message = decoded(RESOURCES[topic.resource], raw, findings)
+    if any(getattr(message, key) is None for key in REQUIRED.get(topic.resource, ())):
+        findings["key-absent"] = None
+    stamp = stamp_of(message.timestamp, findings)
+    last_s = memory.heard_s.get(topic.resource)
+    if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
+        findings["message-repeated" if stamp.t_s == last_s else "message-reordered"] = None
+        return Update(topic.sender.uuid, tuple(findings)), memory
+    memory = replace(memory, heard_s=memory.heard_s | {topic.resource: stamp.t_s})
+    if isinstance(message, OdometryMessage):
+        return _read_odometry(message, topic.sender.uuid, stamp, memory, findings)
+    if isinstance(message, IdentityMessage | FootprintMessage):
+        memory = _with_body(message, memory)
+        if memory.identity is None:
+            return Update(topic.sender.uuid, tuple(findings)), memory
+        return _identity(topic.sender.uuid, stamp, memory.identity, memory, findings), memory
+    memory = _with_update(message, stamp, memory, findings)
+    return Update(topic.sender.uuid, tuple(findings)), memory
+
+
+def _read_odometry(
+    message: OdometryMessage, uuid: str, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings
+) -> tuple[Message, IsoMemory]:
+    pose = message.pose
+    if pose is None or abs(pose.location_point.x) > MAX_POSITION_M or abs(pose.location_point.y) > MAX_POSITION_M:
+        raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
+    memory = replace(memory, pose=IsoPose(stamp, pose, message.velocity))
+    status = status_of(uuid, memory, findings)
+    return status or Update(uuid, tuple(findings)), memory
+
+
+def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings) -> IsoMemory:
+    """The memory after a message without pose and size."""
+    match message:
+        case TrajectoryMessage():
+            path = path_of(message.local_trajectory or [], findings)
+            return replace(memory, path=path, path_stamp_s=stamp.t_s)
+        case PlanMessage():
+            return replace(memory, plan=path_of(message.global_plan or [], findings))
+        case StatusMessage():
+            states = tuple((message.states or [])[:MOST_STATES])
+            if not any(state.startswith("MODE_") for state in states):
+                findings["mode-missing"] = None
+            return replace(memory, states=states)
+        case BatteryMessage(battery_soc=charge) if charge is not None:
+            if not 0.0 <= charge <= 1.0:
+                findings["battery-out-of-range"] = None
+            return replace(memory, battery_pct=100.0 * min(max(charge, 0.0), 1.0))
+    return memory
+
+
+def _with_body(message: IdentityMessage | FootprintMessage, memory: IsoMemory) -> IsoMemory:
+    """The memory after an identity or a footprint. An empty footprint means that of the identity."""
+    if isinstance(message, IdentityMessage):
+        return replace(memory, identity=message)
+    corners = message.footprint or message.imr_footprint
+    height_m = message.height if message.height is not None else message.imr_height
+    return replace(memory, outline=_outline(corners) if corners else None, height_m=height_m)
+
+
+def _outline(corners: list[CorePoint]) -> Outline:
+    """Raises `RejectedError` if no robot can be so."""
+    outline = outline_of([(corner.x, corner.y) for corner in corners]) if len(corners) > 2 else Outline(0.0, 0.0)
+    if not (outline.length_m > 0 and outline.width_m > 0):
+        raise RejectedError("envelope-not-positive", "the footprint has no area; send three corners or more")
+    if not (outline.length_m <= MAX_SIZE_M and outline.width_m <= MAX_SIZE_M):
+        size = f"{outline.length_m:g} x {outline.width_m:g} m"
+        raise RejectedError("envelope-absurd", f"the footprint is {size}; send metres")
+    return outline
+
+
+def _identity(
+    uuid: str, stamp: timestamps.Stamp, message: IdentityMessage, memory: IsoMemory, findings: Findings
+) -> Identity:
+    details = message.details or IsoDetails()
+    outline = memory.outline or _outline(details.imr_footprint or [])
+    height_m = memory.height_m if memory.height_m is not None else details.imr_height or 0.0
+    if not height_m <= MAX_SIZE_M:
+        raise RejectedError("envelope-absurd", f"the robot is {height_m:g} m high; send metres")
+    speed_mps = details.rated_speed
+    if speed_mps is not None and not 0.0 < speed_mps <= MAX_SIZE_M and isfinite(speed_mps):
+        findings["speed-limit-not-positive"], speed_mps = None, None
+    return Identity(
+        uuid=uuid,
+        stamp_s=stamp.t_s,
+        manufacturer=(message.manufacturer_name or "")[:MAX_TEXT],
+        model=(details.imr_model or "")[:MAX_TEXT],
+        serial=(details.imr_serial_number or details.imr_name or uuid[:8])[:MAX_TEXT],
+        envelope_m=(outline.length_m, outline.width_m, max(height_m, 0.0)),
+        offset_m=outline.offset_m,
+        outline=outline.outline,
+        max_speed_mps=speed_mps,
+        findings=tuple(findings),
+    )

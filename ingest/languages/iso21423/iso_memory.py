@@ -1,0 +1,42 @@
+"""What is kept of a robot of ISO 21423 between two of its messages."""
+
+from typing import NamedTuple
+
+import msgspec
+
+from ingest.languages.iso21423.iso_messages import IdentityMessage, OdometryPose, Speeds
+from ingest.languages.model import NO_PATH, Path
+from ingest.languages.outlines import Outline
+from ingest.languages.timestamps import Stamp
+
+REORDERED_S = 60.0
+"""A message that is older than another by more comes from a clock that was set back."""
+
+
+class IsoPose(NamedTuple):
+    """The newest odometry."""
+
+    stamp: Stamp
+    pose: OdometryPose
+    velocity: Speeds | None
+
+
+class IsoMemory(msgspec.Struct, frozen=True, gc=False):
+    """All that is kept of a robot."""
+
+    heard_s: dict[str, float] = {}
+    """By resource, the time of the newest message."""
+    identity: IdentityMessage | None = None
+    outline: Outline | None = None
+    """The active footprint; None if only the identity has one."""
+    height_m: float | None = None
+    """With the active footprint."""
+    pose: IsoPose | None = None
+    states: tuple[str, ...] = ()
+    path: Path = NO_PATH
+    path_stamp_s: float = 0.0
+    plan: Path = NO_PATH
+    battery_pct: float | None = None
+
+
+NOTHING = IsoMemory()

@@ -1,0 +1,120 @@
+"""The messages of ISO 21423 as far as they are read. Every key is optional, so that a gap does not hide the rest.
+
+The names follow public descriptions and senders of the standard. Where they differ, both are read.
+"""
+
+import msgspec
+
+
+class IsoObject(msgspec.Struct, rename="camel", gc=False, frozen=True):
+    """A JSON object of ISO 21423."""
+
+
+class IsoMessage(IsoObject, frozen=True):
+    timestamp: str | None = None
+
+
+class LocationPoint(IsoObject, frozen=True):
+    """A point in a common coordinate system."""
+
+    x: float
+    y: float
+    z: float | None = None
+    ccs_id: str | None = None
+
+
+class Orientation(IsoObject, frozen=True):
+    yaw: float | None = None
+
+
+class OdometryPose(IsoObject, frozen=True):
+    location_point: LocationPoint
+    orientation: Orientation | None = None
+
+
+class Speeds(IsoObject, frozen=True):
+    """Metres a second along the heading, and radians a second."""
+
+    linear: float | None = None
+    angular: float | None = None
+
+
+class OdometryMessage(IsoMessage, frozen=True):
+    pose: OdometryPose | None = None
+    velocity: Speeds | None = None
+
+
+class TimedPoint(IsoObject, frozen=True):
+    """A point, and when the robot expects to be there."""
+
+    timestamp: str
+    location_point: LocationPoint
+
+
+class TrajectoryMessage(IsoMessage, frozen=True):
+    local_trajectory: list[TimedPoint] | None = None
+
+
+class PlanMessage(IsoMessage, frozen=True):
+    global_plan: list[TimedPoint] | None = None
+
+
+class CorePoint(IsoObject, frozen=True):
+    """A point of a polygon in the robot's frame."""
+
+    x: float
+    y: float
+
+
+class IsoDetails(IsoObject, frozen=True):
+    imr_model: str | None = None
+    imr_serial_number: str | None = None
+    imr_name: str | None = None
+    imr_footprint: list[CorePoint] | None = None
+    imr_height: float | None = None
+    rated_speed: float | None = None
+
+
+class IdentityMessage(IsoMessage, frozen=True):
+    manufacturer_name: str | None = None
+    details: IsoDetails | None = None
+
+
+class FootprintMessage(IsoMessage, frozen=True):
+    """The outline at present, with its payload."""
+
+    footprint: list[CorePoint] | None = None
+    imr_footprint: list[CorePoint] | None = None
+    height: float | None = None
+    imr_height: float | None = None
+
+
+class StatusMessage(IsoMessage, frozen=True):
+    states: list[str] | None = None
+
+
+class BatteryMessage(IsoMessage, frozen=True):
+    battery_soc: float | None = None
+    """Between 0 and 1."""
+
+
+RESOURCES: dict[str, type[IsoMessage]] = {
+    "identity": IdentityMessage,
+    "footprint": FootprintMessage,
+    "odometry": OdometryMessage,
+    "localTrajectory": TrajectoryMessage,
+    "globalPlan": PlanMessage,
+    "globalPath": IsoMessage,
+    "status": StatusMessage,
+    "batteryStatus": BatteryMessage,
+    "disconnection": IsoMessage,
+}
+"""By the last part of the topic. Of some only the time is read."""
+REQUIRED: dict[str, tuple[str, ...]] = {
+    "identity": ("manufacturer_name", "details"),
+    "odometry": ("pose", "velocity"),
+    "localTrajectory": ("local_trajectory",),
+    "globalPlan": ("global_plan",),
+    "status": ("states",),
+    "batteryStatus": ("battery_soc",),
+}

@@ -1,0 +1,86 @@
+"""The rules of ISO 21423 by code: rejections and deviations. Rules that other languages have too keep their codes."""
+
+from ingest.languages.rules import Rule
+
+
+def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
+    return Rule(code, sentence, clause, rejects=True, alone=alone)
+
+
+def _in_context(code: str, sentence: str, clause: str) -> Rule:
+    return Rule(code, sentence, clause, alone=False)
+
+
+_REJECTING = (
+    _rejecting("topic-unknown", "The topic names no resource of a robot that is read.", "topics"),
+    _rejecting("not-utf8", "Not UTF-8; send JSON text in UTF-8.", "JSON"),
+    _rejecting("not-json", "Not JSON; send one JSON object a message.", "JSON"),
+    _rejecting("too-deep", "Nested too deep; no message of the standard is.", "JSON"),
+    _rejecting("not-object", "JSON, but no object.", "JSON"),
+    _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send ISO 8601 in UTC.", "times"),
+    _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "times"),
+    _rejecting("position-absurd", "The position is missing, or more than ten thousand kilometres out.", "odometry"),
+    _rejecting("envelope-not-positive", "The footprint has no three corners, or no area.", "identity"),
+    _rejecting("envelope-absurd", "The robot is longer, wider or higher than 100 m.", "identity"),
+    _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
+    _rejecting("pose-retained", "A retained odometry or trajectory; it may be of any age.", "topics", alone=False),
+    _rejecting(
+        "uuid-of-another-vendor",
+        "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",
+        "topics",
+        alone=False,
+    ),
+    _rejecting("robots-too-many", "A new robot beyond those that the site allows a vendor.", "topics", alone=False),
+)
+_KEYS = (
+    Rule("key-absent", "A required key is missing or null; the message is read without it.", "JSON"),
+    Rule("number-as-text", "A value has another type, but a clear meaning; read.", "JSON"),
+    Rule("value-unreadable", "A value can't be read; its key is left out.", "JSON"),
+    Rule("stamp-no-offset", "A timestamp has no offset from UTC; read as UTC.", "times"),
+    Rule("stamp-offset-no-colon", "An offset from UTC lacks its colon or its minutes; read.", "times"),
+    Rule("stamp-not-utc", "A timestamp has an offset from UTC; converted.", "times"),
+    Rule("stamp-spelling", "A timestamp has a space, a comma or lower-case letters; read.", "times"),
+    Rule("stamp-epoch", "A timestamp is a number since 1970; its size gives the unit.", "times"),
+    _in_context("message-repeated", "A message with the time of the last one came; not used.", "times"),
+    _in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", "times"),
+    _in_context("stamp-not-increasing", "The pose is older than the newest one; it is not used.", "times"),
+    _in_context("stamp-stale", "The message took 2 s longer than the robot's quickest one.", "times"),
+    _in_context("clock-off", "The robot's clock is off; its times are corrected.", "times"),
+)
+_WHO = (
+    Rule("speed-limit-not-positive", "The rated speed is not above zero; ignored.", "identity"),
+    _in_context("identity-missing", "No identity has come yet; the default envelope is used.", "identity"),
+    _in_context("identity-changed", "Model or footprint changed; the newest is used.", "identity"),
+)
+_STATE = (
+    Rule("mode-missing", "The states have no operating mode; read as automatic.", "status"),
+    Rule("battery-out-of-range", "The battery is not within 0 to 1; clamped.", "batteryStatus"),
+    Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "odometry"),
+    Rule("map-missing", "A position without ccsId; it is compared with nothing.", "odometry"),
+    Rule("heading-missing", "A pose without yaw; the direction of travel is used.", "odometry"),
+    _in_context("status-too-rare", "More than 30 s since the last odometry.", "odometry"),
+    _in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", "odometry"),
+    _in_context("heading-contradicts-motion", "It moves in another direction than its heading.", "odometry"),
+    _in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", "odometry"),
+    _in_context("datum-unknown", "The site file does not have this coordinate system; a floor of its own.", "odometry"),
+    _in_context("datum-too-many", "More unknown coordinate systems than are kept; compared with nothing.", "odometry"),
+)
+_WHERE_TO = (
+    Rule("point-unreadable", "The time of a point can't be read; the point is left out.", "localTrajectory"),
+    Rule("point-absurd", "A point lies beyond 10,000 km; left out.", "localTrajectory"),
+    Rule("path-times-equal", "Points have the same time; new times by speed.", "localTrajectory"),
+    Rule("path-unordered", "Points are not in the order of their times; new times by speed.", "localTrajectory"),
+    _in_context("path-retimed", "The path was given new times by the robot's speed.", "localTrajectory"),
+    _in_context(
+        "path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "localTrajectory"
+    ),
+)
+
+CHAPTERS = {
+    "What can't be understood": _REJECTING,
+    "Keys and times": _KEYS,
+    "Who": _WHO,
+    "State": _STATE,
+    "Where to": _WHERE_TO,
+}
+RULES = {rule.code: rule for rules in CHAPTERS.values() for rule in rules}

@@ -1,0 +1,107 @@
+"""The status of a robot by its newest odometry, states, trajectory and plan."""
+
+from math import nan, pi, remainder
+from operator import lt
+
+from ingest.batch import Amounts
+from ingest.languages import timestamps
+from ingest.languages.iso21423.iso_memory import IsoMemory, IsoPose
+from ingest.languages.iso21423.iso_messages import TimedPoint
+from ingest.languages.model import NO_PATH, Path, Row, Status
+from ingest.languages.rules import Findings
+
+MAX_POSITION_M = 1e7
+MAX_SPEED_MPS = 100.0
+MOVING_MPS = 0.02
+MOST_POINTS = 200
+OUTDATED_S = 3.0
+"""A trajectory that is so much older than the pose is not followed any more: it should come at least once a second."""
+BLOCKED = frozenset(("STOP_CATEGORY_0", "STOP_CATEGORY_1", "STOP_CATEGORY_2", "BLOCKED"))
+BY_STATE = {
+    "OFFLINE": "offline",
+    "CHARGING": "charging",
+    "WAIT_FOR_RESET": "waitingHumanEvent",
+    "PAUSED": "waitingExternalEvent",
+    "WAIT_FOR_EVENT": "waitingExternalEvent",
+    "WAIT_FOR_ATTACHMENT": "waitingExternalEvent",
+    "ATTACHMENT_ACTIVE": "waitingInternalEvent",
+    "IDLE": "idle",
+    "PARKED": "idle",
+}
+"""What a robot does in a state. The first that holds counts."""
+
+
+def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None:
+    """The status. None before the robot has sent a pose."""
+    if memory.pose is None:
+        return None
+    stamp, pose, velocity = memory.pose
+    at = pose.location_point
+    yaw_rad = pose.orientation.yaw if pose.orientation else None
+    if yaw_rad is None:
+        findings["heading-missing"] = None
+    if not at.ccs_id:
+        findings["map-missing"] = None
+    linear_mps = velocity.linear if velocity else None
+    if linear_mps is not None and abs(linear_mps) > MAX_SPEED_MPS:
+        findings["speed-absurd"], linear_mps = None, None
+    is_outdated = memory.path_stamp_s < stamp.t_s - OUTDATED_S
+    return Status(
+        uuid,
+        stamp.t_s,
+        stamp.resolution_s,
+        _state(memory, memory.pose),
+        True,
+        at.x,
+        at.y,
+        0.0,
+        nan if yaw_rad is None else remainder(yaw_rad, 2 * pi),
+        (at.ccs_id or "").lower(),
+        linear_mps,
+        velocity.angular if velocity else None,
+        Amounts(nan if memory.battery_pct is None else memory.battery_pct),
+        (),
+        memory.plan,
+        NO_PATH if is_outdated else memory.path,
+        tuple(findings),
+        is_blocked=not BLOCKED.isdisjoint(memory.states),
+        is_lost="LOST" in memory.states,
+    )
+
+
+def _state(memory: IsoMemory, pose: IsoPose) -> str:
+    """The state of the MassRobotics standard that comes nearest."""
+    is_moving = bool(pose.velocity and abs(pose.velocity.linear or 0.0) > MOVING_MPS)
+    modes = {state for state in memory.states if state.startswith("MODE_")}
+    if modes & {"MODE_MANUAL", "MODE_TELEOP"}:
+        return "manualOverride"
+    if "MODE_MAINTENANCE" in modes:
+        return "manualOverride" if is_moving else "disabled"
+    named = next((BY_STATE[state] for state in BY_STATE if state in memory.states), None)
+    if named and not (named == "idle" and is_moving):
+        return named
+    return "navigating" if modes or is_moving or memory.path is not NO_PATH else "idle"
+
+
+def path_of(points: list[TimedPoint], findings: Findings) -> Path:
+    """Points with the robot's own times. Their headings are the direction of travel."""
+    rows: list[Row] = []
+    datums: list[str] = []
+    for point in points[:MOST_POINTS]:
+        stamp, at = timestamps.parse(point.timestamp), point.location_point
+        if stamp is None or not timestamps.plausible(stamp.t_s):
+            findings["point-unreadable"] = None
+        elif abs(at.x) > MAX_POSITION_M or abs(at.y) > MAX_POSITION_M:
+            findings["point-absurd"] = None
+        else:
+            rows.append((stamp.t_s, at.x, at.y, nan))
+            datums.append((at.ccs_id or "").lower())
+    times = [row[0] for row in rows]
+    if not times:
+        return NO_PATH
+    in_order = all(map(lt, times, times[1:]))
+    if len(set(times)) < len(times):
+        findings["path-times-equal"] = None
+    elif not in_order:
+        findings["path-unordered"] = None
+    return Path(tuple(rows), tuple(datums), in_order, (times[0], times[-1]))

@@ -1,0 +1,103 @@
+from math import isnan, pi
+
+import pytest
+
+from ingest.languages.model import NO_PATH, Identity, Update
+from tests.helpers.iso_saying import CCS, identity, iso, odometry, points, states, trajectory
+from tests.ingest.languages.iso21423.made_iso import IsoListener, T
+
+HERE = ("odometry", odometry(T))
+TRIANGLE = [{"x": 1.0, "y": 0.0}, {"x": -0.5, "y": 0.5}, {"x": -0.5, "y": -0.5}]
+
+
+@pytest.mark.parametrize(
+    ("names", "speed", "expected"),
+    [
+        (("MODE_AUTO",), 0.0, "navigating"),
+        (("MODE_AUTO", "IDLE"), 0.0, "idle"),
+        (("MODE_AUTO", "PARKED"), 0.5, "navigating"),
+        (("MODE_AUTO", "CHARGING", "IDLE"), 0.0, "charging"),
+        (("MODE_AUTO", "PAUSED"), 0.0, "waitingExternalEvent"),
+        (("MODE_AUTO", "WAIT_FOR_RESET"), 0.0, "waitingHumanEvent"),
+        (("MODE_SEMIAUTO", "DOCKING"), 0.1, "navigating"),
+        (("MODE_TELEOP",), 0.5, "manualOverride"),
+        (("MODE_MAINTENANCE",), 0.0, "disabled"),
+        (("MODE_MAINTENANCE",), 0.5, "manualOverride"),
+        (("OFFLINE",), 0.0, "offline"),
+        ((), 0.5, "navigating"),
+        ((), 0.0, "idle"),
+    ],
+)
+def test_the_state_is_the_nearest_of_the_states_that_all_languages_share(
+    names: tuple[str, ...], speed: float, expected: str
+) -> None:
+    listener = IsoListener()
+    assert (
+        listener.status_after(("status", states(T, *names)), ("odometry", odometry(T, speed=speed))).state == expected
+    )
+
+
+@pytest.mark.parametrize("name", ["STOP_CATEGORY_0", "STOP_CATEGORY_2", "BLOCKED"])
+def test_a_stopped_robot_is_blocked_also_in_manual_mode(name: str) -> None:
+    assert IsoListener().status_after(HERE, ("status", states(T, "MODE_MANUAL", name))).is_blocked
+    assert not IsoListener().status_after(HERE, ("status", states(T, "MODE_AUTO", "STOPPED"))).is_blocked
+
+
+def test_pose_motion_battery_and_doubt() -> None:
+    status = IsoListener().status_after(
+        ("batteryStatus", iso(T, batterySoc=0.25)),
+        ("status", states(T, "MODE_AUTO", "LOST")),
+        ("odometry", odometry(T, 1.0, 2.0, pi / 2, 0.7)),
+    )
+    assert (status.x, status.y, status.yaw_rad, status.datum) == (1.0, 2.0, pi / 2, CCS)
+    assert (status.linear_mps, status.amounts.battery_pct, status.is_lost) == (0.7, 25.0, True)
+
+
+def test_a_trajectory_is_the_path_and_a_plan_the_destinations() -> None:
+    ahead = trajectory(T, (T + 1, 1.0, 0.0), (T + 2, 2.0, 0.0))
+    plan = iso(T, globalPlan=points((T + 60, 50.0, 0.0)))
+    status = IsoListener().status_after(HERE, ("localTrajectory", ahead), ("globalPlan", plan))
+    assert [row[:3] for row in status.path.poses] == [(T + 1, 1.0, 0.0), (T + 2, 2.0, 0.0)]
+    assert isnan(status.path.poses[0][3])
+    assert status.path.datums == (CCS, CCS)
+    assert status.destinations.poses[0][:3] == (T + 60, 50.0, 0.0)
+
+
+def test_a_trajectory_that_is_not_renewed_is_not_followed() -> None:
+    ahead = ("localTrajectory", trajectory(T, (T + 9, 9.0, 0.0)))
+    assert IsoListener().status_after(ahead, ("odometry", odometry(T + 2))).path is not NO_PATH
+    assert IsoListener().status_after(ahead, ("odometry", odometry(T + 4))).path is NO_PATH
+
+
+def test_a_footprint_replaces_that_of_the_identity_until_it_is_empty() -> None:
+    listener = IsoListener()
+    first = listener.hears("identity", identity(T))
+    assert isinstance(first, Identity)
+    assert (first.manufacturer, first.model, first.serial) == ("Acme", "TUG", "42")
+    assert (first.envelope_m, first.max_speed_mps, first.outline) == ((1.2, 0.8, 1.9), 1.8, None)
+    loaded = listener.hears("footprint", iso(T + 1, footprint=TRIANGLE))
+    assert isinstance(loaded, Identity)
+    assert loaded.envelope_m == pytest.approx((1.5, 1.0, 1.9))
+    assert loaded.outline is not None
+    assert loaded.offset_m == (0.25, 0.0)
+    empty = listener.hears("footprint", iso(T + 2, footprint=[]))
+    assert isinstance(empty, Identity)
+    assert empty.envelope_m == (1.2, 0.8, 1.9)
+
+
+def test_a_footprint_before_the_identity_counts_with_it() -> None:
+    listener = IsoListener()
+    assert isinstance(listener.hears("footprint", iso(T, footprint=TRIANGLE)), Update)
+    read = listener.hears("identity", identity(T))
+    assert isinstance(read, Identity)
+    assert read.envelope_m[0] == 1.5
+
+
+def test_older_messages_and_repeated_ones_change_nothing() -> None:
+    listener = IsoListener()
+    listener.hears("odometry", odometry(T, 5.0))
+    before = listener.memory
+    assert listener.hears("odometry", odometry(T, 4.0)).findings == ("message-repeated",)
+    assert listener.hears("odometry", odometry(T - 1, 4.0)).findings == ("message-reordered",)
+    assert listener.memory is before
+    assert listener.status_after(("odometry", odometry(T - 3600, 6.0))).x == 6.0, "its clock was set back"
