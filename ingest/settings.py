@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from ingest.shapes import LARGEST_M, MOST_PARTS, Shape, ShapePart, outline_fault
+from ingest.shapes import LARGEST_M, MOST_PARTS, MOST_TRAILERS, Corner, ShapePart, outline_fault
 
 UNKNOWN = "unknown"
 """The vendor of a robot that no identity, connection or site file names."""
@@ -95,7 +95,7 @@ class VendorMap(Section):
     """Largest accepted error of the fit at a reference point, metres on the floor."""
 
 
-def _sound_outline(corners_m: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def _sound_outline(corners_m: tuple[Corner, ...]) -> tuple[Corner, ...]:
     if fault := outline_fault(corners_m):
         raise PydanticCustomError("footprint", "{fault}", {"fault": fault})
     return corners_m
@@ -128,12 +128,11 @@ class PartOutline(Section):
 
     def round_part(self, heights_m: tuple[float, float] = (-inf, inf)) -> ShapePart | None:
         """The circle or polygon, from the reported location; None for a rectangle."""
-        ahead_m, left_m = self.offset_m
         if self.diameter_m:
-            return ShapePart(((ahead_m, left_m),), self.diameter_m / 2, *heights_m)
-        if self.footprint_m:
-            return ShapePart(tuple((x + ahead_m, y + left_m) for x, y in self.footprint_m), 0.0, *heights_m)
-        return None
+            return ShapePart((self.offset_m,), self.diameter_m / 2, *heights_m)
+        ahead_m, left_m = self.offset_m
+        outline = tuple((x + ahead_m, y + left_m) for x, y in self.footprint_m or ())
+        return ShapePart(outline, 0.0, *heights_m) if outline else None
 
 
 class Part(PartOutline):
@@ -162,15 +161,25 @@ class Part(PartOutline):
     def shape_part(self) -> ShapePart:
         """The part, from the reported location."""
         heights_m = self.bottom_m, self.top_m
-        if part := self.round_part(heights_m):
-            return part
-        (ahead_m, left_m), along_m, across_m = self.offset_m, (self.length_m or 0.0) / 2, (self.width_m or 0.0) / 2
-        signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-        return ShapePart(tuple((ahead_m + i * along_m, left_m + j * across_m) for i, j in signs), 0.0, *heights_m)
+        box = ShapePart.box(self.offset_m, self.length_m or 0.0, self.width_m or 0.0, *heights_m)
+        return self.round_part(heights_m) or box
 
 
 def _fault(message: str) -> PydanticCustomError:
     return PydanticCustomError("model", "{message}", {"message": message})
+
+
+class Trailers(Section):
+    """The trailers of a tugger train, one behind the other. Each follows the axle of the vehicle ahead."""
+
+    count: Annotated[int, Field(gt=0, le=MOST_TRAILERS)]
+    """How many there are."""
+    length_m: Size
+    """Length of each."""
+    width_m: Size
+    """Width of each."""
+    hitch_m: Size
+    """From the axle ahead to that of a trailer, below its middle. The robot's axle is at its reported location."""
 
 
 class Model(PartOutline):
@@ -180,6 +189,8 @@ class Model(PartOutline):
     """Replaces the envelope that the robot reports. Of a circle or polygon only the height counts."""
     parts: Annotated[tuple[Part, ...], Field(max_length=MOST_PARTS)] = ()
     """Parts at different heights, and loads that overhang. They replace the envelope."""
+    trailers: Trailers | None = None
+    """Trailers that it pulls."""
     loaded_envelope_m: Envelope | None = None
     """Envelope while the robot carries a load."""
     loaded_offset_m: tuple[Coordinate, Coordinate] | None = None
@@ -195,13 +206,6 @@ class Model(PartOutline):
         if self.parts and all(part.load for part in self.parts):
             raise _fault("parts need at least one that is not a load")
         return self
-
-    def outline(self, loaded: bool) -> Shape | None:
-        """The shape with its load, from the reported location; None for a rectangle."""
-        if self.parts:
-            return Shape(tuple(part.shape_part() for part in self.parts if loaded or not part.load))
-        part = None if loaded and self.loaded_envelope_m else self.round_part()
-        return Shape((part,)) if part else None
 
 
 class Vendor(Section):

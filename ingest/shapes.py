@@ -11,8 +11,8 @@ Shapes = NDArray[np.object_]
 """Of `Shape`, or None for a rectangle."""
 
 
-MOST_CORNERS, MOST_PARTS, LARGEST_M = 32, 8, 30.0
-"""Limits of a footprint, of a model, and of the sides of either."""
+MOST_CORNERS, MOST_PARTS, MOST_TRAILERS, LARGEST_M = 32, 8, 10, 30.0
+"""Limits of a footprint, of a model, of a train, and of the sides of all of them."""
 SMALLEST_M2 = 1e-4
 """A polygon of which all triangles have less area has none."""
 
@@ -30,11 +30,34 @@ class ShapePart(NamedTuple):
     """Above the bottom of the robot; -inf and inf if the part is as high as the robot."""
     top_m: float = inf
 
+    @classmethod
+    def box(cls, centre_m: Corner, length_m: float, width_m: float, bottom_m: float, top_m: float) -> Self:
+        """A rectangle along the heading."""
+        (x, y), long_m, wide_m = centre_m, length_m / 2, width_m / 2
+        outline = (x + long_m, y + wide_m), (x - long_m, y + wide_m), (x - long_m, y - wide_m), (x + long_m, y - wide_m)
+        return cls(outline, 0.0, bottom_m, top_m)
+
+
+class Trailer(NamedTuple):
+    """A trailer: a rectangle around its axle, which follows the axle of the vehicle ahead at a distance."""
+
+    length_m: float
+    width_m: float
+    hitch_m: float
+    """From the axle of the vehicle ahead to its own."""
+    yaw_rad: float = 0.0
+    """Its heading at the first knot of the forecast."""
+
 
 class Shape(NamedTuple):
     """What a robot is if it is more than the rectangle of its length and width."""
 
     parts: tuple[ShapePart, ...]
+    """Empty for the rectangle of a robot that pulls trailers."""
+    axle_m: Corner = (0.0, 0.0)
+    """Where the robot's axle is, which the first trailer follows: ahead of the envelope's centre, and to its left."""
+    trailers: tuple[Trailer, ...] = ()
+    """In their order behind the robot."""
 
     @classmethod
     def circle(cls, diameter_m: float) -> Self:
@@ -64,10 +87,15 @@ class Shape(NamedTuple):
         west, south, east, north = self.bounds_m
         return 2 * max(-west, east), 2 * max(-south, north)
 
-    @property
-    def radius_m(self) -> float:
-        """Of the smallest circle around the envelope's centre that holds the shape."""
-        return max(hypot(*corner) + part.radius_m for part in self.parts for corner in part.outline_m)
+    def reach_m(self, radius_m: float = 0.0) -> float:
+        """The radius of a circle around the envelope's centre that holds the shape and its trailers in any direction.
+        `radius_m` is that of the robot if it has no parts."""
+        reaches = [hypot(*corner) + part.radius_m for part in self.parts for corner in part.outline_m]
+        robot_m = max(reaches, default=radius_m)
+        if not self.trailers:
+            return robot_m
+        last, hitches_m = self.trailers[-1], sum(trailer.hitch_m for trailer in self.trailers)
+        return max(robot_m, hypot(*self.axle_m) + hitches_m + hypot(last.length_m, last.width_m) / 2)
 
     def moved(self, ahead_m: float, left_m: float) -> Self:
         """The shape moved in the plane."""
@@ -79,6 +107,11 @@ class Shape(NamedTuple):
         """The shape at another height."""
         parts = (part._replace(bottom_m=part.bottom_m + by_m, top_m=part.top_m + by_m) for part in self.parts)
         return type(self)(tuple(parts))
+
+    def with_headings(self, yaws_rad: Iterable[float]) -> Self:
+        """The shape with these headings of its trailers."""
+        headed = (trailer._replace(yaw_rad=yaw) for trailer, yaw in zip(self.trailers, yaws_rad, strict=True))
+        return self._replace(trailers=tuple(headed))
 
 
 def shapes_of(shapes: Sequence[Shape | None]) -> Shapes | None:
@@ -106,8 +139,13 @@ def shapes_of_json(values: Sequence[Any] | None) -> Shapes | None:
     shapes, known = np.full(len(values), None), dict[Shape, Shape]()
     for row, value in enumerate(values):
         if value is not None:
-            (parts,) = value
-            shape = Shape(tuple(_part(*part) for part in parts))
+            parts, axle_m, trailers = value
+            axle_x_m, axle_y_m = axle_m
+            shape = Shape(
+                tuple(_part(*part) for part in parts),
+                (axle_x_m, axle_y_m),
+                tuple(Trailer(*trailer) for trailer in trailers),
+            )
             shapes[row] = known.setdefault(shape, shape)
     return shapes
 

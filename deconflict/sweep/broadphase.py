@@ -262,11 +262,13 @@ def _at_one_height(robot: Any, other: Any) -> bool:
 @kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], numba.int64[::1]))
 def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, crowds: Ints) -> Pairs:
     """The pairs of which no robot passes above the other, the one of lower rank first, ascending by both ranks
-    (stable). Pairs of two robots in `crowds` (slots,) are left out; it is 0 for a robot in none."""
+    (stable). Pairs of two bodies of one train are left out, and of two robots in `crowds` (slots,), which is 0 for a
+    robot in none."""
     level, n = np.empty_like(pairs), 0
     for pair in pairs:
         a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
-        if _at_one_height(robots[a], robots[b]) and (crowds[a] == 0 or crowds[b] == 0):
+        is_train = robots[a].train != 0 and robots[a].train == robots[b].train
+        if _at_one_height(robots[a], robots[b]) and (crowds[a] == 0 or crowds[b] == 0) and not is_train:
             level[n].ring, level[n].a, level[n].b = pair.ring, a, b
             n += 1
     level = level[:n]

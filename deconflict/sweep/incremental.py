@@ -33,6 +33,7 @@ from deconflict.sweep.narrowphase import (
 from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import FloorState, Limits, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_table import SHAPES
+from deconflict.sweep.shapes.trains import Meetings, Trains, of_trains, pairs_of_bodies, pulled_by
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Forecasts, Ints
 
@@ -86,7 +87,7 @@ class Sweeper:
             raise ValueError("clearance_m must be at least 0 and horizon_s above 0")
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._accuracy_m = ACCURACY_M
-        self._crowds, self._crowded_pairs = crowds, CrowdedPairs()
+        self._crowds, self._crowded_pairs, self._trains = crowds, CrowdedPairs(), Trains()
         self._slabs = ceil(horizon_s) + 1 + AHEAD
         self._slot_table = SlotTable()
         self._touched: Bools = np.zeros(0, bool)
@@ -116,10 +117,21 @@ class Sweeper:
         A robot whose new forecast is invalid is off the floor until its next one: its old forecast no longer holds. If
         a key is there twice, the later row counts.
         """
+        if self._trains.concern(keys, forecasts):
+            keys, forecasts, widened_m, stale = self._trains.bodies(keys, forecasts, widened_m)
+            self._discard(stale)
+        found = self._update(keys, forecasts, widened_m)
+        trains = {key: self._trains.trailer_keys(key) for key in keys if key in self._trains.trailers}
+        self._slot_table.set_trains(trains)
+        return found
+
+    def _update(
+        self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None
+    ) -> tuple[tuple[str, str], ...]:
         if len(set(keys)) == len(keys) and self._replace(keys, forecasts, widened_m):
             return ()
         reasons, newest = faults(forecasts), {key: row for row, key in enumerate(keys)}
-        self.discard(key for key, row in newest.items() if row in reasons)
+        self._discard(key for key, row in newest.items() if row in reasons)
         newest = {key: row for key, row in newest.items() if row not in reasons}
         rows = list(newest.values())
         self._replace(list(newest), forecasts.take(rows), None if widened_m is None else widened_m[rows])
@@ -136,13 +148,17 @@ class Sweeper:
         return slots is not None
 
     def discard(self, keys: Iterable[str]) -> None:
-        """Remove robots from the floor."""
+        """Remove robots from the floor, with their trailers."""
+        self._discard(self._trains.discard(keys) if self._trains.trailers else keys)
+
+    def _discard(self, keys: Iterable[str]) -> None:
         if left := self._slot_table.discard(keys):
             self._touched[left] = True
 
     def touch(self, keys: Iterable[str]) -> None:
         """Look at all pairs of robots again in the next pass."""
-        self._touched[[self._slot_table.slots[key] for key in keys if key in self._slot_table.slots]] = True
+        bodies = self._trains.all_bodies(keys)
+        self._touched[[self._slot_table.slots[key] for key in bodies if key in self._slot_table.slots]] = True
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
         """(n,) of `ENCOUNTER`: how the robots of n pairs meet at these times, with their sizes as reported."""
@@ -152,8 +168,9 @@ class Sweeper:
         return encounters(self._slot_table.robots, self._slot_table.knots, self._slot_table.widened_m, slots, at_s)
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
-        """Copies of the robots of `keys` and of their knots; a robot that is not on the floor has no knots."""
-        return self._slot_table.copied(keys)
+        """Copies of the robots of `keys`, of their trailers after them, and of their knots; a robot that is not on the
+        floor has no knots."""
+        return self._slot_table.copied([*keys, *chain.from_iterable(map(self._trains.trailer_keys, keys))])
 
     def find_conflicts(self, now_s: float, reach_s: float = inf, accuracy_m: float = 0.0) -> PairConflicts:
         """The conflicts in [`now_s`, `now_s` + horizon], or in a shorter span of `reach_s`.
@@ -221,6 +238,8 @@ class Sweeper:
     def _intervals_of(self, pairs: Pairs, fcl_check: FclCheck) -> ContactIntervals:
         """The contact intervals of pairs in their slabs."""
         crowds = self._slot_table.column(self._crowds)
+        if self._trains.trailers and crowds.any():
+            crowds = crowds[pulled_by(self._slot_table.robots[: len(crowds)])]
         pairs = sorted_pairs(pairs, self._slot_table.ranks(), self._slot_table.robots, crowds)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 
@@ -260,7 +279,10 @@ class Sweeper:
         return with_contacts(intervals, cut, contacts, begin_s, end_s)
 
     def _listed(self, intervals: ContactIntervals, now_s: float, is_new: Bools, fcl_check: FclCheck) -> PairConflicts:
-        a, b, contact_s, separation_m, separation_at_s, fresh = by_pair(intervals, is_new, now_s)
+        met = Meetings(*by_pair(intervals, is_new, now_s))
+        if self._trains.trailers:
+            met = of_trains(met, self._slot_table.robots, self._slot_table.ranks())
+        a, b, contact_s, separation_m, separation_at_s, fresh = met
         if self._crowds:
             rows = self._crowded_pairs.kept_rows(a, b, contact_s, self._slot_table.column(self._crowds))
             a, b, contact_s, fresh = a[rows], b[rows], contact_s[rows], fresh[rows]
@@ -281,8 +303,13 @@ class Sweeper:
 
     def _start_distances(self, a: Ints, b: Ints, now_s: float) -> Floats:
         """See `start_distances`; of shapes the distance of the shapes."""
+        robots = self._slot_table.robots
         apart_m = start_distances(a, b, *self._floor_state(), now_s)
-        rows = np.flatnonzero(is_shaped(self._slot_table.robots, a, b))
+        rows = np.flatnonzero(is_shaped(robots, a, b))
         if len(rows):
             apart_m[rows] = shape_distances(a[rows], b[rows], *self._floor_state(), *SHAPES.arrays, now_s)
+        if self._trains.trailers:
+            each_a, each_b, row_of = pairs_of_bodies(a, b, robots)
+            bodies_m = shape_distances(each_a, each_b, *self._floor_state(), *SHAPES.arrays, now_s)
+            np.minimum.at(apart_m, row_of, bodies_m)
         return apart_m

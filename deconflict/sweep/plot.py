@@ -12,7 +12,7 @@ from shapely.ops import nearest_points
 from shapely.plotting import plot_polygon
 
 from deconflict.sweep.geometry.pose import Pose, pose_at
-from deconflict.sweep.shapes.shape_encounters import outline
+from deconflict.sweep.shapes.shape_encounters import bodies, outline
 from deconflict.sweep.sweep_once import Conflicts
 from ingest.batch import Forecasts
 
@@ -39,19 +39,20 @@ def draw(
     conflict.
     """
     pair = found.pairs[row].tolist()
-    robots = [forecasts.single(robot) for robot in pair]
+    trains = [bodies(forecasts.single(robot)) for robot in pair]
     contact_s = float(found.contact_s[row])
     axes = Figure(figsize=(7.0, 5.0), layout="constrained").add_subplot() if axes is None else axes
-    floor = pose_at(robots[0], contact_s).floor
-    for number, robot, colour in zip(pair, robots, COLOURS, strict=True):
-        area = _swept(robot, floor, now_s, horizon_s)
+    floor = pose_at(trains[0][0], contact_s).floor
+    for number, train, colour in zip(pair, trains, COLOURS, strict=True):
+        area = shapely.union_all([_swept(body, floor, now_s, horizon_s) for body in train])
         plot_polygon(
             area, axes, add_points=False, facecolor=colour, edgecolor="none", alpha=0.2, label=f"robot {number}"
         )
-        for pose in _poses(robot, now_s, horizon_s, OUTLINE_S):
-            if pose.floor == floor:
-                _draw_outline(axes, outline(robot, pose), colour, 0.6, 0.6)
-    touching = [outline(robot, pose_at(robot, contact_s)) for robot in robots]
+        for body in train:
+            for pose in _poses(body, now_s, horizon_s, OUTLINE_S):
+                if pose.floor == floor:
+                    _draw_outline(axes, outline(body, pose), colour, 0.6, 0.6)
+    touching = [shapely.union_all([outline(body, pose_at(body, contact_s)) for body in train]) for train in trains]
     for area, colour in zip(touching, COLOURS, strict=True):
         _draw_outline(axes, area, colour, 2.0, 1.0)
     _mark_contact(axes, shapely.MultiPoint(nearest_points(*touching)).centroid, contact_s - now_s)

@@ -66,9 +66,9 @@ class SlotTable:
 
     def _set_shapes(self, slots: Ints, numbers: Ints | int) -> None:
         """Set the shapes of robots. The rectangle around a shape is that of the shape, whatever was reported."""
-        self.robots["shape"][slots] = numbers
         if isinstance(numbers, int):
             return
+        self.robots["shape"][slots] = numbers
         shaped = numbers > 0
         slots, numbers = slots[shaped], numbers[shaped]
         grown_m = self.widened_m[slots] / 2
@@ -76,6 +76,12 @@ class SlotTable:
         self.robots["grown"][slots] = grown_m
         self.robots["half_length"][slots], self.robots["half_width"][slots] = half_m
         self.robots["radius"][slots] = np.hypot(*half_m)
+
+    def set_trains(self, trains: Mapping[str, Sequence[str]]) -> None:
+        """Set which trailers each robot pulls."""
+        for key, trailers in trains.items():
+            slot = self.slots[key]
+            self.robots["train"][[slot, *map(self.slots.__getitem__, trailers)]] = slot + 1
 
     def discard(self, keys: Iterable[str]) -> list[int]:
         """Remove robots. Returns the slots that become free."""

@@ -4,6 +4,7 @@ Usable as a library: arrays in, arrays out. `deconflict.sweep.incremental.Sweepe
 passes, and gives the same result. Method and limits: docs/sweep.md.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,10 @@ from deconflict.sweep.narrowphase import first_contacts_of, motions_of
 from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import Limits, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_table import SHAPES
+from deconflict.sweep.shapes.trains import pairs_with_trailers
 from ingest.batch import Floats, Forecasts, Ints
+
+NO_TRAILERS: Mapping[int, Sequence[int]] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +77,35 @@ def sweep(forecasts: Forecasts, *, now_s: float, horizon_s: float = 10.0, cleara
 
 
 def first_contacts(
-    robots: Robots, knots: Knots, a: Ints, b: Ints, *, now_s: float, until_s: Floats, clearance_m: float
+    robots: Robots,
+    knots: Knots,
+    a: Ints,
+    b: Ints,
+    *,
+    now_s: float,
+    until_s: Floats,
+    clearance_m: float,
+    trailers: Mapping[int, Sequence[int]] = NO_TRAILERS,
 ) -> tuple[Floats, Floats]:
-    """The first contacts of the pairs of rows `a` (p,) and `b` (p,) of `robots`, and of no other pairs.
+    """The first contacts of the pairs of rows `a` (p,) and `b` (p,) of `robots`, and of no other pairs. `trailers` are
+    rows by the row of the robot that pulls them.
 
     Returns (p,) when each pair first comes within the clearance by `until_s` (p,), to a millimetre and never late, inf
     if it does not; and (p,) the distance at `now_s` of the pairs that do. Robots without knots have no contact.
     """
+    if not trailers:
+        return _first_contacts(robots, knots, a, b, now_s, until_s, clearance_m)
+    each_a, each_b, row_of = pairs_with_trailers(a, b, trailers)
+    each_s, each_m = _first_contacts(robots, knots, each_a, each_b, now_s, until_s[row_of], clearance_m)
+    contact_s, start_m = np.full((2, len(a)), np.inf)
+    np.minimum.at(contact_s, row_of, each_s)
+    np.minimum.at(start_m, row_of, each_m)
+    return contact_s, start_m
+
+
+def _first_contacts(
+    robots: Robots, knots: Knots, a: Ints, b: Ints, now_s: float, until_s: Floats, clearance_m: float
+) -> tuple[Floats, Floats]:
     boxes, pairs, pair_of = boxes_of_pairs(robots, knots, a, b, now_s, until_s, clearance_m / 2 + TOLERANCE_M)
     floor_state = (boxes, robots, knots)
     contact_s, start_m, open_, opened = first_contacts_of(

@@ -107,7 +107,7 @@ def repeat_reader(
     """A reader for a robot whose last status was scanned. None if each of its statuses has to be read in full."""
     texts, context = scanned.texts, robot.context
     basis = _basis(texts)
-    if context is None or robot.context_key[1] != texts.datum or basis is None:
+    if context is None or robot.context_key[1] != texts.datum or basis is None or robot.trailer_yaws_rad:
         return None
     frame, floor = context.frame_of("")
     path_frame, path_floor = context.frame_of(texts.path[0]) if basis is Basis.PATH and texts.path else (frame, floor)

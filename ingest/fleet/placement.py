@@ -14,6 +14,7 @@ from ingest.fleet.prediction.forecast_model import (
     robot_body,
     with_load,
 )
+from ingest.fleet.prediction.trailer_history import trailer_headings, with_trailers
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
@@ -74,8 +75,12 @@ class Placement:
         """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the deviations."""
         context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum, status.load)
         robot.frame = frame
+        last = robot.seen
         robot.seen, findings = plausibility.reconcile(before, sighting)
         robot.forecast = forecast(status, robot.seen, context)
+        robot.trailer_yaws_rad = trailer_headings(robot.forecast.shape, robot.trailer_yaws_rad, last, robot.seen)
+        if robot.trailer_yaws_rad:
+            robot.forecast = with_trailers(robot.forecast, robot.trailer_yaws_rad)
         robot.stops = stops(status, robot.seen, context)
         is_lost = status.is_lost or matches(status.error_codes, self._reading.lost_errors)
         most_m = self._reading.lost_doubt_m

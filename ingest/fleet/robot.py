@@ -49,6 +49,8 @@ class Robot:
     frame: Frame | None = None
     """The frame in which it reported that sighting."""
     forecast: Forecast | None = None
+    trailer_yaws_rad: tuple[float, ...] = ()
+    """The headings of its trailers at the newest sighting."""
     stops: Floats = field(default_factory=lambda: NO_STOPS)
     """The destinations ahead, as `prediction.forecast.stops` returns them."""
     doubt_m: float = 0.0

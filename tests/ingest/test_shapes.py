@@ -43,7 +43,7 @@ def test_sizes_are_of_the_rectangle_and_the_circle_around_the_centre() -> None:
     shape = Shape((ShapePart(((0.5, 0.0),), 0.25), ShapePart(((-0.2, -0.6), (0.2, -0.6), (0.0, 0.1)))))
     assert shape.bounds_m == (-0.2, -0.6, 0.75, 0.25)
     assert shape.size_m == (1.5, 1.2)
-    assert shape.radius_m == 0.75
+    assert shape.reach_m() == 0.75
     assert shape.moved(1.0, 0.0).bounds_m == (0.8, -0.6, 1.75, 0.25)
 
 

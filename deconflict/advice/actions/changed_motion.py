@@ -14,6 +14,7 @@ from deconflict.advice.holds.hold_planner import HoldPlan
 from deconflict.advice.holds.hold_problem import HoldProblem
 from deconflict.advice.holds.hold_windows import SHORT_S, STEP_S
 from deconflict.sweep.geometry.knots import KNOT, Knots, Robots, delayed
+from deconflict.sweep.shapes.trains import with_trailers
 from deconflict.sweep.sweep_once import first_contacts
 from ingest.batch import Ints, Pair
 
@@ -79,27 +80,33 @@ def backed(knots: Knots, distance_m: float, speed_mps: float) -> Knots:
 def proven(plan: HoldPlan, pair: Pair, motions: Sequence[Motion]) -> list[bool]:
     """Whether each motion of a robot of `pair` keeps it apart and brings no other pair together.
 
-    The other robots are held as the plan says. The robot itself moves instead of its hold.
+    The other robots are held as the plan says. The robot itself moves instead of its hold. Nothing is proven of a robot
+    that pulls trailers.
     """
     near, window, planned = plan.problem.planned.near, plan.problem.window, plan.found.plan
     rows, others = np.array([near.uuids.index(motion.robot) for motion in motions]), len(near.uuids)
     robots, knots = _with(near.robots, near.knots, rows, motions)
-    hold_s = np.zeros(len(robots))
+    hold_s = np.zeros(others + len(motions))
     hold_s[:others] = [planned.get(uuid, 0) * STEP_S for uuid in near.uuids]
+    each = np.concatenate([np.arange(others), len(near.robots) + np.arange(len(motions))])
+    each, hold_s, trailers = with_trailers(robots, others, each, hold_s)
     until = (window.start_s, window.horizon_s, SHORT_S, 2 * window.longest_hold_s)
-    late = delayed(robots, knots, np.arange(len(robots)), hold_s, *until)
+    late = delayed(robots, knots, each, hold_s, *until)
     number, other = np.divmod(np.arange(len(motions) * others), others)
     is_other = other != rows[number]
     number, other = number[is_other], other[is_other]
     late_s = np.clip([motion.late_s for motion in motions], hold_s.max(), 2 * window.longest_hold_s)[number]
     a, b = np.concatenate([others + number, rows[number]]), np.concatenate([other, other])
     until_s = np.tile(window.start_s + window.horizon_s + late_s, 2)
-    clearance_m = window.clearance_m
-    contact_s, _ = first_contacts(*late, a, b, now_s=window.start_s, until_s=until_s, clearance_m=clearance_m)
+    start_s, clearance_m = window.start_s, window.clearance_m
+    contact_s, _ = first_contacts(
+        *late, a, b, now_s=start_s, until_s=until_s, clearance_m=clearance_m, trailers=trailers
+    )
     meets, met_before = (contact_s < np.inf).reshape(2, len(motions), others - 1)
     partners = [_place_of_other(near.uuids, pair, motion.robot) for motion in motions]
     keeps_apart = ~meets[np.arange(len(motions)), partners]
-    helps: list[bool] = (keeps_apart & ~(meets & ~met_before).any(axis=1)).tolist()
+    pulls_nothing = near.robots["train"][rows] == 0
+    helps: list[bool] = (pulls_nothing & keeps_apart & ~(meets & ~met_before).any(axis=1)).tolist()
     return helps
 
 

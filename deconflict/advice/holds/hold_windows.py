@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.sweep.geometry.knots import Knots, Robots, delayed
+from deconflict.sweep.shapes.trains import with_trailers
 from deconflict.sweep.sweep_once import first_contacts
 from ingest.batch import Bools, Floats, Ints, Pair
 
@@ -48,7 +49,7 @@ class NearbyRobots(NamedTuple):
     vendors: Sequence[str]
     """(n,)"""
     robots: Robots
-    """(n,) as they are swept."""
+    """(n + m,) as they are swept, and their m trailers."""
     knots: Knots
     """Their forecasts."""
     planned: Callable[[int], PlannedRobot]
@@ -135,8 +136,10 @@ class DelayWindows:
         """See `first_contacts`: the pairs `a` and `b` of the robots of `rows` (n,), each `hold_s` (n,) late."""
         near, window = self._near, self._window
         until = (window.start_s, window.horizon_s, SHORT_S, 2 * window.longest_hold_s)
+        rows, hold_s, trailers = with_trailers(near.robots, len(near.uuids), rows, hold_s)
         late = delayed(near.robots, near.knots, rows, hold_s, *until)
-        return first_contacts(*late, a, b, now_s=window.start_s, until_s=until_s, clearance_m=clearance_m)
+        start_s = window.start_s
+        return first_contacts(*late, a, b, now_s=start_s, until_s=until_s, clearance_m=clearance_m, trailers=trailers)
 
 
 @lru_cache(64)

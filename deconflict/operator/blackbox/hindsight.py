@@ -60,7 +60,7 @@ class RecordedTrack:
     width_m: float = 0.0
     """Of the newest envelope, across the heading."""
     shape: Shape | None = None
-    """The newest one; None for a rectangle."""
+    """The newest one, with the headings of trailers at the first report; None for a rectangle."""
 
     def add_pose(self, robot: Robot) -> None:
         """Add the robot's present pose, if it is newer than the last."""
@@ -75,7 +75,8 @@ class RecordedTrack:
             if new.t_s - last.t_s > JOINED_S and hypot(new.x_m - last.x_m, new.y_m - last.y_m) > STOOD_M:
                 self.reports.append(last._replace(t_s=last.t_s + BRIEF_S, floor=-1))
         self.reports.append(new)
-        self.length_m, self.width_m, self.shape = forecast.length_m, forecast.width_m, forecast.shape
+        self.length_m, self.width_m = forecast.length_m, forecast.width_m
+        self.shape = _with_first_headings(forecast.shape, self.shape)
 
     def forecasts(self) -> Forecasts:
         """The reports as forecasts, joined linearly: one for each stretch of time in which the robot kept its height.
@@ -110,6 +111,12 @@ class RecordedTrack:
             else:
                 stretches.append([report])
         return stretches
+
+
+def _with_first_headings(shape: Shape | None, before: Shape | None) -> Shape | None:
+    if shape and before and len(shape.trailers) == len(before.trailers):
+        return shape._replace(trailers=before.trailers)
+    return shape
 
 
 def _stretch_end(last: ReportedPose, after: ReportedPose) -> list[ReportedPose]:

@@ -2,23 +2,26 @@
 
 Pure: takes in batches, gives frames. A row is
 
-    [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots, shape]
+    [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots, shape,
+     trailers]
 
-`floor` is an index into the frame's `floors`; -1 is a robot that is compared with none. `knots` has the
+`floor` is an index into the frame's `floors`; -1 is a robot that is compared with nown. `knots` has the
 forecast's poses one after the other: seconds after `event_s`, x and y in metres, yaw in radians. `shape` is left out
-for a rectangle. It has a list for each part: the radius of a circle, 0 for a polygon, then x and y of each corner or of
-the circle's centre.
+for a rectangle without trailers. It has a list for each part: the radius of a circle, 0 for a polygon, then x and y of
+each corner or of the circle's centre. `trailers` has a list for each: its length, its width and its knots.
 """
 
 import json
 from collections import OrderedDict
+from collections.abc import Sequence
 from itertools import chain, takewhile
 from typing import Any
 
 import numpy as np
 
 from ingest.batch import Basis, Batch
-from ingest.shapes import ShapePart
+from ingest.frames.towing import axle_at, poses_behind, towed_along
+from ingest.shapes import Shape, ShapePart
 
 MOST_GONE = 10_000
 """Number of gone robots that are remembered. A page with an older version receives the whole floor."""
@@ -98,7 +101,7 @@ def rows(batch: Batch) -> list[str]:
         knots = [value for k in range(start[i], end) for value in (after_s[k], x[k], y[k], yaw[k])]
         row: list[Any] = [uuid, vendor, name, state, here, BASES[basis], *(column[i] for column in columns), knots]
         if shape := forecasts.shape(i):
-            row.append([outline_row(part) for part in shape.parts])
+            row += [[outline_row(part) for part in shape.parts], trailer_rows(shape, knots)]
         written.append(json.dumps(row, separators=(",", ":")))
     return written
 
@@ -106,3 +109,18 @@ def rows(batch: Batch) -> list[str]:
 def outline_row(part: ShapePart) -> list[float]:
     """The outline of a part, as the page draws it."""
     return [round(value, 3) for value in (part.radius_m, *chain.from_iterable(part.outline_m))]
+
+
+def trailer_rows(shape: Shape, knots: Sequence[float]) -> list[list[float]]:
+    """The trailers of a robot with `knots`: length, width, and knots like those of robots."""
+    rows = [[trailer.length_m, trailer.width_m] for trailer in shape.trailers]
+    yaws_rad, hitches_m = [trailer.yaw_rad for trailer in shape.trailers], [each.hitch_m for each in shape.trailers]
+    axle_before: tuple[float, float] | None = None
+    for after_s, x_m, y_m, yaw_rad in zip(*[iter(knots)] * 4, strict=True):
+        axle = axle_at(x_m, y_m, yaw_rad, shape.axle_m)
+        if axle_before:
+            yaws_rad = towed_along(yaws_rad, hitches_m, axle[0] - axle_before[0], axle[1] - axle_before[1])
+        for row, pose in zip(rows, poses_behind(axle, yaws_rad, hitches_m), strict=True):
+            row += [after_s, *(round(value, 3) for value in pose)]
+        axle_before = axle
+    return rows

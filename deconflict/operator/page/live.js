@@ -4,8 +4,8 @@ const RETRY_MS = [300, 5000];
 const QUIET_MS = 6000;
 
 export function robotOf(row, floors) {
-  const [uuid, vendor, name, state, floor, basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape] = row;
-  return { uuid, vendor, name, state, floor: floor < 0 ? null : floors[floor], basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape };
+  const [uuid, vendor, name, state, floor, basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape, trailers = []] = row;
+  return { uuid, vendor, name, state, floor: floor < 0 ? null : floors[floor], basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape, trailers: trailers.map(([length, width, ...own]) => ({ lengthM: length, widthM: width, eventS, knots: own })) };
 }
 
 export function robotsOf(frame) {

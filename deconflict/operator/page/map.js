@@ -1,7 +1,7 @@
 // Draws one floor: marks, places, heat map, ribbons of motion, robots and situations.
 
 import { exits } from "./exits.js";
-import { envelope, movesFor, poseAt } from "./motion.js";
+import { movesFor, poseAt, train } from "./motion.js";
 import { holds } from "./places.js";
 import { Labels, leader } from "./labels.js";
 import { SituationLayer } from "./situation_layer.js";
@@ -70,6 +70,7 @@ export class FloorMap {
     for (const robot of scene.robots) {
       poseAt(robot, scene.poseS(robot), pose);
       [robot.x, robot.y, robot.yaw] = pose;
+      robot.atS = scene.poseS(robot);
       if (robot.x > left - reach && robot.x < right + reach && robot.y > bottom - reach && robot.y < top + reach) out.push(robot);
     }
     return out;
@@ -193,8 +194,9 @@ export class FloorMap {
   swept(path, robot, nowS, from, to, exact) {
     const { camera, pose } = this, steps = Math.max(1, Math.ceil((to - from) / (exact ? STEPS_S.exact : STEPS_S.line)));
     for (let i = 0; i <= steps; i += 1) {
-      poseAt(robot, nowS + from + ((to - from) * i) / steps, pose);
-      if (exact) envelope(path, camera, robot, pose);
+      const atS = nowS + from + ((to - from) * i) / steps;
+      poseAt(robot, atS, pose);
+      if (exact) train(path, camera, robot, atS, pose);
       else if (i === 0) path.moveTo(camera.px(pose[0]), camera.py(pose[1]));
       else path.lineTo(camera.px(pose[0]), camera.py(pose[1]));
     }
@@ -259,7 +261,7 @@ export class FloorMap {
   envelopes(group, vendor, away) {
     const { pen, camera, ink } = this, path = new Path2D(), noses = new Path2D();
     for (const robot of group) {
-      envelope(path, camera, robot, [robot.x, robot.y, robot.yaw]);
+      train(path, camera, robot, robot.atS, this.pose);
       sign(noses, camera.px(robot.x), camera.py(robot.y), robot.yaw, Math.min(robot.widthM, robot.lengthM) * camera.scale, this.vendors.mark(vendor));
     }
     pen.fill(path);
@@ -278,7 +280,7 @@ export class FloorMap {
     const { pen, camera, ink } = this, involved = scene.involved.get(robot.uuid), chosen = robot.uuid === scene.robot;
     if (involved || chosen) {
       const path = new Path2D();
-      envelope(path, camera, robot, [robot.x, robot.y, robot.yaw], 3 / camera.scale);
+      train(path, camera, robot, robot.atS, this.pose, 3 / camera.scale);
       pen.strokeStyle = chosen ? ink.accent : ink[involved];
       pen.lineWidth = chosen || scene.highlighted.has(robot.uuid) ? 4 : 2.5;
       pen.stroke(path);

@@ -22,6 +22,12 @@ function set(pose, x, y, yaw) {
   return pose;
 }
 
+// Adds the robot and its trailers at a time to a path, in pixels.
+export function train(path, camera, robot, atS, pose, moreM = 0) {
+  envelope(path, camera, robot, poseAt(robot, atS, pose), moreM);
+  for (const trailer of robot.trailers) envelope(path, camera, trailer, poseAt(trailer, atS, []), moreM);
+}
+
 // How long the robot keeps moving after a time, seconds.
 export function movesFor(robot, atS) {
   const { knots } = robot, last = knots.length - 4;
@@ -33,7 +39,7 @@ export function movesFor(robot, atS) {
 // Adds the outline at a pose to a path, in pixels. The parts of a shape may overlap: fill with "nonzero".
 export function envelope(path, camera, robot, pose, moreM = 0) {
   const cos = Math.cos(pose[2]) * camera.scale, sin = Math.sin(pose[2]) * camera.scale;
-  if (robot.shape) return robot.shape.forEach((part) => outline(path, part, [camera.px(pose[0]), camera.py(pose[1])], [cos, sin], camera.scale, moreM));
+  if (robot.shape?.length) return robot.shape.forEach((part) => outline(path, part, [camera.px(pose[0]), camera.py(pose[1])], [cos, sin], camera.scale, moreM));
   const long = robot.lengthM / 2 + moreM, wide = robot.widthM / 2 + moreM, x = camera.px(pose[0]), y = camera.py(pose[1]);
   path.moveTo(x + long * cos - wide * sin, y - long * sin - wide * cos);
   path.lineTo(x - long * cos - wide * sin, y + long * sin - wide * cos);

@@ -49,6 +49,7 @@ ROBOT = np.dtype(
         ("count", np.int64),  # how many knots it has
         ("grown", np.float64),  # how much larger than reported a shape is all around
         ("shape", np.int64),  # number of its shape, 0 for a rectangle
+        ("train", np.int64),  # one more than the slot of the robot that pulls its train, 0 if it is in none
     ],
     align=True,
 )
@@ -161,6 +162,7 @@ def _set_robot(
     robot.half_length, robot.half_width = half_length, half_width
     robot.radius = sqrt(half_length * half_length + half_width * half_width)
     robot.bottom, robot.top, robot.appears, robot.first, robot.count = bottom_m, top_m, appears, first, count
+    robot.grown, robot.shape, robot.train = 0.0, 0, 0
 
 
 @kernel(

@@ -13,6 +13,7 @@ from deconflict.sweep.geometry import encounter as of_rectangles
 from deconflict.sweep.geometry.encounter import Encounter, Row
 from deconflict.sweep.geometry.heights import at_one_height
 from deconflict.sweep.geometry.pose import Pose, pose_at
+from deconflict.sweep.shapes.trailers import trailer_forecasts
 from ingest.batch import Forecasts
 from ingest.shapes import ShapePart
 
@@ -57,16 +58,22 @@ def separation_m(a: Row, b: Row, t_s: float) -> float | None:
 
 
 def outline(robot: Forecasts, pose: Pose) -> BaseGeometry:
-    """The area of one robot at `pose`."""
+    """The area of one robot at `pose`, without its trailers."""
     return shapely.union_all([part.outline for part in placed_parts(robot, pose)])
 
 
 def placed_parts(robot: Forecasts, pose: Pose) -> list[PlacedPart]:
     """The parts of one robot at `pose`."""
     bottom_m, top_m, shape = float(robot.bottom_m[0]), float(robot.top_m[0]), robot.shape(0)
-    if shape is None:
+    if shape is None or not shape.parts:
         return [PlacedPart(of_rectangles.envelope(robot, pose), 0.0, bottom_m, top_m)]
     return [_placed(part, pose, bottom_m, top_m) for part in shape.parts]
+
+
+def bodies(robot: Forecasts) -> list[Forecasts]:
+    """One robot and its trailers."""
+    trailers, _ = trailer_forecasts(robot)
+    return [robot, *(trailers.single(row) for row in range(len(trailers)))]
 
 
 def _placed(part: ShapePart, pose: Pose, bottom_m: float, top_m: float) -> PlacedPart:
@@ -85,7 +92,7 @@ def _are_rectangles(a: Row, b: Row) -> bool:
 def _nearest_parts(a: Row, b: Row, t_s: float) -> tuple[float, PlacedPart, PlacedPart]:
     """The two parts that are nearest to each other, at one height if any are, and their distance."""
     robots = [forecasts.single(row) for forecasts, row in (a, b)]
-    parts = [placed_parts(robot, pose_at(robot, t_s)) for robot in robots]
+    parts = [[part for body in bodies(robot) for part in placed_parts(body, pose_at(body, t_s))] for robot in robots]
     found = []
     for part, other in product(*parts):
         apart_m = max(part.core.distance(other.core) - part.radius_m - other.radius_m, 0.0)

@@ -73,7 +73,7 @@ class ShapeTable:
         self.arrays = Pieces(np.zeros(2, np.int64), np.empty(0, PIECE), np.empty(0, CORNER))
         self.half_m: Floats = np.zeros((1, 2))
         """(shapes, 2) half the sides of the rectangle around each shape."""
-        self._numbers: dict[Shape, int] = {}
+        self._numbers: dict[tuple[ShapePart, ...], int] = {}
         self._shapes: list[Shape | None] = [None]
         self._lock = Lock()
 
@@ -89,13 +89,13 @@ class ShapeTable:
             return np.fromiter(map(self._number, forecasts.shapes), np.int64, len(forecasts))
 
     def _number(self, shape: Shape | None) -> int:
-        if shape is None:
+        if shape is None or not shape.parts:
             return RECTANGLE
-        number = self._numbers.get(shape)
+        number = self._numbers.get(shape.parts)
         if number is None:
             number = len(self._shapes)
             self._add(shape)
-            self._numbers[shape] = number
+            self._numbers[shape.parts] = number
         return number
 
     def _add(self, shape: Shape) -> None:

@@ -25,10 +25,11 @@ def with_envelope(
     length_m, width_m, bottom_m, top_m, shape = size(body, z_m)
     dx, dy = body.offset_m
     if lacks_heading(knots):
-        length_m = width_m = hypot(length_m, width_m) + 2 * hypot(dx, dy)
+        length_m = width_m = hypot(length_m, width_m)
         if shape:
-            length_m = width_m = 2 * (shape.radius_m + hypot(dx, dy))
-            shape = Shape.circle(length_m)
+            length_m = width_m = 2 * shape.reach_m(length_m / 2)
+        length_m = width_m = length_m + 2 * hypot(dx, dy)
+        shape = Shape.circle(length_m) if shape else None
         knots = [(t_s, x, y, 0.0) for t_s, x, y, _ in knots]
     elif dx or dy:
         knots = _at_centre(knots, dx, dy)

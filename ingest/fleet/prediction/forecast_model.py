@@ -12,7 +12,7 @@ from ingest.batch import Basis, Floats
 from ingest.frames.frame_registry import Frame
 from ingest.languages.model import Identity, LoadBox
 from ingest.settings import Envelope, Model, Reading
-from ingest.shapes import Shape, ShapePart
+from ingest.shapes import Shape, ShapePart, Trailer
 
 Knot = tuple[float, float, float, float]
 """t_s, x_m, y_m, yaw_rad"""
@@ -93,7 +93,17 @@ class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
 
 def robot_body(model: Model, reported: RobotBody, loaded: bool, load: LoadBox | None) -> RobotBody:
     """The body that the site states for the model and the load, else the reported one with the reported load."""
-    if outline := model.outline(loaded):
+    body = _body_without_trailers(model, reported, loaded, load)
+    if not model.trailers:
+        return body
+    (ahead_m, left_m), pulled = body.offset_m, model.trailers
+    trailer = Trailer(pulled.length_m, pulled.width_m, pulled.hitch_m)
+    parts = body.shape.parts if body.shape else ()
+    return replace(body, shape=Shape(parts, (-ahead_m, -left_m), (trailer,) * pulled.count))
+
+
+def _body_without_trailers(model: Model, reported: RobotBody, loaded: bool, load: LoadBox | None) -> RobotBody:
+    if outline := _stated_outline(model, loaded):
         return _shaped_body(outline, (model.envelope_m or reported.envelope_m)[2], load, reported.max_speed_mps)
     if loaded and model.loaded_envelope_m:
         offset_m = model.loaded_offset_m or model.offset_m
@@ -104,6 +114,14 @@ def robot_body(model: Model, reported: RobotBody, loaded: bool, load: LoadBox | 
     else:
         body = replace(reported, offset_m=offset_m)
     return with_load(body, load) if load else body
+
+
+def _stated_outline(model: Model, loaded: bool) -> Shape | None:
+    """The shape that the site states, with its load, from the reported location; None for a rectangle."""
+    if model.parts:
+        return Shape(tuple(part.shape_part() for part in model.parts if loaded or not part.load))
+    part = None if loaded and model.loaded_envelope_m else model.round_part()
+    return Shape((part,)) if part else None
 
 
 def reported_body(identity: Identity) -> RobotBody:
@@ -128,10 +146,9 @@ def _load_part(load: LoadBox, outline: Shape) -> ShapePart:
     """A load as a part of a shape; as high as the robot if the other parts are."""
     corners = ((load.front_m, load.left_m), (load.back_m, load.left_m), (load.back_m, load.right_m))
     bottom_m, top_m = outline.heights_m
-    is_known = bottom_m > -inf
-    return ShapePart(
-        (*corners, (load.front_m, load.right_m)), 0.0, bottom_m, max(load.top_m, 0.0) if is_known else top_m
-    )
+    if bottom_m > -inf:
+        top_m = max(load.top_m, bottom_m)
+    return ShapePart((*corners, (load.front_m, load.right_m)), 0.0, bottom_m, top_m)
 
 
 def _shaped_body(outline: Shape, height_m: float, load: LoadBox | None, max_speed_mps: float | None) -> RobotBody:

@@ -52,7 +52,7 @@ def test_robots_have_half_the_sides_of_their_envelopes_and_their_own_knots() -> 
     f = encounters(next(iter(FAMILIES)), 8, 61, 0.25)
     counts, half_m = np.diff(f.start), np.stack([f.length_m, f.width_m]) / 2
     radius_m = np.sqrt(half_m[0] * half_m[0] + half_m[1] * half_m[1])
-    no_shape = np.zeros(len(f)), np.zeros(len(f), np.int64)
+    no_shape = np.zeros(len(f)), *np.zeros((2, len(f)), np.int64)
     columns = (*half_m, radius_m, f.bottom_m, f.top_m, f.t_s[f.start[:-1]], f.start[:-1], counts, *no_shape)
     kept = np.zeros(len(f), ROBOT)
     replace(kept, np.zeros(len(f.t_s), KNOT), np.arange(len(f)), 0, f)
