@@ -22,7 +22,7 @@ CHATTY = ("websockets", "uvicorn", "httpx", "httpcore")
 HIDDEN = "[hidden]"
 
 _SECRET = re.compile(
-    r"(?P<kept>bearer\s+|basic\s+|://[^/\s:@]+:|(?:token|secret|password|authorization|api_?key)[\"']?\s*[=:]\s*[\"']?)"
+    r"(?P<kept>bearer\s+|basic\s+|://[^/\s:@]+:(?=[^/\s@]+@)|(?:token|secret|password|authorization|api_?key)[\"']?\s*[=:]\s*[\"']?)"
     r"(?!env:|file:|bearer\s|basic\s)(?=\S{6})[^\s\"'&@,;)}]+",
     re.IGNORECASE,
 )

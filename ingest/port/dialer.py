@@ -41,6 +41,8 @@ class Dialer:
             began_s = self._clock()
             try:
                 await self._converse()
+                if self.failures == 0:
+                    log.warning("the connection to %s at %s is lost; dialling again", self._vendor, self._url)
             except (OSError, TimeoutError, InvalidHandshake) as error:
                 self._log_first(error)
             except InvalidURI as error:
@@ -72,7 +74,8 @@ class Dialer:
             create_connection=FrameCuttingClient,
             logger=logging.getLogger("websockets.robots"),
         ) as socket:
-            log.info("connected to %s at %s", self._vendor, self._url)
+            if self.failures <= 1:
+                log.info("connected to %s at %s", self._vendor, self._url)
             await self._receiver.listen(
                 cast(FrameCuttingConnection, socket), self._receiver.new_connection(self._url, "/", self._vendor)
             )

@@ -11,6 +11,7 @@ from fastapi.responses import HTMLResponse
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.operator.http.access import AccessMiddleware, People
+from deconflict.operator.http.api_groups import described
 from deconflict.operator.http.api_models import (
     AdvisoryList,
     BlackBoxList,
@@ -54,7 +55,10 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
         description=DESCRIPTION,
         docs_url=None,
         redoc_url=None,
+        generate_unique_id_function=lambda route: route.name,
     )
+    undescribed = app.openapi
+    app.openapi = lambda: app.openapi_schema or described(undescribed())  # type: ignore[method-assign]
     measures, settings = Measures(), site.operator
     measures.level("deconflict_build_info", {(app.version,): 1})
     measures.begin(
@@ -74,6 +78,7 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
 def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     unavailable: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
     missing: dict[int | str, Document] = {404: {"description": "There is none"}}
+    over: dict[int | str, Document] = {409: {"description": "It is cleared"}}
     degraded: dict[int | str, Document] = {503: {"description": "A role or the store does not answer"}}
     text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
 
@@ -86,7 +91,7 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
         "/advisories/{advisory_id}/acknowledgement",
         response_model=AnyRevision,
         status_code=201,
-        responses=unavailable | missing,
+        responses=unavailable | missing | over,
     )(routes.acknowledge)
     get("/situations", response_model=SituationList, responses=unavailable)(routes.situations)
     get("/situations/{situation_id}", response_model=SituationRevisions, responses=unavailable | missing)(
@@ -96,7 +101,7 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
         "/situations/{situation_id}/acknowledgement",
         response_model=Situation,
         status_code=201,
-        responses=unavailable | missing,
+        responses=unavailable | missing | over,
     )(routes.acknowledge_situation)
     refused: dict[int | str, Document] = {422: {"model": Reloaded, "description": "The file can't be used"}}
     app.post("/site/reload", response_model=Reloaded, responses=unavailable | refused)(routes.reload)

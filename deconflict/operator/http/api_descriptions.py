@@ -38,6 +38,9 @@ def asyncapi() -> Document:
     advisory = ADVISORY.json_schema(mode="serialization", ref_template=template)
     schemas = REVISION.json_schema(mode="serialization", ref_template=template)["$defs"]
     schemas["AnyAdvisory"] = {key: value for key, value in advisory.items() if key != "$defs"}
+    for schema in schemas.values():  # AsyncAPI wants the name of the property alone
+        if "discriminator" in schema:
+            schema["discriminator"] = schema["discriminator"]["propertyName"]
     channels = {
         "stream": _stream(),
         "webhook": _webhook(),

@@ -9,7 +9,7 @@ from fastapi.responses import FileResponse
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation import SituationKind, situations_of
-from deconflict.advisory import SITUATION, Acknowledgement, RevisionKind, Severity
+from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, RevisionKind, Severity
 from deconflict.operator.http.api_models import (
     AdvisoryList,
     Answer,
@@ -90,6 +90,9 @@ class ApiRoutes:
         name = getattr(request.state, "person", None) or answer.name
         if not name:
             raise HTTPException(422, "name: is empty; expected who acknowledges")
+        revisions = await asyncio.to_thread(self._store.get, advisory_id)
+        if revisions and revisions[-1].state is AdvisoryState.CLEARED:
+            raise HTTPException(409, f"{advisory_id!r} is cleared; only what is open can be acknowledged")
         acknowledgement = Acknowledgement(name=name, reason=answer.reason, at=datetime.now(UTC))
         answered = await self._publisher.acknowledge(advisory_id, acknowledgement)
         if answered is None:

@@ -6,6 +6,7 @@ optional values that still do not fit are left out. Of duplicate keys the last o
 """
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import ValidationError
@@ -18,6 +19,20 @@ from ingest.languages.rules import Findings, RejectedError
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))
 _STATUS_KEYS = frozenset(("operationalState", "location"))
+EXPECTED = {
+    "missing": "is missing",
+    "float_type": "expected a number",
+    "float_parsing": "expected a number",
+    "int_type": "expected a whole number",
+    "string_type": "expected text",
+    "bool_type": "expected true or false",
+    "list_type": "expected an array",
+    "tuple_type": "expected an array",
+    "model_type": "expected an object",
+    "dict_type": "expected an object",
+    "finite_number": "expected a finite number",
+}
+"""What is said to be wrong with a value, by the kind of pydantic's error."""
 _JSON_KINDS = {
     list: "array",
     str: "string",
@@ -63,9 +78,16 @@ def _repaired_report(raw: bytes, findings: Findings) -> IdentityReport | StatusR
         return model.model_validate(repair.without_misfits(repaired, model, findings))
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False, include_input=False)
-        reasons = (f"{'.'.join(map(str, misfit['loc']))[:60]}: {misfit['msg'][:80]}" for misfit in errors[:2])
+        reasons = (f"{'.'.join(map(str, misfit['loc']))[:60]}: {_plain(misfit)}" for misfit in errors[:2])
         rule = "key-missing" if errors[0]["type"] == "missing" else "type-wrong"
         raise RejectedError(rule, "; ".join(reasons), document.get("uuid")) from None
+
+
+def _plain(misfit: Mapping[str, Any]) -> str:
+    """What is wrong with a value, in the words of the standard's schema."""
+    return (
+        EXPECTED.get(misfit["type"]) or misfit["msg"].removeprefix("Input should be ").replace("Value error, ", "")[:80]
+    )
 
 
 def _parsed(raw: bytes, findings: Findings) -> dict[str, Any]:

@@ -87,6 +87,7 @@ def test_text_that_looks_like_a_secret_is_hidden(text: str) -> None:
         "file:/etc/token can't be read",
         "Bearer is missing",
         "at 10:05:06",
+        "Basalt at ws://10.20.0.5:900000/robots can't be reached",
     ],
 )
 def test_text_without_a_secret_is_unchanged(text: str) -> None:

@@ -65,7 +65,10 @@ def port_of(server: object) -> int:
     return int(next(iter(server.sockets)).getsockname()[1])  # type: ignore[attr-defined]
 
 
-async def test_a_fleet_manager_that_hangs_up_is_dialled_again(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_fleet_manager_that_hangs_up_is_dialled_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "ingest")
     for proxy in ("http_proxy", "https_proxy", "all_proxy"):
         monkeypatch.setenv(proxy, "http://127.0.0.1:9")
     monkeypatch.delenv("no_proxy", raising=False)
@@ -81,6 +84,9 @@ async def test_a_fleet_manager_that_hangs_up_is_dialled_again(monkeypatch: pytes
     assert {raw for raw, _ in dialled.delivered} == {b"hello"}
     assert {(connection.vendor, connection.peer) for _, connection in dialled.delivered} == {("Alder", url)}
     assert len({connection.id for _, connection in dialled.delivered}) == 3
+    assert [record.getMessage() for record in caplog.records].count(
+        f"the connection to Alder at {url} is lost; dialling again"
+    ) == 1, "a fleet manager that flaps is logged once"
 
 
 async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_once(

@@ -165,6 +165,13 @@ async def test_the_schema_describes_what_is_published(face: Served, client: http
     assert not validator.is_valid(made(1).model_dump(mode="json") | {"safety_rated": True})
 
 
+async def test_what_is_cleared_cannot_be_acknowledged(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(made(1), cleared(1))
+    answer = await client.post(f"/advisories/{made(1).id}/acknowledgement", json={"name": "Kim", "reason": "seen"})
+    assert answer.status_code == 409
+    assert "is cleared" in answer.json()["detail"]
+
+
 async def test_the_api_description_is_valid_and_covers_what_is_served(client: httpx.AsyncClient) -> None:
     described = (await client.get("/openapi.json")).json()
     validate(described)

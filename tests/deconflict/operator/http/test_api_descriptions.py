@@ -31,6 +31,24 @@ def test_the_openapi_document_is_valid_and_has_every_route() -> None:
     )
 
 
+def test_every_operation_has_a_group_a_name_for_clients_and_its_refusals() -> None:
+    document = openapi()
+    operations = [(path, each) for path, item in document["paths"].items() for each in item.values()]
+    names = [each["operationId"] for _, each in operations]
+    assert len(set(names)) == len(names)
+    assert all(name.isidentifier() and len(name) < 30 for name in names)
+    tags = {tag["name"] for tag in document["tags"]}
+    assert all(set(each["tags"]) <= tags and each["description"] for _, each in operations)
+    closed = [each for path, each in operations if path != "/healthz"]
+    assert all({"401", "403"} <= each["responses"].keys() and {"token": []} in each["security"] for each in closed)
+    assert document["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
+
+
+def test_a_discriminator_of_the_asyncapi_document_is_the_name_of_a_property() -> None:
+    schemas = asyncapi()["components"]["schemas"]
+    assert [schema["discriminator"] for schema in schemas.values() if "discriminator" in schema] == ["kind"]
+
+
 def test_every_reference_of_the_asyncapi_document_resolves() -> None:
     document = asyncapi()
     lines = references(document)

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.operator.outlets.store_cursor import StoreCursor
+from deconflict.operator.outlets.store_cursor import QUIET_S, StoreCursor
 from deconflict.operator.outlets.webhook_signatures import verified
 from deconflict.operator.outlets.webhooks import WebhookOutlet
 from deconflict.settings.outlet_settings import Webhook
@@ -86,6 +86,26 @@ async def test_an_unreachable_address_is_logged_once_without_its_secrets(
     assert warnings == ["mes accepts no advisories and is tried again: ConnectError"]
     assert SECRET not in caplog.text
     assert "key=abc" not in caplog.text
+
+
+async def test_a_receiver_that_comes_and_goes_is_logged_once_and_then_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    now_s = [0.0]
+    with kept(tmp_path) as (store, publisher), caplog.at_level(logging.INFO, "deconflict"):
+        await publisher.publish([made(number) for number in range(1, 5)])
+        cursor = StoreCursor("mes", ["advisory"], store, publisher, lambda: now_s[0])
+        lines = aiter(cursor.lines())
+        for now_s[0] in (0.0, 10.0, 20.0, QUIET_S + 1):
+            cursor.failed("503")
+            cursor.delivered(await anext(lines))
+    assert [record.getMessage().partition(",")[0] for record in caplog.records] == [
+        "mes accepts no advisories and is tried again: 503",
+        "mes accepts advisories again",
+        "mes accepts no advisories and is tried again: 503",
+        "mes accepts advisories again",
+    ]
+    assert "after 2 more outages" in caplog.text
 
 
 def test_a_missing_secret_is_named(tmp_path: Path) -> None:
