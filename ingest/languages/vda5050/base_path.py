@@ -8,6 +8,8 @@ since the robot may not drive there yet. Its end is a destination.
 from collections.abc import Iterator
 from itertools import pairwise
 from math import atan2, hypot, inf, isnan, nan, pi, remainder
+from operator import attrgetter
+from typing import NamedTuple
 
 import msgspec
 
@@ -25,7 +27,7 @@ ASSUMED_TURN_RADPS = 1.0
 """Turn rate on the spot, if nothing says one."""
 CORNER_RAD = 0.35
 """A robot turns on the spot where its direction changes by more than this."""
-LONGEST_S = 60.0
+LONGEST_S = 40.0
 MOST_ROWS = 150
 """A path ends when it is this long."""
 UNDER_WAY_MPS = 0.1
@@ -34,13 +36,17 @@ LEAST_STEP_S = 1e-3
 ON_CURVE_M = 2.0
 """A robot this near to the curve of its edge drives on along it. One further off drives straight to the next node."""
 DONE = frozenset(("FINISHED", "FAILED"))
+_SEQUENCE_ID = attrgetter("sequence_id")
 NO_EDGE = OrderEdge(None, None, None, False, None)
 
 
-class OrderLeg(msgspec.Struct, frozen=True, gc=False):
+class OrderLeg(NamedTuple):
     """One node that is ahead of a robot, and the edge to it."""
 
-    node: OrderNode
+    is_released: bool
+    place: NodePlace | None
+    stops: tuple[str, ...]
+    """Ids of the actions for which the robot stops there."""
     edge: OrderEdge
 
 
@@ -63,13 +69,13 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
     done = {action.action_id for action in state.action_states or () if action.action_status in DONE}
     driven = 0
     for leg in legs:
-        if leg.node.place is None and leg.node.released:
+        if leg.place is None and leg.is_released:
             findings["node-without-place"] = None
-        if leg.node.place is None or not leg.node.released or walk.is_long:
+        if leg.place is None or not leg.is_released or walk.is_long:
             break
-        walk.along(leg.edge, leg.node.place)
+        walk.along(leg.edge, leg.place)
         driven += 1
-        if not done.issuperset(leg.node.stops):
+        if leg.stops and not done.issuperset(leg.stops):
             break
     return OrderedDrive(_path(walk.rows[1:], walk.datums[1:]), walk.destinations(legs, driven))
 
@@ -85,25 +91,28 @@ def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> l
     order = next((order for order in reversed(memory.orders) if order.order_id == state.order_id), None)
     if order and memory.is_order_newer and order is memory.orders[-1]:
         passed = state.last_node_sequence_id if state.last_node_sequence_id is not None else -1
-        ahead = ((number, node) for number, node in order.nodes.items() if number > passed)
-        return [OrderLeg(node, order.edges.get(number - 1, NO_EDGE)) for number, node in ahead]
+        return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
     if state.node_states and order is None:
         findings["order-unseen"] = None
     return list(_legs_of_state(state, order))
 
 
+def _leg(order: Order, number: int, node: OrderNode) -> OrderLeg:
+    return OrderLeg(node.released, node.place, node.stops, order.edges.get(number - 1, NO_EDGE))
+
+
 def _legs_of_state(state: StateMessage, order: Order | None) -> Iterator[OrderLeg]:
     curves = {edge.sequence_id: edge.trajectory for edge in state.edge_states or () if edge.trajectory}
-    for node in sorted(state.node_states or (), key=lambda node: node.sequence_id):
+    nodes, edges = (order.nodes, order.edges) if order else ({}, {})
+    for node in sorted(state.node_states or (), key=_SEQUENCE_ID):
         number = node.sequence_id
         if number == state.last_node_sequence_id and node.node_id == state.last_node_id:
             continue
-        ordered = order.nodes.get(number) if order else None
+        ordered, edge = nodes.get(number), edges.get(number - 1)
         place = on_earth(node.node_position) or (ordered.place if ordered else None)
-        edge = order.edges.get(number - 1) if order else None
         if edge is None and (trajectory := curves.get(number - 1)):
             edge = OrderEdge(None, None, None, False, polyline(trajectory))
-        yield OrderLeg(OrderNode(node.released, place, ordered.stops if ordered else ()), edge or NO_EDGE)
+        yield OrderLeg(node.released, place, ordered.stops if ordered else (), edge or NO_EDGE)
 
 
 class _Walk:
@@ -124,44 +133,44 @@ class _Walk:
         return self.rows[-1][0] > self._until_s or len(self.rows) > MOST_ROWS
 
     def along(self, edge: OrderEdge, place: NodePlace) -> None:
-        """OrderedDrive along an edge to its node."""
-        datum = (place.map_id or self.datums[-1]).lower()
-        for x, y in (*_curve_ahead(edge.curve, self.rows[-1]), (place.x, place.y)):
-            self._turn_and_drive(x, y, edge, datum)
+        """Drive along an edge to its node."""
+        datum, limit_mps = (place.map_id or self.datums[-1]).lower(), self._limit_mps(edge)
+        if edge.curve:
+            for x, y in _curve_ahead(edge.curve, self.rows[-1]):
+                self._turn_and_drive(x, y, edge, limit_mps, datum)
+        self._turn_and_drive(place.x, place.y, edge, limit_mps, datum)
         self._is_backwards = False  # an order says for each further edge if it is driven backwards
 
     def destinations(self, legs: list[OrderLeg], driven: int) -> Path:
         """The ends of base and horizon, for a robot that has driven the first legs when the path ends."""
         (t_s, x, y, _), datum = self.rows[-1], self.datums[-1]
-        last_released = max((row for row, leg in enumerate(legs) if leg.node.released), default=-1)
+        last = len(legs) - 1
+        base_end = max((row for row, leg in enumerate(legs) if leg.is_released), default=last)
         rows, datums = [], []
-        for row, leg in enumerate(legs):
-            place = leg.node.place
+        for row in range(min(driven, base_end), len(legs)):
+            place = legs[row].place
             if place and row >= driven:
-                t_s += hypot(place.x - x, place.y - y) / self._limit_mps(leg.edge)
+                t_s += hypot(place.x - x, place.y - y) / self._limit_mps(legs[row].edge)
                 x, y, datum = place.x, place.y, (place.map_id or datum).lower()
-            if row == last_released or row == len(legs) - 1:
+            if row in {base_end, last}:
                 t_s += LEAST_STEP_S
                 rows.append((t_s, x, y, nan))
                 datums.append(datum)
         return _path(rows, datums)
 
-    def _turn_and_drive(self, x: float, y: float, edge: OrderEdge, datum: str) -> None:
+    def _turn_and_drive(self, x: float, y: float, edge: OrderEdge, limit_mps: float, datum: str) -> None:
         t_s, from_x, from_y, from_rad = self.rows[-1]
-        length_m = hypot(x - from_x, y - from_y)
+        dx, dy = x - from_x, y - from_y
+        length_m = hypot(dx, dy)
         if length_m < 1e-3:
             return
-        yaw_rad = self._heading(atan2(y - from_y, x - from_x), from_rad, edge)
+        yaw_rad = self._heading(atan2(dy, dx), from_rad, edge)
         turn_rad = abs(turn_between(from_rad, yaw_rad))
-        is_under_way = len(self.rows) == 1 and self._speed_mps > UNDER_WAY_MPS
-        if turn_rad > CORNER_RAD and not is_under_way:
-            rate_radps = min(edge.max_turn_radps or inf, self._abilities.max_turn_radps or ASSUMED_TURN_RADPS)
-            t_s += turn_rad / rate_radps
-            self._add((t_s, from_x, from_y, yaw_rad), self.datums[-1])
-        self._add((t_s + length_m / self._limit_mps(edge), x, y, yaw_rad), datum)
-
-    def _add(self, row: Row, datum: str) -> None:
-        self.rows.append(row)
+        if turn_rad > CORNER_RAD and not (len(self.rows) == 1 and self._speed_mps > UNDER_WAY_MPS):
+            t_s += turn_rad / min(edge.max_turn_radps or inf, self._abilities.max_turn_radps or ASSUMED_TURN_RADPS)
+            self.rows.append((t_s, from_x, from_y, yaw_rad))
+            self.datums.append(self.datums[-1])
+        self.rows.append((t_s + length_m / limit_mps, x, y, yaw_rad))
         self.datums.append(datum)
 
     def _heading(self, direction_rad: float, before_rad: float, edge: OrderEdge) -> float:
@@ -170,13 +179,13 @@ class _Walk:
         if orientation_rad is None:
             if self._abilities.is_omnidirectional and not isnan(before_rad):
                 return before_rad
-            orientation_rad = pi if self._is_backwards else 0.0
+            return remainder(direction_rad + pi, 2 * pi) if self._is_backwards else direction_rad
         return remainder(orientation_rad if edge.is_global else direction_rad + orientation_rad, 2 * pi)
 
     def _limit_mps(self, edge: OrderEdge) -> float:
         """The least of the edge's and the robot's speed."""
-        limits = [limit for limit in (edge.max_speed_mps, self._abilities.max_speed_mps) if limit]
-        return min(limits) if limits else max(self._speed_mps, ASSUMED_MPS)
+        limit_mps = min(edge.max_speed_mps or inf, self._abilities.max_speed_mps or inf)
+        return limit_mps if limit_mps < inf else max(self._speed_mps, ASSUMED_MPS)
 
 
 def _curve_ahead(curve: Polyline | None, here: Row) -> Polyline:
