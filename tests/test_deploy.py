@@ -5,14 +5,17 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from deconflict.__main__ import parser
 from deconflict.roles.supervisor import STOP_TIMEOUT_S
 from deconflict.settings.site import DEFAULT
 
 ROOT = Path(__file__).parent.parent
+COMPOSE, MONITORING = ROOT / "deploy" / "compose.yaml", ROOT / "deploy" / "monitoring"
 UNIT, CONTAINER = ROOT / "deploy" / "deconflict.service", ROOT / "Containerfile"
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 
@@ -92,3 +95,44 @@ def test_kernels_are_kept_where_the_service_may_write() -> None:
     assert kept
     assert kept[1] == "/var/cache/" + re.findall(r"^CacheDirectory=(\S+)$", UNIT.read_text(), re.M)[0]
     assert given("ENV") == f"NUMBA_CACHE_DIR={kept[1]}"
+
+
+def services() -> dict[str, Any]:
+    document: dict[str, Any] = yaml.safe_load(COMPOSE.read_text())
+    return document["services"]
+
+
+def test_every_file_that_a_container_mounts_exists_and_every_volume_is_declared() -> None:
+    declared = yaml.safe_load(COMPOSE.read_text())["volumes"]
+    sources = [mount.split(":")[0] for service in services().values() for mount in service.get("volumes", [])]
+    assert len(sources) > 5
+    for source in sources:
+        assert (COMPOSE.parent / source).exists() if source.startswith(".") else source in declared
+
+
+def test_the_commands_of_the_containers_are_understood_and_reach_nobody_but_this_machine() -> None:
+    for name in ("deconflict", "simulated-robots"):
+        assert parser().parse_args(services()[name]["command"]).run
+    ports = [port for service in services().values() for port in service.get("ports", [])]
+    assert ports
+    assert all(port.startswith("127.0.0.1:") for port in ports)
+
+
+def test_grafana_finds_prometheus_and_prometheus_the_service() -> None:
+    (source,) = yaml.safe_load((MONITORING / "grafana-datasources.yaml").read_text())["datasources"]
+    assert source["url"] == "http://prometheus:9090"
+    scraped = yaml.safe_load((MONITORING / "prometheus.yml").read_text())["scrape_configs"]
+    assert scraped[0]["static_configs"] == [{"targets": [f"deconflict:{DEFAULT.operator.port}"]}]
+    provider = yaml.safe_load((ROOT / "dashboards" / "grafana" / "provider.yml").read_text())
+    path = provider["providers"][0]["options"]["path"]
+    assert any(mount.split(":")[1] == path for mount in services()["grafana"]["volumes"])
+
+
+@pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool is not installed")
+def test_prometheus_accepts_its_configuration_with_the_rules(tmp_path: Path) -> None:
+    shutil.copy(MONITORING / "prometheus.yml", tmp_path)
+    shutil.copytree(ROOT / "dashboards" / "prometheus", tmp_path / "rules")
+    command = ["promtool", "check", "config", str(tmp_path / "prometheus.yml")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "rules found" in done.stdout
