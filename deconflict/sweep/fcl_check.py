@@ -83,8 +83,10 @@ class _MovingRectangles:
         self.speed = hypot(self.vx, self.vy) + sum(abs(w) * r for w, r in zip(self.turns, radii, strict=True))
 
     def is_within(self, t: float, limit_m: float) -> bool:
-        """A's sides grow by the limit; near its corners the distance decides."""
-        return self._touches(t, limit_m) and (limit_m == 0.0 or self._distance(t) <= limit_m)
+        """A's sides grow by the limit. Near its corners the distance decides, unless the two overlap."""
+        if not self._touches(t, limit_m):
+            return False
+        return limit_m == 0.0 or self._touches(t, 0.0) or self._distance(t) <= limit_m
 
     def _touches(self, t: float, grow_m: float) -> bool:
         """Whether A, its sides grown by `grow_m`, touches B at `t`."""

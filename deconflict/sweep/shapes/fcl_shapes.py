@@ -8,6 +8,7 @@ cross a lid of the outer one.
 Making a mesh costs far more than a call, so meshes are kept, and growths are rounded up.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from math import acos, ceil, cos, frexp, hypot, inf, ldexp, pi, sin
 from typing import Any, NamedTuple
@@ -16,9 +17,9 @@ import fcl
 import numpy as np
 import shapely
 
-from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.narrowphase import MOTION
 from deconflict.sweep.shapes.shape_table import SHAPES
+from ingest.batch import Bools, Floats
 from ingest.shapes import ShapePart
 
 TALL_M = 2.0
@@ -61,22 +62,51 @@ class Placed(NamedTuple):
     top_m: float
 
 
-def touch(a: Solid, b: Solid, x_m: float, y_m: float, yaw_rad: float, within_m: float = 0.0) -> bool:
-    """Whether two robots as reported, B in the frame of A, are within a distance. For a distance above 0 a polygon is
-    grown a little more than it has to be."""
+Bodies = tuple[Placed, ...]
+
+
+def touch(a: Solid, b: Solid, pose: tuple[float, float, float], within_m: float) -> bool:
+    """Whether two robots as reported, B at `pose` in the frame of A, are within a distance. A polygon is grown a little
+    more than it has to be."""
     bodies_a = _bodies(a, within_m if a.shape else 0.0, LOW_M)
     bodies_b = _bodies(b, 0.0 if a.shape else within_m, HIGH_M)
-    c, s = cos(yaw_rad), sin(yaw_rad)
-    turn = np.array((cos(yaw_rad / 2), 0.0, 0.0, sin(yaw_rad / 2)))
+    place, turn = _transforms(np.array([pose]))
+    return _touch(bodies_a, bodies_b, place[0], turn[0])
+
+
+def touches(pairs: Sequence[tuple[Solid, Solid]], poses: Floats) -> Bools:
+    """(n,) whether two robots as reported touch, B at the pose (n, 3) in the frame of A."""
+    low: dict[int, Bodies] = {}
+    high: dict[int, Bodies] = {}
+    answers = np.empty(len(pairs), bool)
+    for row, ((a, b), place, turn) in enumerate(zip(pairs, *_transforms(poses), strict=True)):
+        answers[row] = _touch(_kept_bodies(a, LOW_M, low), _kept_bodies(b, HIGH_M, high), place, turn)
+    return answers
+
+
+def _transforms(poses: Floats) -> tuple[Floats, Floats]:
+    """The translations (n, 3) and rotations (n, 4) of B at poses (n, 3)."""
+    x, y, yaw = poses.T
+    place = np.column_stack([x, y, np.full(len(poses), MIDDLE_M)])
+    return place, np.column_stack([np.cos(yaw / 2), np.zeros((len(poses), 2)), np.sin(yaw / 2)])
+
+
+def _touch(bodies_a: Bodies, bodies_b: Bodies, place: Floats, turn: Floats) -> bool:
     for body_b, ahead_m, left_m, bottom_m, top_m in bodies_b:
-        body_b.setTranslation(np.array((x_m + c * ahead_m - s * left_m, y_m + s * ahead_m + c * left_m, MIDDLE_M)))
+        body_b.setTranslation(_moved(place, turn, ahead_m, left_m) if ahead_m or left_m else place)
         body_b.setQuatRotation(turn)
         for body_a, _, _, other_bottom_m, other_top_m in bodies_a:
-            if not heights_overlap(other_bottom_m, other_top_m, bottom_m, top_m):
+            if bottom_m > other_top_m or other_bottom_m > top_m:
                 continue
             if fcl.collide(body_a, body_b, _REQUEST, fcl.CollisionResult()):
                 return True
     return False
+
+
+def _moved(place: Floats, turn: Floats, ahead_m: float, left_m: float) -> Floats:
+    """The place of a part of a turned robot."""
+    c, s = turn[0] ** 2 - turn[3] ** 2, 2 * turn[0] * turn[3]
+    return place + np.array((c * ahead_m - s * left_m, s * ahead_m + c * left_m, 0.0))
 
 
 class MovingShapes:
@@ -95,7 +125,7 @@ class MovingShapes:
         dx, dy, yaw = m["dx"] + m["vx"] * into, m["dy"] + m["vy"] * into, m["yaw_a"] + m["turn_a"] * into
         c, s = cos(yaw), sin(yaw)
         pose = c * dx + s * dy, c * dy - s * dx, m["yaw_b"] + m["turn_b"] * into - yaw
-        return touch(self._a, self._b, *pose, _rounded_up(limit_m + self._a.grown + self._b.grown))
+        return touch(self._a, self._b, pose, _rounded_up(limit_m + self._a.grown + self._b.grown))
 
 
 def _rounded_up(growth_m: float) -> float:
@@ -108,7 +138,17 @@ def _rounded_up(growth_m: float) -> float:
     return ceil(growth_m / unit) * unit
 
 
-def _bodies(solid: Solid, grow_m: float, begins_m: float) -> tuple[Placed, ...]:
+def _kept_bodies(solid: Solid, begins_m: float, kept: dict[int, Bodies]) -> Bodies:
+    """The bodies of a robot as reported; those of a shape are the same each time."""
+    bodies = kept.get(id(solid))
+    if bodies is None:
+        bodies = _bodies(solid, 0.0, begins_m)
+        if solid.shape:
+            kept[id(solid)] = bodies
+    return bodies
+
+
+def _bodies(solid: Solid, grow_m: float, begins_m: float) -> Bodies:
     if solid.shape:
         return _bodies_of_shape(solid.shape, solid.bottom, solid.top, grow_m, begins_m)
     _BOXES[begins_m].side = np.array((2 * solid.half_length, 2 * solid.half_width, TALL_M))
@@ -116,7 +156,7 @@ def _bodies(solid: Solid, grow_m: float, begins_m: float) -> tuple[Placed, ...]:
 
 
 @lru_cache(MOST_MESHES)
-def _bodies_of_shape(number: int, bottom_m: float, top_m: float, grow_m: float, begins_m: float) -> tuple[Placed, ...]:
+def _bodies_of_shape(number: int, bottom_m: float, top_m: float, grow_m: float, begins_m: float) -> Bodies:
     shape = SHAPES[number]
     assert shape is not None  # noqa: S101 - rectangles have no bodies of their own
     return tuple(_placed(part, bottom_m, top_m, _body(part, grow_m, begins_m)) for part in shape.parts)

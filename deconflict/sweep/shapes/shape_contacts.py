@@ -26,7 +26,7 @@ from deconflict.sweep.narrowphase import (
     nearest_centres,
     set_place,
 )
-from deconflict.sweep.shapes.shape_gaps import Body, Table, body_of, gap, table_of
+from deconflict.sweep.shapes.shape_gaps import Body, Bridge, Table, body_of, gap, table_of
 from deconflict.sweep.shapes.shape_table import CORNER, PIECE
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
@@ -46,19 +46,19 @@ _CONTACT, _REAL = numba.from_dtype(CONTACT), numba.float64
 @inner
 def _first_contact(
     m: Any, since: float, a: Body, b: Body, table: Table, target_m: float, tolerance_m: float, rounds: int
-) -> tuple[float, int]:
-    """As `narrowphase.first_contact`, from `since` on."""
-    t = max(m.begin, since)
+) -> tuple[float, int, Bridge]:
+    """As `narrowphase.first_contact`, from `since` on; and the shortest vector between the two at a contact."""
+    t, bridge = max(m.begin, since), (0.0, 0.0)
     if t > m.end:
-        return t, CLEAR
+        return t, CLEAR, bridge
     for _ in range(rounds):
-        (nearest, lasts, _, _), _ = gap(m, t, a, b, table, target_m + tolerance_m / 4, 0.0)
+        (nearest, lasts, _, _), bridge = gap(m, t, a, b, table, target_m + tolerance_m / 4, 0.0)
         if nearest <= target_m + tolerance_m / 2:
-            return t, MET
+            return t, MET, bridge
         t += lasts
         if t > m.end:
-            return t, CLEAR
-    return t, OPEN
+            return t, CLEAR, bridge
+    return t, OPEN, bridge
 
 
 @inner
@@ -101,8 +101,8 @@ def _smallest(
 
 
 @inner
-def _set_pose(pose: Floats, m: Any, t: float, a: Body, b: Body, table: Table) -> None:
-    into, (_, bridge) = t - m.begin, gap(m, t, a, b, table, 0.0, 0.0)
+def _set_pose(pose: Floats, m: Any, t: float, bridge: Bridge) -> None:
+    into = t - m.begin
     dx, dy, yaw = m.dx + m.vx * into, m.dy + m.vy * into, m.yaw_a + m.turn_a * into
     c, s = cos(yaw), sin(yaw)
     pose[0], pose[1], pose[2] = c * dx + s * dy, c * dy - s * dx, m.yaw_b + m.turn_b * into - yaw
@@ -141,9 +141,9 @@ def shape_contacts(
         motions, n, _ = motions_in_slab(boxes, robots, knots, pair, there, span, target_m + tolerance_m, motions)
         contact.contact, contact.open = inf, inf
         for m in motions[:n]:
-            t, state = _first_contact(m, since[at], a, b, table, target_m, tolerance_m, rounds)
+            t, state, bridge = _first_contact(m, since[at], a, b, table, target_m, tolerance_m, rounds)
             if state != CLEAR:
-                _set_pose(poses[at], m, t, a, b, table)
+                _set_pose(poses[at], m, t, bridge)
                 contact.contact, contact.open = (t, inf) if state == MET else (inf, t)
                 break
         if contact.contact < inf and accuracy_m < inf:

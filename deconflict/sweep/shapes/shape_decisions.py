@@ -10,7 +10,7 @@ from deconflict.sweep.broadphase import Pairs
 from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.knots import Knots, Robots
 from deconflict.sweep.narrowphase import Contacts, Motions, Span, motions_of
-from deconflict.sweep.shapes.fcl_shapes import MovingShapes, Solid, touch
+from deconflict.sweep.shapes.fcl_shapes import MovingShapes, Solid, touches
 from deconflict.sweep.shapes.shape_contacts import Poses, shape_contacts, smallest_of_shapes
 from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Bools, Floats, Ints
@@ -79,8 +79,8 @@ class ShapeDecisions:
         placed = poses[:, :3].copy()
         placed[:, :2] -= poses[:, 3:] * moved[:, None]
         solids = solids_of(self._floor_state[1], pairs)
-        asked = zip(pairs["a"].tolist(), pairs["b"].tolist(), placed.tolist(), strict=True)
-        return np.fromiter((touch(solids[a], solids[b], *pose) for a, b, pose in asked), bool, len(pairs))
+        asked = zip(pairs["a"].tolist(), pairs["b"].tolist(), strict=True)
+        return touches([(solids[a], solids[b]) for a, b in asked], placed)
 
     def _decide(self, pair: Pairs, contacts: Contacts, row: int, span: Span) -> None:
         """Let FCL find the contact of one pair."""

@@ -142,7 +142,7 @@ def test_fcl_decides_each_new_contact_once(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_what_fcl_denies_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shape_decisions, "touch", lambda *_: False)
+    monkeypatch.setattr(shape_decisions, "touches", lambda pairs, _: np.zeros(len(pairs), bool))
     monkeypatch.setattr(fcl_shapes, "touch", lambda *_: False)
     forecasts = mixed("random", ("circle", "polygon"), 40, 5)
     assert not len(sweep(forecasts, now_s=NOW_S, clearance_m=CLEARANCE_M).pairs)
