@@ -21,7 +21,7 @@ from deconflict.runtime.kernel_preparation import compile_kernels, report_on_ter
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
-from metrics.report import situation_section
+from metrics.report import replay_summary, situation_section
 from metrics.scoring import compare
 
 if TYPE_CHECKING:
@@ -148,6 +148,8 @@ def _replay(args: argparse.Namespace) -> int:
         _write(args.json, _text(result))
     elif not args.html:
         sys.stdout.write(_text(result))
+    outputs = (args.json, args.html, args.advisories, args.situations, args.mcap)
+    sys.stderr.write(replay_summary.summary(result, [path for path in outputs if path]))
     return 0
 
 

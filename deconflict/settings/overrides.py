@@ -2,11 +2,13 @@
 
 import tomllib
 from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 from typing import Any
 
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import SiteError, site_from_document
 
+MOST_GUESSES = 2
 UNITS = ("_m", "_s", "_mps", "_rad", "_pct", "_bytes", "_days")
 
 
@@ -39,7 +41,14 @@ def _path(name: str) -> tuple[str, ...]:
         return found[0]
     if found:
         raise SiteError([f"{name}: may be {' or '.join('.'.join(key) for key in found)}; give the whole key"])
-    raise SiteError([f"{name}: there is no such setting; docs/site-file.md lists every key"])
+    raise SiteError([f"{name}: there is no such setting; {_nearest(name, keys)}"])
+
+
+def _nearest(name: str, keys: Iterable[tuple[str, str]]) -> str:
+    """The settings that may be meant, by their last parts."""
+    by_name = {form: ".".join(key) for key in keys for form in (key[-1], _without_unit(key[-1]))}
+    close = dict.fromkeys(by_name[form] for form in get_close_matches(name, by_name, MOST_GUESSES))
+    return f"did you mean {' or '.join(close)}?" if close else "docs/site-file.md lists every key"
 
 
 def _keys() -> Iterator[tuple[str, str]]:

@@ -147,3 +147,15 @@ def test_messages_out_of_order_are_counted_and_a_large_disorder_is_a_warning(
 def spread_out(lines: list[str]) -> list[str]:
     """The lines with the second of each two a few milliseconds later."""
     return [line.replace(".05", ".056", 1) if n % 2 else line for n, line in enumerate(lines)]
+
+
+def test_a_replay_ends_with_a_summary_for_people_and_says_what_it_wrote(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "scores.json"
+    run("replay", log, "--json", out)
+    written = capsys.readouterr()
+    assert not written.out
+    assert "messages of 2 robots in" in written.err
+    assert "came true" in written.err
+    assert written.err.endswith(f"Wrote {out}\n")

@@ -16,7 +16,8 @@ def test_a_setting_is_changed_and_the_others_stay() -> None:
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ("clearence=0.4", "there is no such setting"),
+        ("clearence=0.4", "there is no such setting; did you mean conflict.clearance_m?"),
+        ("wombat=1", "docs/site-file.md lists every key"),
         ("clearance", "expected KEY=VALUE"),
         ("clearance=wide", "is not a TOML value"),
         ("clearance=-1", "greater than or equal to 0"),
