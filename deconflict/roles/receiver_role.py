@@ -278,7 +278,7 @@ class ReceiverRole:
                     topic=shared_identity.topic,
                 )
                 now_s = self._now_s()
-                rule = self.fleet.add_identity(shared_identity, now_s, connection)
+                rule = fleet_report.add_identity(self.fleet, shared_identity, now_s, connection)
                 self.recorder.received(shared_identity.raw, now_s, connection, rule)
                 self._closed(connection)
         return b""

@@ -17,6 +17,7 @@ from ingest.batch import Batch
 from ingest.clocks import SenderClock
 from ingest.fleet.batch_builder import batch
 from ingest.fleet.fast_path_types import FastPath, RepeatReaderProtocol, ScannedStatusProtocol
+from ingest.fleet.owners import language_choice
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.fleet.owners.vendor_registry import VendorRegistry
@@ -59,6 +60,8 @@ class Fleet:
         """By UUID, the robots with a forecast that was in no batch yet."""
         self._claims = OwnershipClaims()
         self._owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
+        self._left: list[str] = []
+        """UUIDs of robots that were dropped since the last batch."""
         self._placement = Placement(vendors, frames, reading)
         self._repeat_readers: RepeatReaders | None = None
         self.clock_changes, self.message_rates = ClockChanges(), MessageRates()
@@ -95,8 +98,8 @@ class Fleet:
         if sender and sender.manufacturer and not connection.vendor:
             connection = replace(connection, vendor=self.vendors.of_manufacturer(sender.manufacturer))
         known = self.robots.get(sender.uuid) if sender else None
-        names_as_uuid = self._owners.names_as_uuid(connection)
-        message, memory = front_end.read(raw, connection.topic, known.memory if known else None, names_as_uuid)
+        before = known.memory if known and known.language == connection.language else None
+        message, memory = front_end.read(raw, connection.topic, before, self._owners.names_as_uuid(connection))
         return self._take_in(message, raw, arrival_s, connection, memory, sender)[0]
 
     def _take_in(
@@ -115,9 +118,14 @@ class Fleet:
             self._count_findings(vendor, message.findings, None)
             self.reject(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
             return message.rule, None
-        if rejection := self._rejection(message, robot, connection, arrival_s):
+        if rejection := self._rejection(message, robot, connection, sender, arrival_s):
             self.reject(rejection.rule, rejection.reason, raw, arrival_s, connection)
+            if robot and robot.language == connection.language and rejection.rule == language_choice.RULE:
+                self._left.append(self._drop(robot))
             return rejection.rule, None
+        if robot and robot.language != connection.language:
+            self._drop(robot)
+            robot = None
         robot = robot or self._admit(message.uuid, connection, sender)
         self._owners.assign_by_connection(robot, message, connection)
         is_remembered, robot.memory = robot.memory is not memory, memory
@@ -152,14 +160,19 @@ class Fleet:
         self._accept(robot, reader.connection, found + findings)
 
     def _rejection(
-        self, message: Identity | Status | Update, robot: Robot | None, connection: Connection, arrival_s: float
+        self,
+        message: Identity | Status | Update,
+        robot: Robot | None,
+        connection: Connection,
+        sender: TopicSender | None,
+        arrival_s: float,
     ) -> Rejection | None:
         """Why a message that could be read is not accepted. None if it is."""
         if isinstance(message, Status) and self._placement.is_in_degrees(message):
             vendor = self._owners.vendor_of(message.uuid, robot, connection)
             if rejection := self._placement.rejection(message, vendor):
                 return rejection
-        return self._owners.rejection(message, robot, connection, arrival_s)
+        return self._owners.rejection(message, robot, connection, sender, arrival_s, self.reading.silent_after_s)
 
     def _admit(self, uuid: str, connection: Connection, sender: TopicSender | None) -> Robot:
         vendor, clock = self._owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
@@ -174,18 +187,9 @@ class Fleet:
         """Take over an identity. The robot's last status is forecast again with it. Returns the deviations."""
         before, robot.identity = robot.identity, identity
         assigned = self._owners.assign_by_identity(robot, identity, connection)
-        robot.shared_identity = SharedIdentity(
-            robot.uuid,
-            raw,
-            arrival_s,
-            connection.vendor,
-            robot.vendor,
-            assigned,
-            connection.language,
-            connection.topic,
-        )
+        robot.shared_identity = SharedIdentity.received(identity, raw, arrival_s, connection, robot.vendor, assigned)
         self._forecast_again(robot, self._owners.names_as_uuid(connection))
-        changed = before is not None and _distinguishing(before) != _distinguishing(identity)
+        changed = before is not None and before.distinguishing != identity.distinguishing
         return ("identity-changed",) if changed else ()
 
     def _event_time(
@@ -323,28 +327,22 @@ class Fleet:
         return batch(robots, now_s, self._placement.floor_ids, gone, self._claims.standing(now_s))
 
     def _forget_silent(self, now_s: float) -> tuple[str, ...]:
-        """Forget the robots that were silent for too long. Returns their UUIDs."""
-        gone = []
-        for uuid, robot in self.robots.items():
+        """Forget the robots that were silent for too long. Returns their UUIDs, and those that were dropped before."""
+        silent = []
+        for robot in self.robots.values():
             if not now_s - robot.arrival_s > self.reading.forget_after_s:
                 break
-            gone.append(uuid)
-        for uuid in gone:
-            robot = self.robots.pop(uuid)
-            if self._repeat_readers:
-                self._repeat_readers.remove(robot)
-            self._owners.remove(robot)
+            silent.append(robot)
+        left, self._left = self._left, []
+        for robot in silent:
+            left.append(self._drop(robot))
             self.measures.count("deconflict_robots_forgotten_total", robot.vendor)
-            self._changed.pop(uuid, None)
-        return tuple(gone)
+        return tuple(left)
 
-    def add_identity(self, shared_identity: SharedIdentity, arrival_s: float, connection: Connection) -> str | None:
-        """Process an identity report that arrived at another ingest. Returns what `receive` returns."""
-        rule = self.receive(shared_identity.raw, arrival_s, connection)
-        if rule is None:
-            self.robots[shared_identity.uuid].shared_identity = shared_identity
-        return rule
-
-
-def _distinguishing(identity: Identity) -> tuple[Any, ...]:
-    return identity.manufacturer, identity.model, identity.serial, identity.envelope_m
+    def _drop(self, robot: Robot) -> str:
+        """Keep a robot no longer. Returns its UUID."""
+        if self._repeat_readers:
+            self._repeat_readers.remove(robot)
+        self._owners.remove(robot)
+        self._changed.pop(robot.uuid, None)
+        return self.robots.pop(robot.uuid).uuid

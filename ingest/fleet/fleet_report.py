@@ -12,6 +12,7 @@ from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures import clock_changes
+from ingest.port.connection import Connection
 from ingest.settings import Reading
 
 
@@ -119,3 +120,11 @@ def lacks(fleet: Fleet, shared_identity: SharedIdentity) -> bool:
     """Whether the robot is here and has not sent this identity report or a newer one."""
     robot = fleet.robots.get(shared_identity.uuid)
     return robot is not None and shared_identity.is_news_to(robot.shared_identity)
+
+
+def add_identity(fleet: Fleet, shared_identity: SharedIdentity, arrival_s: float, connection: Connection) -> str | None:
+    """Process an identity report that arrived at another ingest. Returns what `Fleet.receive` returns."""
+    rule = fleet.receive(shared_identity.raw, arrival_s, connection)
+    if rule is None:
+        fleet.robots[shared_identity.uuid].shared_identity = shared_identity
+    return rule

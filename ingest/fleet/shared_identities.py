@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ingest.languages.front_ends import MASSROBOTICS
+from ingest.languages.model import Identity
+from ingest.port.connection import Connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,14 @@ class SharedIdentity:
     """The topic of a broker on which it came; "" for a socket."""
     elsewhere: bool = field(default=False, compare=False)
     """Whether it arrived at another ingest."""
+
+    @classmethod
+    def received(
+        cls, identity: Identity, raw: bytes, arrival_s: float, connection: Connection, owner: str, assigned: bool
+    ) -> "SharedIdentity":
+        """The report that came over a connection."""
+        sender = connection.vendor, owner, assigned, connection.language, connection.topic
+        return cls(identity.uuid, raw, arrival_s, *sender)
 
     @classmethod
     def of_document(cls, document: dict[str, Any]) -> "SharedIdentity":

@@ -55,6 +55,11 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     findings: tuple[str, ...]
     """Codes of the rules from which the message deviates."""
 
+    @property
+    def distinguishing(self) -> tuple[object, ...]:
+        """What makes it another robot if it changes."""
+        return self.manufacturer, self.model, self.serial, self.envelope_m
+
 
 class LoadBox(NamedTuple):
     """The rectangle about a robot's load, in the robot's frame: x along the heading, y to its left."""

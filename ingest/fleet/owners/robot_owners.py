@@ -3,9 +3,11 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 
+from ingest.fleet.owners.language_choice import LanguageChoice
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
+from ingest.languages.front_end import TopicSender
 from ingest.languages.model import Identity, Rejection, Status, Update
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN
@@ -16,6 +18,7 @@ class RobotOwners:
 
     def __init__(self, vendors: VendorRegistry, max_robots_per_vendor: int, claims: OwnershipClaims) -> None:
         self.vendors, self._max_robots_per_vendor, self._claims = vendors, max_robots_per_vendor, claims
+        self._languages = LanguageChoice()
         self._robot_counts: Counter[str] = Counter()
         """How many robots each vendor has."""
         self._vendors_heard: defaultdict[int, set[str]] = defaultdict(set)
@@ -45,7 +48,13 @@ class RobotOwners:
         return owner if speaker not in (None, owner) else None
 
     def rejection(
-        self, message: Identity | Status | Update, robot: Robot | None, connection: Connection, arrival_s: float
+        self,
+        message: Identity | Status | Update,
+        robot: Robot | None,
+        connection: Connection,
+        sender: TopicSender | None,
+        arrival_s: float,
+        silent_after_s: float,
     ) -> Rejection | None:
         """Why the message may not come from this sender. None if it may."""
         speaker = self._speaker(message, connection)
@@ -56,7 +65,9 @@ class RobotOwners:
         if robot is None and self._is_full(self.vendor_of(message.uuid, None, connection)):
             reason = "the vendor has as many robots as reading.max_robots_per_vendor allows; keep each robot's UUID"
             return Rejection("robots-too-many", reason)
-        return None
+        serial = message.serial if isinstance(message, Identity) else sender.serial if sender else ""
+        heard_since_s = arrival_s - silent_after_s
+        return self._languages.rejection(message.uuid, robot, connection.language, (speaker, serial), heard_since_s)
 
     def _speaker(self, message: Identity | Status | Update, connection: Connection) -> str | None:
         """The vendor that a message speaks for. None if neither the connection nor the message says it."""
@@ -70,10 +81,12 @@ class RobotOwners:
     def add(self, robot: Robot) -> None:
         """Count a new robot."""
         self._robot_counts[robot.vendor] += 1
+        self._languages.note(robot)
 
     def remove(self, robot: Robot) -> None:
         """Count a robot no more."""
         self._robot_counts[robot.vendor] -= 1
+        self._languages.remove(robot)
 
     def assign_by_connection(self, robot: Robot, message: Identity | Status | Update, connection: Connection) -> None:
         """Give a robot without owner to the vendor of the connection. An identity report makes it owned too."""
@@ -119,3 +132,4 @@ class RobotOwners:
         self._robot_counts[robot.vendor] -= 1
         self._robot_counts[vendor] += 1
         robot.assign_vendor(vendor)
+        self._languages.note(robot)

@@ -38,6 +38,13 @@ _REJECTING = (
         alone=False,
     ),
     Rule(
+        "robot-in-two-languages",
+        "The robot is heard in another standard already; send one.",
+        "2.13",
+        rejects=True,
+        alone=False,
+    ),
+    Rule(
         "robots-too-many",
         "A new UUID beyond the robots that the site allows a vendor.",
         "2.13",

@@ -31,6 +31,9 @@ _REJECTING = (
         "topics",
         alone=False,
     ),
+    _rejecting(
+        "robot-in-two-languages", "The robot is heard in another standard already; send one.", "topics", alone=False
+    ),
     _rejecting("robots-too-many", "A new robot beyond those that the site allows a vendor.", "topics", alone=False),
 )
 _HEADER = (

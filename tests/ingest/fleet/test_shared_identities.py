@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from ingest.fleet.fleet_report import lacks, shared_identities
+from ingest.fleet.fleet_report import add_identity, lacks, shared_identities
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.port.connection import Connection
 from ingest.settings import Vendor
@@ -37,7 +37,7 @@ def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() ->
     assert not lacks(receiving_fleet, ELSEWHERE)
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)
     assert lacks(receiving_fleet, ELSEWHERE)
-    assert receiving_fleet.add_identity(ELSEWHERE, NOW_S + 5, Connection(7)) is None
+    assert add_identity(receiving_fleet, ELSEWHERE, NOW_S + 5, Connection(7)) is None
     shown = document(receiving_fleet, "A-1")
     assert (shown["identified"], shown["name"], shown["envelope"]["length_m"]) == (True, "Alder A-1", 1.0)
     assert not lacks(receiving_fleet, ELSEWHERE)
@@ -47,9 +47,9 @@ def test_an_unidentified_robot_lacks_an_introduction_until_it_is_introduced() ->
 def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_arrives_here_after_it() -> None:
     receiving_fleet = fleet()
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)
-    receiving_fleet.add_identity(ELSEWHERE, NOW_S + 5, Connection(7))
+    add_identity(receiving_fleet, ELSEWHERE, NOW_S + 5, Connection(7))
     assert lacks(receiving_fleet, LARGER)
-    receiving_fleet.add_identity(LARGER, NOW_S + 6, Connection(8))
+    add_identity(receiving_fleet, LARGER, NOW_S + 6, Connection(8))
     assert document(receiving_fleet, "A-1")["envelope"]["length_m"] == 2.0
     assert not lacks(receiving_fleet, ELSEWHERE)
     assert not lacks(receiving_fleet, replace(LARGER, arrival_s=NOW_S + 9))
@@ -58,7 +58,7 @@ def test_a_later_introduction_from_elsewhere_is_lacking_even_if_an_earlier_one_a
 def test_an_introduction_to_another_vendors_robot_is_refused() -> None:
     receiving_fleet = fleet(Vendor(name="Basalt"))
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1, vendor="Basalt"))
-    assert receiving_fleet.add_identity(ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
+    assert add_identity(receiving_fleet, ELSEWHERE, NOW_S + 1, Connection(7)) == "uuid-of-another-vendor"
     assert lacks(receiving_fleet, ELSEWHERE)
 
 
