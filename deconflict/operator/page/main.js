@@ -234,6 +234,7 @@ function detail() {
   const title = document.createElement("strong"), facts = document.createElement("dl");
   title.textContent = robot.name;
   const rows = [["state", isTakenOff(robot) || robot.away === "silent" ? presence(robot) : robot.state], ["heard", ago(nowS() - robot.arrivalS)], ["forecast", `from its ${robot.basis}`], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
+  if (vendors.standards(robot.vendor)) rows.push(["standard", vendors.standards(robot.vendor)]);
   if (robot.unidentified) rows.push(["identity", "not received yet: size and name are assumed"]);
   for (const [term, fact] of rows) {
     facts.append(Object.assign(document.createElement("dt"), { textContent: term }), Object.assign(document.createElement("dd"), { textContent: fact }));

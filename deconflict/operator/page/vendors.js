@@ -13,6 +13,8 @@ const ACCURACY = { A: "within 0.1 m", B: "within 0.25 m", C: "within 0.5 m", D: 
 
 const TRUST = { A: "very exact", B: "exact", C: "fair", D: "rough", E: "poor" };
 
+const STANDARDS = { massrobotics: "MassRobotics", vda5050: "VDA 5050", iso21423: "ISO 21423" };
+
 const CLOCK = { hour: "2-digit", minute: "2-digit" };
 
 export class Vendors {
@@ -63,6 +65,12 @@ export class Vendors {
     const vendors = Object.entries(health.vendors).map(([name, vendor]) => [name, vendor, this.rate(name)]);
     words.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inWords(vendor, rate))));
     figures.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inFigures(vendor, rate))));
+  }
+
+  // The standards of a vendor's messages, in words; null until they are known.
+  standards(name) {
+    const languages = this.healths.at(-1)?.vendors[name]?.languages ?? [];
+    return languages.map((language) => STANDARDS[language] ?? language).join(", ") || null;
   }
 
   // Messages a second over the last healths; null if there is only one, or if the service has restarted its count.
