@@ -22,9 +22,9 @@ def _lines(result: Part) -> Iterator[str]:
     yield f"{result['messages']:,} messages of {result['robots']:,} robots in {minutes:.1f} min"
     yield (
         f"{alerts['alerts']} conflicts were warned of at a clearance of {score['clearance_m']:g} m: "
-        f"{alerts['true']} came true, {alerts['in_progress']} were in progress already, {alerts['in_vain']} were in vain, "
-        f"{alerts['ordered']} were waits within a fleet, {alerts['heeded']} were advised waits, "
-        f"{alerts['repeated']} were repeated, {alerts['unknown']} unknown"
+        f"{alerts['true']} came true, {alerts['in_progress']} were in progress already, "
+        f"{alerts['in_vain']} were in vain, {alerts['ordered']} were waits within a fleet, "
+        f"{alerts['heeded']} were advised waits, {alerts['repeated']} were repeated, {alerts['unknown']} unknown"
     )
     for name, text in (("stops", "stops of robots for others"), ("encounters", "encounters within the clearance")):
         fresh = alerts[name]
