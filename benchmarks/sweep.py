@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from benchmarks import shapes
 from benchmarks.floors import NOW_S, World, crowd, lanes
 from benchmarks.peers import HORIZON_S, PEERS, Peer
 from deconflict.sweep.incremental import PairConflicts, Sweeper
@@ -302,6 +303,7 @@ def run(repeats: int, pairs: int) -> Row:
     found["partial"] = partial_passes(repeats, 10_000)
     print(f"\n{PEER_FLOOR[0]:,} robots on {PEER_FLOOR[1]:.0f} m2 each, clearance 0")
     found["peers"] = beside_peers(repeats, pairs)
+    found["shapes"] = shapes.run(repeats, pairs)
     found["goals"] = goals(found)
     print("\ngoals, and what this run reached")
     for goal in found["goals"]:

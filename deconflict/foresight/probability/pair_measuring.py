@@ -52,12 +52,12 @@ class PairMeasuring:
         robots, ahead_s, bounds = self._robots, self._ahead_s, self._bounds
         a, b = slots_of(pairs["code"][rows])
         poses = self._pending.relative_poses(a, b, PAST_LOOKS, ahead_s, now_s)
-        apart_m = poses.separations_m(robots.half_m.take(a, axis=1), robots.half_m.take(b, axis=1))
+        apart_m = robots.separations_m(poses, a, b)
         exact = (swept_rows, swept.separation_m, swept.separation_at_s, swept.contact_s)
         of_robots = (bands_m, robots.records, self._pending.newest)
         sds = measure_overlaps(pairs, rows, a, b, *exact, poses, apart_m, *of_robots, ahead_s, now_s, bounds)
         share = shares_over_starts(
-            ndtr(sds), a, b, robots.records, robots.half_m,
+            ndtr(sds), a, b, robots,
             pending=self._pending, start_times=start_times, is_blocked=is_blocked, bands_m=bands_m,
             now_s=now_s, ahead_s=ahead_s, horizon_s=bounds.horizon_s, clearance_m=bounds.clearance_m,
         )  # fmt: skip

@@ -4,14 +4,17 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from deconflict.foresight.forecast_errors.track_kernels import ROBOT
+from deconflict.foresight.forecast_errors.track_kernels import ROBOT, RelativePoses
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
 from deconflict.sweep.crowded_pairs import NO_CROWDS
+from deconflict.sweep.geometry.knots import Robots
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
+from deconflict.sweep.shapes.shape_separations import bodies, shape_separations
+from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 
-COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "vendor", "absence", "key"
+COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "shape", "vendor", "absence", "key"
 """Columns by slot. All grow together."""
 
 
@@ -33,6 +36,8 @@ class TrackedRobots:
         """(2, slots) half length and half width."""
         self.levels_m = np.zeros((2, 0))
         """(2, slots) bottom and top."""
+        self.shape = np.zeros(0, np.int64)
+        """Number of the robot's shape, 0 for a rectangle."""
         self.vendor = np.zeros(0, np.int64)
         """Number of the robot's vendor, see `vendor_numbers`."""
         self.absence = np.zeros(0)
@@ -66,8 +71,8 @@ class TrackedRobots:
         return slots
 
     def update(self, slots: Ints, batch: Batch) -> None:
-        """Store heights and vendors of the robots of a batch, which have these slots."""
-        self.has_news[slots] = True
+        """Store shapes, heights and vendors of the robots of a batch, which have these slots."""
+        self.has_news[slots], self.shape[slots] = True, SHAPES.numbers(batch.forecasts)
         self.levels_m[:, slots] = batch.forecasts.bottom_m, batch.forecasts.top_m
         numbers = self.vendor_numbers
         self.vendor[slots] = [numbers.setdefault(vendor, len(numbers)) for vendor in batch.vendors]
@@ -83,6 +88,20 @@ class TrackedRobots:
     def slots_of(self, uuids: Iterable[str]) -> Ints:
         """(n,) the slots of those of `uuids` that are known."""
         return np.array([self.slots[uuid] for uuid in uuids if uuid in self.slots], np.int64)
+
+    def separations_m(self, poses: RelativePoses, a: Ints, b: Ints) -> Floats:
+        """(n, k) distances of the robots of slots `a` and `b` (n,) at their relative poses, 0 or less if they
+        overlap."""
+        apart_m = poses.separations_m(self.half_m.take(a, axis=1), self.half_m.take(b, axis=1))
+        rows = np.flatnonzero((self.shape[a] > 0) | (self.shape[b] > 0))
+        if len(rows):
+            looks = (poses.dx_m[rows], poses.dy_m[rows], poses.yaw_a_rad[rows], poses.yaw_b_rad[rows])
+            two = self._bodies(a[rows]), self._bodies(b[rows])
+            apart_m[rows] = shape_separations(apart_m[rows], looks, *two)
+        return apart_m
+
+    def _bodies(self, slots: Ints) -> Robots:
+        return bodies(self.shape[slots], self.half_m[:, slots], self.levels_m[:, slots])
 
     def take_news(self) -> Bools:
         """(slots,) which robots have reported since the last call."""

@@ -7,6 +7,7 @@ from scipy.special import ndtr
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.forecast_errors.track_kernels import Robots
 from deconflict.foresight.probability.error_band_kernels import most_sds
+from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
 from ingest.batch import Bools, Floats, Ints
 
@@ -45,8 +46,7 @@ def shares_over_starts(
     share: Floats,
     a: Ints,
     b: Ints,
-    robots: Robots,
-    half_m: Floats,
+    tracked: TrackedRobots,
     *,
     pending: PendingForecasts,
     start_times: StartTimes,
@@ -60,9 +60,10 @@ def shares_over_starts(
     """(2, n) shares of the error distribution of the pairs `a` and `b` (n,), averaged over the times at which a waiting
     robot may start.
 
-    `share` (2, n) is that of the forecasts as sent. It is kept for pairs of which both robots wait, or neither. By slot
-    are `robots`, `half_m` (2, slots), and `is_blocked`: whether a robot has to wait for another one.
+    `share` (2, n) is that of the forecasts as sent. It is kept for pairs of which both robots wait, or neither.
+    `is_blocked` (slots,) is whether a robot has to wait for another one.
     """
+    robots = tracked.records
     waiting = are_waiting(robots)
     rows = np.flatnonzero(waiting[a] ^ waiting[b])
     if not len(rows):
@@ -74,7 +75,7 @@ def shares_over_starts(
     each_a, each_b = np.repeat(a[rows], len(delays_s)), np.repeat(b[rows], len(delays_s))
     late_s = np.where(waiting[np.stack([each_a, each_b])], np.tile(delays_s, len(rows)), 0.0)
     poses = pending.relative_poses(each_a, each_b, NO_PAST, ahead_s, now_s, late_s)
-    apart_m = poses.separations_m(half_m.take(each_a, axis=1), half_m.take(each_b, axis=1))
+    apart_m = tracked.separations_m(poses, each_a, each_b)
     sds = most_sds(each_a, each_b, apart_m, poses.is_same_floor, bands_m, robots, ahead_s, horizon_s, clearance_m)
     late = ndtr(sds).reshape(2, len(rows), len(delays_s))
     result = share.copy()
