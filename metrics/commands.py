@@ -4,6 +4,7 @@ import argparse
 import json
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -22,6 +23,7 @@ from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
 from metrics.report import replay_summary, situation_section
+from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
 
 if TYPE_CHECKING:
@@ -47,9 +49,13 @@ def add_log_commands(commands: Commands) -> None:
         "conform",
         "count each vendor's deviations from the standard",
         "deconflict conform data/log --site SITE.toml",
+        "deconflict conform data/log --site SITE.toml --html build",
     )
     _add_logs(conform_command, "+")
     conform_command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the counts to this file")
+    conform_command.add_argument(
+        "--html", type=Path, metavar="DIR", help="also write a page for each vendor into this directory, to send to it"
+    )
     conform_command.set_defaults(run=_conform)
     blackbox_verify.add(commands)
 
@@ -175,6 +181,10 @@ def _conform(args: argparse.Namespace) -> int:
     sys.stdout.write(conformance_counts.page(result))
     if args.json:
         _write(args.json, _text(result))
+    for vendor in result["conformance"] if args.html else ():
+        page = args.html / f"{re.sub(r'[^A-Za-z0-9-]+', '-', vendor['vendor'])}.html"
+        _write(page, vendor_page(vendor, conformance_counts.standards(vendor), _named(args.logs)))
+        sys.stderr.write(f"Wrote {page}\n")
     return 0
 
 

@@ -13,6 +13,8 @@ from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Event, LogReader, Received
 
 Vendor = dict[str, Any]
+COUNTS = ("deconflict_rejections_total", "deconflict_deviations_total")
+EXAMPLE_BYTES = 2000
 
 
 def feed(fleet: Fleet, event: Received) -> None:
@@ -31,7 +33,7 @@ def findings(measures: Measures) -> list[Vendor]:
     for vendor, language in sorted(measures.values.get("deconflict_robots_by_language", {})):
         languages.setdefault(vendor, []).append(language)
     broken: dict[str, dict[str, int]] = {}
-    for name in ("deconflict_rejections_total", "deconflict_deviations_total"):
+    for name in COUNTS:
         for (vendor, rule), count in measures.values.get(name, {}).items():
             broken.setdefault(vendor, {})[rule] = int(count)
     return [
@@ -55,14 +57,38 @@ def conform(reader: LogReader, events: Iterable[Event], site: Site) -> dict[str,
     """The deviations and rejections in the events that `reader` reads. No engine runs."""
     measures = Measures()
     fleet = fleet_of(site, measures)
-    messages, now_s = 0, 0.0
+    messages, now_s, examples = 0, 0.0, Examples(measures)
     for event in events:
         if isinstance(event, Received):
             messages += 1
             feed(fleet, event)
+            examples.note(event.raw)
             now_s = max(now_s, event.arrival_s)
     fleet_report.measure(fleet, now_s)
-    return {"messages": messages, **lines(reader), "conformance": findings(measures)}
+    vendors = findings(measures)
+    for vendor in vendors:
+        for finding in vendor["findings"]:
+            finding["example"] = examples.first.get((vendor["vendor"], finding["rule"]), "")
+    return {"messages": messages, **lines(reader), "conformance": vendors}
+
+
+class Examples:
+    """The first message that broke each rule, by vendor."""
+
+    def __init__(self, measures: Measures) -> None:
+        self._values = measures.values
+        self.first: dict[tuple[str, ...], str] = {}
+        self._known = 0
+
+    def note(self, raw: bytes) -> None:
+        """Call it after each message."""
+        counts = [self._values[name] for name in COUNTS if name in self._values]
+        known = sum(map(len, counts))
+        if known == self._known:
+            return
+        self._known = known
+        for labels in (labels for count in counts for labels in count):
+            self.first.setdefault(labels, raw[:EXAMPLE_BYTES].decode(errors="backslashreplace"))
 
 
 def lines(reader: LogReader) -> dict[str, Any]:
@@ -92,12 +118,16 @@ def _most_first(counts: dict[str, int]) -> list[tuple[str, int]]:
     return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
+def standards(vendor: Vendor) -> str:
+    """The standards that a vendor speaks, as text."""
+    return ", ".join(FRONT_ENDS[language].standard for language in vendor["languages"]) or "the standard"
+
+
 def _lines(result: dict[str, Any]) -> Iterator[str]:
     yield f"{result['messages']} messages, {result['unreadable_lines']} unreadable lines"
     for vendor in result["conformance"]:
         yield ""
-        standards = ", ".join(FRONT_ENDS[language].standard for language in vendor["languages"])
-        speaks = f" ({standards})" if standards else ""
+        speaks = f" ({standards(vendor)})" if vendor["languages"] else ""
         yield f"{vendor['vendor']}{speaks}: {vendor['accepted']} accepted, {vendor['rejected']} rejected"
         if not vendor["findings"]:
             yield "  no deviations from the standard"

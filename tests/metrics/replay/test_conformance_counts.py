@@ -4,6 +4,7 @@ from deconflict.settings.site import DEFAULT
 from ingest.languages import timestamps
 from ingest.recording.log_reader import LogReader
 from metrics.replay.conformance_counts import conform, page
+from metrics.report.conformance_report import vendor_page
 from tests.helpers.saying import identity, status
 
 NOW_S = 1_790_000_000.0
@@ -32,3 +33,9 @@ def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) ->
     assert [(row["accepted"], row["rejected"]) for row in (known, unknown)] == [(3, 1), (0, 1)]
     assert counts["status-too-frequent"] == counts["message-too-large"] == 1
     assert "More than one status a second" in page(result)
+    examples = {finding["rule"]: finding["example"] for finding in known["findings"]}
+    assert examples["status-too-frequent"] == messages[2].decode()
+    html = vendor_page(known, "the standard", "log.jsonl")
+    assert "<h2>status-too-frequent: 1 times, read all the same</h2>" in html
+    assert html.count("<section>") == len(known["findings"])
+    assert "&quot;operationalState&quot;" in html, "the message is shown as it came, and runs nothing"

@@ -1,0 +1,37 @@
+"""One page for a vendor: how its messages deviate from the standard, with a first example of each. It prints well."""
+
+from html import escape
+
+from metrics.report.html_cells import Part
+
+STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #17212b; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.1rem; margin: 1.6rem 0 .3rem; }
+section { break-inside: avoid; border-top: 1px solid #d3dae1; }
+pre { background: #f4f6f8; padding: .6rem; white-space: pre-wrap; overflow-wrap: anywhere; font-size: .8rem; }
+.note { color: #5a6875; }
+"""
+
+
+def vendor_page(vendor: Part, standards: str, log: str) -> str:
+    """`vendor` is one of the vendors of the result of `conform`; `log` names what was read."""
+    name, findings = vendor["vendor"], vendor["findings"]
+    total = vendor["accepted"] + vendor["rejected"]
+    lead = f"Of {total:,} messages, {vendor['accepted']:,} were accepted and {vendor['rejected']:,} rejected. " + (
+        f"They deviate from {standards} in {len(findings)} ways." if findings else f"They conform to {standards}."
+    )
+    note = f"Read from {log}. A deviation that is not rejected was read as the sentence says."
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}: conformance to {escape(standards)}</h1>\n"
+        f"<p>{escape(lead)}</p>\n<p class=note>{escape(note)}</p>\n{''.join(map(_finding, findings))}</body>\n</html>\n"
+    )
+
+
+def _finding(finding: Part) -> str:
+    verdict = "rejected" if finding["rejects"] else "read all the same"
+    example = f"<p>First example:</p><pre>{escape(finding['example'])}</pre>" if finding.get("example") else ""
+    return (
+        f"<section><h2>{escape(finding['rule'])}: {finding['count']:,} times, {verdict}</h2>"
+        f"<p>{escape(finding['meaning'])} Clause: {escape(finding['clause']) or '-'}.</p>{example}</section>\n"
+    )
