@@ -10,10 +10,11 @@ import numpy as np
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.sweep.geometry.pose import between
 from deconflict.sweep.robot_slots import RobotSlots
+from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.kernels import kernel, ready
 
-_SIZE = ("length", "width", "bottom", "top")
+_SIZE = ("length", "width", "bottom", "top", "shape")
 _LEG = ("robot", "begin_s", "end_s", "x0", "y0", "yaw0", "x1", "y1", "yaw1", "floor", "since_s", *_SIZE)
 _LAST = ("t_s", "x", "y", "yaw", "floor", "since_s", "present_s", *_SIZE)
 _PRESENT = _LAST.index("present_s")
@@ -44,6 +45,8 @@ class SampledMotion:
     """(r, s)"""
     since_s: Floats
     """(r, s) time since which it has been present without a break."""
+    shape: Floats | None = None
+    """(r, s) number of its shape in `SHAPES`, 0 for a rectangle; None if all are rectangles."""
 
 
 class RecordedMotion:
@@ -54,7 +57,7 @@ class RecordedMotion:
         """No robot leaves its slot."""
         self._last = np.empty((0, len(_LAST)))
         self._unsampled: list[Floats] = []
-        """(n, 15) legs, columns as in `_LEG`."""
+        """(n, 16) legs, columns as in `_LEG`."""
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Add a leg from each robot's last pose to its first knot, if that is newer."""
@@ -62,7 +65,8 @@ class RecordedMotion:
         if (more := len(self.slots) - len(self._last)) > 0:
             self._last = np.concatenate([self._last, np.tile(_NEVER, (max(more, len(self._last), 64), 1))])
         knots = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
-        sizes = (forecasts.length_m, forecasts.width_m, forecasts.bottom_m, forecasts.top_m)
+        shape = np.zeros(len(robots)) + SHAPES.numbers(forecasts)
+        sizes = (forecasts.length_m, forecasts.width_m, forecasts.bottom_m, forecasts.top_m, shape)
         legs = _legs(rows, forecasts.start, *knots, *sizes, self._last)
         if len(legs):
             self._unsampled.append(legs)
@@ -85,7 +89,8 @@ class RecordedMotion:
         self._unsampled = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
         robot, there = _joined(legs, len(self.slots), first, samples, step_s)
         x_m, y_m, yaw_rad, floor, since_s = there[:5]
-        return SampledMotion(first, robot, x_m, y_m, yaw_rad, there[5:7] / 2, there[7:], floor, since_s)
+        columns = (x_m, y_m, yaw_rad, there[5:7] / 2, there[7:9], floor, since_s)
+        return SampledMotion(first, robot, *columns, there[9] if (there[9] > 0).any() else None)
 
     def pair(self, a: int, b: int) -> tuple[str, str]:
         """The names of two robots, in ascending order."""
@@ -93,7 +98,7 @@ class RecordedMotion:
         return first, second
 
 
-@kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 4, numba.float64[:, ::1]))
+@kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 5, numba.float64[:, ::1]))
 def _legs(
     rows: Ints,
     start: Ints,
@@ -106,13 +111,14 @@ def _legs(
     width_m: Floats,
     bottom_m: Floats,
     top_m: Floats,
+    shape: Floats,
     last: Floats,
 ) -> Floats:
-    """(n, 15) legs, columns as in `_LEG`, of each robot with a newer report. Its first knot becomes its `last` row.
+    """(n, 16) legs, columns as in `_LEG`, of each robot with a newer report. Its first knot becomes its `last` row.
 
     Sizes and heights are those at the beginning of a leg.
     """
-    legs, n = np.empty((len(rows), 15)), 0
+    legs, n = np.empty((len(rows), 16)), 0
     for robot in range(len(rows)):
         knot, before, leg = start[robot], last[rows[robot]], legs[n]
         gap_s = t_s[knot] - before[0]
@@ -121,13 +127,14 @@ def _legs(
         since_s, present_s = before[5] if gap_s <= JOINED_S else t_s[knot], before[6]
         joins = gap_s <= JOINED_S and before[4] == floor[knot]
         if joins:
-            leg[1], leg[3:6], leg[11:15] = before[0], before[1:4], before[7:11]
+            leg[1], leg[3:6], leg[11:16] = before[0], before[1:4], before[7:12]
             present_s += gap_s
         before[0], before[1], before[2], before[3] = t_s[knot], x_m[knot], y_m[knot], yaw_rad[knot]
         before[4], before[5], before[6] = floor[knot], since_s, present_s
         before[7], before[8], before[9], before[10] = length_m[robot], width_m[robot], bottom_m[robot], top_m[robot]
+        before[11] = shape[robot]
         if not joins:
-            leg[1], leg[3:6], leg[11:15] = before[0], before[1:4], before[7:11]
+            leg[1], leg[3:6], leg[11:16] = before[0], before[1:4], before[7:12]
         leg[0], leg[2], leg[6:9], leg[9], leg[10] = rows[robot], before[0], before[1:4], before[4], since_s
         n += 1
     return legs[:n].copy()
@@ -139,8 +146,8 @@ def _legs(
     )
 )
 def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) -> tuple[Ints, Floats]:
-    """(r,) the robots that are present at any sample, and (9, r, samples) x, y, yaw, floor, present since, length,
-    width, bottom and top; nan while a robot is absent."""
+    """(r,) the robots that are present at any sample, and (10, r, samples) x, y, yaw, floor, present since, length,
+    width, bottom, top and shape; nan while a robot is absent."""
     begins, ends = np.empty(len(legs), np.int64), np.empty(len(legs), np.int64)
     row_of = np.full(robots, -1)
     for leg in range(len(legs)):
@@ -151,12 +158,12 @@ def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) 
             row_of[int(legs[leg, 0])] = 0
     robot = np.flatnonzero(row_of == 0)
     row_of[robot] = np.arange(len(robot))
-    there = np.full((9, len(robot), samples), np.nan)
+    there = np.full((10, len(robot), samples), np.nan)
     for leg in range(len(legs)):
         who, begin_s, end_s, x0, y0, yaw0, x1, y1, yaw1, on, since_s = legs[leg, :11]
         row, before, after = row_of[int(who)], (begin_s, x0, y0, yaw0), (end_s, x1, y1, yaw1)
         for sample in range(begins[leg], ends[leg] + 1):
             at = there[:, row, sample - first]
             at[0], at[1], at[2], _, _ = between(before, after, sample * step_s)
-            at[3], at[4], at[5:9] = nan if on < 0 else on, since_s, legs[leg, 11:15]
+            at[3], at[4], at[5:10] = nan if on < 0 else on, since_s, legs[leg, 11:16]
     return robot, there

@@ -7,6 +7,7 @@ import numba
 import numpy as np
 
 from deconflict.sweep.geometry.envelope_distances import gap
+from deconflict.sweep.shapes.shape_separations import Looks, bodies, shape_separations
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
 from metrics.truth.recorded_motion import SampledMotion
@@ -37,17 +38,34 @@ def separations(sampled: SampledMotion, within_m: float) -> Separations:
         sampled.x_m, sampled.y_m, sampled.half_m, sampled.height_m, sampled.floor, within_m
     )
     of_a, of_b = (a, column), (b, column)
-    distance = gap(
+    looks = (
         sampled.x_m[of_b] - sampled.x_m[of_a],
         sampled.y_m[of_b] - sampled.y_m[of_a],
         sampled.yaw_rad[of_a],
         sampled.yaw_rad[of_b],
-        sampled.half_m[:, a, column],
-        sampled.half_m[:, b, column],
     )
+    distance = gap(*looks, sampled.half_m[:, a, column], sampled.half_m[:, b, column])
+    if sampled.shape is not None:
+        rows = np.flatnonzero((sampled.shape[of_a] > 0) | (sampled.shape[of_b] > 0))
+        distance[rows] = _of_shapes(sampled, a[rows], b[rows], column[rows], distance[rows], _some(looks, rows))
     since = np.maximum(sampled.since_s[of_a], sampled.since_s[of_b])
     closeness = apart_m / (reach_m - within_m)
     return Separations(sampled.robot[a], sampled.robot[b], sampled.first + column, distance, since, closeness)
+
+
+def _some(looks: Looks, rows: Ints) -> Looks:
+    dx_m, dy_m, yaw_a_rad, yaw_b_rad = (column[rows, None] for column in looks)
+    return dx_m, dy_m, yaw_a_rad, yaw_b_rad
+
+
+def _of_shapes(sampled: SampledMotion, a: Ints, b: Ints, column: Ints, apart_m: Floats, looks: Looks) -> Floats:
+    """(n,) the distances of shapes, whose rectangles are `apart_m` (n,) apart."""
+    assert sampled.shape is not None  # noqa: S101 - there are shapes
+    shape, half_m, height_m = sampled.shape, sampled.half_m, sampled.height_m
+    of_a, of_b = (
+        bodies(shape[row, column].astype(np.int64), half_m[:, row, column], height_m[:, row, column]) for row in (a, b)
+    )
+    return np.maximum(shape_separations(apart_m[:, None], looks, of_a, of_b)[:, 0], 0.0)
 
 
 _MATRIX, _STACK = numba.float64[:, ::1], numba.float64[:, :, ::1]

@@ -17,8 +17,11 @@ from ingest.kernels import kernel, ready
 NEAR_M = 2.0
 """Of robots whose rectangles are further apart, the distance of the rectangles is near enough."""
 
+Looks = tuple[Floats, Floats, Floats, Floats]
+"""(n, m) each: x and y from the centre of A to that of B, and the headings of both."""
+
 _ROBOT, _PIECE, _CORNER = (numba.from_dtype(dtype) for dtype in (ROBOT, PIECE, CORNER))
-_LOOKS = numba.float64[:, ::1]
+_MATRIX = numba.float64[:, ::1]
 
 
 def bodies(shape: Ints, half_m: Floats, levels_m: Floats) -> Robots:
@@ -30,19 +33,18 @@ def bodies(shape: Ints, half_m: Floats, levels_m: Floats) -> Robots:
     return made
 
 
-def shape_separations(apart_m: Floats, looks: tuple[Floats, Floats, Floats, Floats], a: Robots, b: Robots) -> Floats:
+def shape_separations(apart_m: Floats, looks: Looks, a: Robots, b: Robots) -> Floats:
     """(n, m) distances of n pairs of bodies `a` and `b` (n,) at m times; 0 or less if they overlap.
 
-    `apart_m` are those of the rectangles around them. `looks` are x and y from A's centre to B's, and the headings of
-    both. Parts that pass above each other have no distance: if all do, they are as far apart as their rectangles are
-    long.
+    `apart_m` are those of the rectangles around them. Parts that pass above each other have no distance: if all do,
+    they are as far apart as their rectangles are long.
     """
     dx_m, dy_m, yaw_a_rad, yaw_b_rad = map(ready, looks)
     apart_m = ready(apart_m)
     return _separations(apart_m, dx_m, dy_m, yaw_a_rad, yaw_b_rad, a, b, *SHAPES.arrays)
 
 
-@kernel(_LOOKS(*[_LOOKS] * 5, *[_ROBOT[::1]] * 2, numba.int64[::1], _PIECE[::1], _CORNER[::1]))
+@kernel(_MATRIX(*[_MATRIX] * 5, *[_ROBOT[::1]] * 2, numba.int64[::1], _PIECE[::1], _CORNER[::1]))
 def _separations(
     apart_m: Floats,
     dx_m: Floats,

@@ -1,12 +1,15 @@
 """Who was near whom, against every two robots at every sample by themselves."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 
 from deconflict.sweep.geometry.envelope_distances import gap
-from metrics.truth.recorded_motion import SampledMotion
+from ingest.batch import Forecasts
+from ingest.shapes import Shape, shapes_of
+from metrics.truth.recorded_motion import RecordedMotion, SampledMotion
 from metrics.truth.separations import separations
 
 SAMPLES = 50
@@ -47,3 +50,18 @@ def test_separations_equal_those_of_every_pair_alone(robots: int, size_m: float,
     found = separations(there, 0.6)
     assert len(expected) >= fewest
     np.testing.assert_allclose(np.array(found).T, np.reshape(expected, (-1, 6)))
+
+
+def test_round_robots_are_as_far_apart_as_their_circles() -> None:
+    reported = [Shape.circle(1.0), Shape.circle(1.0), None]
+    motion = RecordedMotion()
+    for t_s in (700.0, 701.0):
+        ones, place_m, floor = np.ones(3), np.array([0.0, 1.0, -1.0]), np.zeros(3, np.int64)
+        sizes = ones, ones, -np.inf * ones, np.inf * ones
+        report = Forecasts(np.arange(4), t_s * ones, place_m, place_m, 0 * ones, floor, *sizes)
+        motion.report(["a", "b", "c"], replace(report, shapes=shapes_of(reported)))
+    found = separations(motion.sampled(7000, 10, 0.1), 1.0)
+    pairs = zip(found.a.tolist(), found.b.tolist(), strict=True)
+    apart_m = dict(zip(pairs, found.separation_m.tolist(), strict=True))
+    assert apart_m[0, 1] == pytest.approx(2**0.5 - 1.0)
+    assert apart_m[0, 2] == pytest.approx(0.5**0.5 - 0.5)
