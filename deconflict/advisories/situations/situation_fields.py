@@ -11,12 +11,20 @@ from deconflict.advisories.situations.advice.action_sets import proposal_of
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
 from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
-from deconflict.advisories.situations.situation import MOST_ADVISORIES, MOST_CORNERS, Situation, SituationAdvice
+from deconflict.advisories.situations.situation import (
+    MOST_ADVISORIES,
+    MOST_CORNERS,
+    Situation,
+    SituationAdvice,
+    SituationKind,
+)
 from deconflict.advisories.situations.situation_kinds import Matter, matter_of
 from deconflict.advisories.situations.situation_wording import ending, names_of, sentence
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity, moment
+from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity, moment
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
+MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
+"""What does not end by itself, or nobody knows when."""
 MARGIN_M = 1.5
 """The outline keeps this distance from the places of the advisories."""
 
@@ -57,11 +65,10 @@ def assessed(
 
 
 def _most_severe(matter: Matter, advice: SituationAdvice | None) -> Severity:
-    """How severe a situation is at most: what people can do nothing about is not critical, and no warning if it passes
-    by itself."""
+    """How severe a situation is at most. What people can do nothing about is a caution; a warning, if it may last."""
     if advice and advice.for_people:
         return Severity.CRITICAL
-    return Severity.CAUTION if isinstance(matter.principal, ConflictAdvisory) else Severity.WARNING
+    return Severity.WARNING if matter.kind in MAY_LAST else Severity.CAUTION
 
 
 def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:

@@ -205,7 +205,7 @@ class SituationLifecycle:
         members = watched.group.members
         self._forget(watched)
         self._regrouped |= members
-        because = "nobody can prevent more of it" if members else "nothing is foreseen there any more"
+        because = "it takes its course: nobody has to do anything" if members else "nothing is foreseen there any more"
         return before.cleared_revision(now_s, because).model_copy(update=NOTHING_LEFT)
 
     def _forget(self, watched: _Watched) -> None:

@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, change, countdown, gist, plural, sentence, severityOf, short, since, toDo, urgency, what } from "./texts.js";
+import { KINDS, SIGNS, change, countdown, gist, isCalm, plural, sentence, severityOf, short, since, toDo, urgency, what } from "./texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -16,7 +16,7 @@ export class Cards {
 
   // `ended` are those that were cleared lately; `behind(id)` are the advisories of a situation.
   show(open, ended, view) {
-    const sorted = this.inOrder([...open, ...ended]), ids = new Set(sorted.map(({ id }) => id)), kept = this.isHeld() ? this.shown : [];
+    const sorted = this.inOrder(open, ended), ids = new Set(sorted.map(({ id }) => id)), kept = this.isHeld() ? this.shown : [];
     const shown = this.shown = new Set([...kept, ...[...open].sort(urgency).slice(0, MOST_CARDS).map(({ id }) => id)]);
     for (const [id, card] of this.cards) if (!ids.has(id)) this.remove(id, card);
     sorted.forEach((situation, i) => {
@@ -32,9 +32,9 @@ export class Cards {
   // Whether somebody points at the cards: then none changes its place, so that nobody presses a wrong one.
   isHeld() { return Date.now() - this.movedMs < STILL_MS; }
 
-  // Most urgent first, or, while they are held, as they are.
-  inOrder(situations) {
-    const sorted = [...situations].sort(urgency);
+  // Most urgent first, what has ended last; or, while they are held, as they are.
+  inOrder(open, ended) {
+    const sorted = [...[...open].sort(urgency), ...[...ended].sort(urgency)];
     if (!this.isHeld()) return sorted;
     const order = [...this.cards.keys()].sort((a, b) => this.cards.get(a).compareDocumentPosition(this.cards.get(b)) & Node.DOCUMENT_POSITION_FOLLOWING ? -1 : 1);
     const at = ({ id }) => (order.includes(id) ? order.indexOf(id) : order.length);
@@ -68,6 +68,8 @@ export class Cards {
     parts.take.title = "Key A acknowledges at once";
     parts.show.onclick = () => acts.choose(id);
     parts.take.onclick = () => acts.acknowledge(id);
+    card.onclick = ({ target }) => { if (card.classList.contains("calm") && !target.closest("button, summary")) acts.choose(id); };
+    card.onkeydown = ({ key, target }) => { if (key === "Enter" && target === card) acts.choose(id); };
     card.onpointerenter = () => acts.point(id, null);
     card.onpointerleave = () => acts.point(null, null);
     behind.ontoggle = () => acts.changed();
@@ -90,6 +92,8 @@ export class Cards {
     card.classList.toggle("flash", flashed.has(situation.id));
     card.classList.toggle("answered", Boolean(answer));
     card.classList.toggle("advised", Boolean(first));
+    card.classList.toggle("calm", isCalm(situation));
+    card.tabIndex = isCalm(situation) && !ended ? 0 : -1;
     setText(parts.severity, ended ? "✓ Ended" : severityOf(situation));
     setText(parts.kind, KINDS[situation.situation_kind]);
     setText(parts.when, ended ? "" : countdown(situation, nowS));

@@ -11,7 +11,7 @@ import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
 import { Shift } from "./shift.js";
 import { Vendors } from "./vendors.js";
-import { KINDS, ago, clock, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
+import { KINDS, ago, clock, isCalm, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
 
 const STALE_S = 4;
 const LISTED = 200;
@@ -178,6 +178,12 @@ function show(id) {
   list();
 }
 
+// What the list says if nobody has to do anything.
+function nothing(calm) {
+  if (live.health.preparing) return "No warnings yet.";
+  return calm ? `Nothing needs you. ${plural(calm, "situation")} ${calm === 1 ? "ends by itself" : "end by themselves"}:` : "Nothing needs you.";
+}
+
 function list() {
   const listed = open(), inPast = past.atS !== null, grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
@@ -186,11 +192,12 @@ function list() {
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
   });
   setText($("count"), listed.length ? `(${listed.length})` : "");
-  $("none").hidden = listed.length > 0;
+  const calm = listed.filter(isCalm).length;
+  $("none").hidden = listed.length > calm;
   const left = allOpen().length - listed.length;
   $("filtered").hidden = !filters.active;
   setText($("filtered").firstElementChild, left ? `${plural(left, "situation")} hidden by the filter.` : "The filter hides nothing.");
-  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? "Nothing needs you." : "Loading…");
+  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? nothing(calm) : "Loading…");
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
   if ($("machines").open) lines($("machines-lines"), others);

@@ -15,7 +15,7 @@ export function order({ action, seconds: forS, speed_mps: speed, where }) {
 }
 
 const CHANGED_S = 15; // advice is new for so long
-const PREVENTABLE_STEP_S = 15;
+const COST_STEP_S = 15;
 const LONG_S = 120; // what is open for longer has the time of day since when it is
 const ENDINGS = [["by itself", "Nothing to do: it ends by itself"], ["", "Nothing to do now. It ends "]];
 
@@ -52,6 +52,9 @@ export function gist(situation) {
 
 export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
+// Whether nobody has to do anything: such a card is one line until it is chosen.
+export function isCalm({ severity, advice }) { return severity === "caution" && !advice?.for_people; }
+
 // What people do: the first thing, and the other things after it. If there is nothing, how it ends, and what programs do.
 export function toDo({ advice, ends }) {
   if (advice?.for_people) {
@@ -59,7 +62,7 @@ export function toDo({ advice, ends }) {
     return { first: sentence(first), then: then.length ? `Then: ${then.join("; ")}` : "" };
   }
   const found = ENDINGS.find(([start]) => ends.startsWith(start));
-  const programs = advice ? ` Robots that follow advice: ${advice.text}.` : "";
+  const programs = advice ? ` Programs that move robots are advised: ${advice.text}.` : "";
   return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.${programs}` };
 }
 
@@ -90,8 +93,8 @@ export function short(name, vendor) {
 
 export function urgency(a, b) {
   const rank = SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity);
-  return rank || preventable(b) - preventable(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
+  return rank || cost(b) - cost(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
 }
 
-// The seconds that somebody can still save, in steps, so that cards do not change places for a second.
-function preventable({ preventable_s: s }) { return Math.round((s ?? 0) / PREVENTABLE_STEP_S); }
+// The seconds that robots are expected to lose, in steps, so that cards do not change places for a second.
+function cost({ cost_s: s }) { return Math.round((s ?? 0) / COST_STEP_S); }

@@ -199,8 +199,17 @@ async def test_a_card_tells_what_only_programs_have_time_for(browser: "Browser",
     quick = advice(1).model_copy(update={"for_people": False})
     await face.publish(shown(1, 0, 1, advice=quick, ends="by itself, once they have passed each other"))
     async with opened(browser, face) as page:
-        expected = "Nothing to do: it ends by itself, once they have passed each other. Robots that follow advice: "
+        expected = "Nothing to do: it ends by itself, once they have passed each other. Programs that move robots are "
         assert (await text(page, "#situations .advice")).startswith(expected)
+
+
+async def test_a_situation_that_needs_nobody_is_a_line_until_it_is_chosen(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, advice=None, severity=Severity.CAUTION))
+    async with opened(browser, face) as page:
+        await until(page, "document.getElementById('none').textContent.startsWith('Nothing needs you. 1 situation')")
+        assert not await page.locator("#situations .robots").is_visible()
+        await page.locator("#situations .card").click()
+        await page.locator("#situations .robots").wait_for(state="visible")
 
 
 async def test_changed_advice_says_why(browser: "Browser", face: Served) -> None:

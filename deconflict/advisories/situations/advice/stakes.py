@@ -18,7 +18,7 @@ from deconflict.advisory import (
     Severity,
 )
 
-SERVICE_REACTION_S, PERSON_REACTION_S = 1.0, 3.0
+SERVICE_REACTION_S, PERSON_REACTION_S = 0.5, 3.0
 """The shortest useful reaction of a site service, and of a person. What begins sooner they can't prevent any more."""
 HELD_UP_COST_S, LOCKED_COST_S, CROWD_COST_S = 15.0, 60.0, 60.0
 """What a robot loses behind a blocker, and in a deadlock; and what a crowd costs."""

@@ -11,6 +11,7 @@ from tests.deconflict.advisories.situations.made_situations import (
     advice,
     blockage,
     conflict,
+    deadlock,
     lifecycle,
     queue,
     raised,
@@ -33,7 +34,7 @@ def test_conflicts_on_two_floors_are_two_situations() -> None:
 
 
 def test_what_nobody_can_prevent_makes_no_situation() -> None:
-    assert lifecycle().revise(NOW_S, [conflict("ab", left_s=0.5)]) == []
+    assert lifecycle().revise(NOW_S, [conflict("ab", left_s=0.3)]) == []
 
 
 def test_what_is_unlikely_makes_no_situation() -> None:
@@ -47,7 +48,7 @@ def test_a_published_revision_has_the_id_of_its_situation() -> None:
 
 
 def test_an_advisory_without_an_open_situation_has_no_id_of_one() -> None:
-    (revision,) = lifecycle().published(NOW_S, [conflict("ab", left_s=0.5)])
+    (revision,) = lifecycle().published(NOW_S, [conflict("ab", left_s=0.3)])
     assert revision.situation_id is None
 
 
@@ -177,7 +178,8 @@ def test_a_severity_falls_only_after_a_while() -> None:
 
 
 def test_what_people_can_do_nothing_about_is_not_critical() -> None:
-    assert raised([blockage("xabcd")]).severity is Severity.WARNING
+    assert raised([blockage("xabcd")]).severity is Severity.CAUTION
+    assert raised([deadlock("ab")]).severity is Severity.WARNING
     assert raised([blockage("xabcd", recommendation=advice(action("x", "look")))]).severity is Severity.CRITICAL
     assert raised([conflict("ab", encounter_class=EncounterClass.HEAD_ON)]).severity is Severity.CAUTION
 
