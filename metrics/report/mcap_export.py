@@ -6,12 +6,16 @@ the fields that are used. Each floor is a frame.
 
 import json
 from datetime import datetime
+from itertools import pairwise
 from typing import IO, Any
 from zlib import crc32
 
 import numpy as np
+import shapely
 from mcap.writer import CompressionType, Writer
 
+from deconflict.sweep.geometry.pose import pose_at
+from deconflict.sweep.shapes.shape_encounters import PlacedPart, bodies, placed_parts
 from ingest.batch import Batch, Forecasts
 
 Message = dict[str, Any]
@@ -73,12 +77,11 @@ def _floor(batch: Batch, row: int) -> int:
 
 
 def _entity(batch: Batch, row: int) -> Message:
-    """One robot: its envelope, its name, and its announced path on this floor."""
+    """One robot: its shape and trailers, its name, and its announced path on this floor."""
     forecast, colour = batch.forecasts.single(row), _colour(batch.vendors[row])
     is_height_known = np.isfinite(forecast.top_m[0])
     height_m = float(forecast.top_m[0] - forecast.bottom_m[0]) if is_height_known else UNKNOWN_HEIGHT_M
-    x, y, yaw = float(forecast.x_m[0]), float(forecast.y_m[0]), float(forecast.yaw_rad[0])
-    size = _vector(float(forecast.length_m[0]), float(forecast.width_m[0]), height_m)
+    x, y = float(forecast.x_m[0]), float(forecast.y_m[0])
     return {
         "timestamp": _stamp(float(batch.event_s[row])),
         "frame_id": batch.floors[_floor(batch, row)],
@@ -90,14 +93,49 @@ def _entity(batch: Batch, row: int) -> Message:
             {"key": "state", "value": batch.states[row]},
         ],
         "arrows": [],
-        "cubes": [{"pose": _pose(x, y, height_m / 2, yaw), "size": size, "color": colour}],
         "spheres": [],
-        "cylinders": [],
         "lines": _path_lines(forecast, colour),
-        "triangles": [],
+        **_solids(forecast, height_m, colour),
         "texts": [_name(batch.names[row], _pose(x, y, height_m + 0.3, 0.0), colour)],
         "models": [],
     }
+
+
+def _solids(forecast: Forecasts, height_m: float, colour: Message) -> dict[str, list[Message]]:
+    """The robot and its trailers, `height_m` high: rectangles as cubes, circles as cylinders, polygons as triangles."""
+    drawn: dict[str, list[Message]] = {"cubes": [], "cylinders": [], "triangles": []}
+    for body in bodies(forecast):
+        shape, pose, floor_m = body.shape(0), pose_at(body, float(body.t_s[0])), float(body.bottom_m[0])
+        if shape is None or not shape.parts:
+            size = _vector(float(body.length_m[0]), float(body.width_m[0]), height_m)
+            place = _pose(pose.x_m, pose.y_m, height_m / 2, pose.yaw_rad)
+            drawn["cubes"].append({"pose": place, "size": size, "color": colour})
+            continue
+        for part in placed_parts(body, pose):
+            is_high = np.isfinite(part.top_m) and np.isfinite(floor_m)
+            low_m, high_m = (part.bottom_m - floor_m, part.top_m - floor_m) if is_high else (0.0, height_m)
+            kind = "cylinders" if part.radius_m else "triangles"
+            draw = _cylinder if part.radius_m else _prism
+            drawn[kind].append(draw(part, low_m, high_m, colour))
+    return drawn
+
+
+def _cylinder(part: PlacedPart, low_m: float, high_m: float, colour: Message) -> Message:
+    place = _pose(part.core.x, part.core.y, (low_m + high_m) / 2, 0.0)
+    size = _vector(2 * part.radius_m, 2 * part.radius_m, high_m - low_m)
+    return {"pose": place, "size": size, "bottom_scale": 1.0, "top_scale": 1.0, "color": colour}
+
+
+def _prism(part: PlacedPart, low_m: float, high_m: float, colour: Message) -> Message:
+    """The sides and the upper side of a prism."""
+    ring = list(part.core.exterior.coords)
+    upper = shapely.constrained_delaunay_triangles(part.core).geoms
+    points = [(x, y, high_m) for triangle in upper for x, y in list(triangle.exterior.coords)[:3]]
+    for (ax, ay), (bx, by) in pairwise(ring):
+        points += [(ax, ay, low_m), (bx, by, low_m), (ax, ay, high_m)]
+        points += [(bx, by, low_m), (bx, by, high_m), (ax, ay, high_m)]
+    corners = [_vector(*point) for point in points]
+    return {"pose": _pose(0.0, 0.0, 0.0, 0.0), "points": corners, "color": colour, "colors": [], "indices": []}
 
 
 def _path_lines(forecast: Forecasts, colour: Message) -> list[Message]:
@@ -187,7 +225,11 @@ _SCENE_SCHEMA = _object(
             cubes=_list(_object(pose=_POSE, size=_XYZ, color=_COLOUR)),
             lines=_list(_LINE),
             texts=_list(_TEXTS),
-            **{name: _list(_object()) for name in ("arrows", "spheres", "cylinders", "triangles", "models")},
+            cylinders=_list(_object(pose=_POSE, size=_XYZ, bottom_scale=_NUMBER, top_scale=_NUMBER, color=_COLOUR)),
+            triangles=_list(
+                _object(pose=_POSE, points=_list(_XYZ), color=_COLOUR, colors=_list(_COLOUR), indices=_list(_WHOLE))
+            ),
+            **{name: _list(_object()) for name in ("arrows", "spheres", "models")},
         )
     ),
 )
