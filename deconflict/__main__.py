@@ -10,7 +10,7 @@ from pathlib import Path
 
 from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import access, api_descriptions, json_schemas
-from deconflict.roles.service_commands import add_service_commands
+from deconflict.roles.service_commands import add_service_commands, add_site_new
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import DataTakenError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
@@ -77,10 +77,12 @@ def _add_site(commands: Commands) -> None:
         commands,
         "site",
         "write parts of a site file",
+        "deconflict site new > SITE.toml",
         "deconflict site import hall.building.yaml >> SITE.toml",
         "deconflict site suggest data/log --site SITE.toml",
     )
     site_parsers = site_parser.add_subparsers(dest="part", required=True, metavar="PART")
+    add_site_new(site_parsers)
     import_parser = add_command(
         site_parsers,
         "import",

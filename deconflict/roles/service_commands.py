@@ -1,15 +1,21 @@
 """The commands that run the service: `serve`, `prepare`, and `role`, which the supervisor uses."""
 
 import argparse
+import asyncio
 import logging
 import os
 import signal
+import sys
 import threading
+import time
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from deconflict.operator.http import access
 from deconflict.operator.http.api_sources import Exposition
+from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.service import cluster_problems, run_role, runtime_directory
 from deconflict.roles.supervisor import PARTS, Supervisor
 from deconflict.runtime.command_parsers import Commands, add_command
@@ -17,6 +23,9 @@ from deconflict.runtime.data_lock import locked
 from deconflict.runtime.kernel_preparation import compile_kernels, report_on_terminal
 from deconflict.runtime.systemd import Notifier
 from deconflict.settings import site, site_file
+from deconflict.settings.importers.heard_robots import proposed_site
+from ingest.fleet import fleet_report
+from ingest.settings import ReceiverSettings
 
 
 def add_service_commands(commands: Commands, exposition: Exposition) -> None:
@@ -132,6 +141,56 @@ def _serve(args: argparse.Namespace) -> int:
 def _prepare(_: argparse.Namespace) -> int:
     compile_kernels(("deconflict", "ingest"), report_on_terminal)
     return 0
+
+
+def add_site_new(parts: Commands) -> None:
+    """Add the command that listens to robots and proposes a site file."""
+    new_parser = add_command(
+        parts,
+        "new",
+        "listen to the robots for a while, and print a site file with the vendors, datums and models that were heard",
+        "deconflict site new > SITE.toml",
+        "deconflict site new --seconds 120 --host 0.0.0.0 --open > SITE.toml",
+    )
+    new_parser.add_argument(
+        "--seconds", type=float, default=60.0, metavar="S", help="how long to listen (default: %(default)s)"
+    )
+    new_parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
+    new_parser.add_argument(
+        "--robots-port", type=int, default=3000, metavar="PORT", help="port for the robots (default: %(default)s)"
+    )
+    new_parser.add_argument("--open", action="store_true", help="listen to a network, too, without credentials")
+    new_parser.set_defaults(run=_site_new)
+
+
+def _site_new(args: argparse.Namespace) -> int:
+    settings = site.Site(receiver=ReceiverSettings(host=args.host, port=args.robots_port))
+    check_access(settings, args.open)
+    documents = asyncio.run(_heard(settings, args.seconds))
+    sys.stderr.write(f"{len(documents)} robots were heard\n")
+    if not documents:
+        raise site_file.SiteError([f"no robot connected to ws://{args.host}:{args.robots_port}/; see docs/access.md"])
+    sys.stdout.write(proposed_site(documents))
+    return 0
+
+
+async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:
+    """The robots that reported within a time."""
+    with runtime_directory() as name:
+        role, stop = ReceiverRole(settings, Path(name), Path(name) / "log"), asyncio.Event()
+        running = asyncio.create_task(role.run(stop))
+        opened = asyncio.create_task(role.ready.wait())
+        await asyncio.wait({running, opened}, return_when=asyncio.FIRST_COMPLETED)
+        opened.cancel()
+        if not running.done():
+            sys.stderr.write(
+                f"listening on {settings.receiver.host}, port {settings.receiver.port}, for {seconds:g} s\n"
+            )
+            await asyncio.sleep(seconds)
+        stop.set()
+        await running
+        robots = sorted(role.fleet.robots.values(), key=attrgetter("uuid"))
+        return [fleet_report.robot_document(role.fleet, robot, time.time()) for robot in robots]
 
 
 def _role(exposition: Exposition, args: argparse.Namespace) -> int:

@@ -1,0 +1,86 @@
+"""A first site file from robots that were heard: vendors, datums and models, with the readings still to be measured."""
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+RobotDocument = Mapping[str, Any]
+"""A robot as `GET /robots` has it."""
+NIL = "00000000-0000-0000-0000-000000000000"
+
+
+def proposed_site(robots: Iterable[RobotDocument]) -> str:
+    """A site file in TOML. A datum that several vendors send is the site's; another one is a vendor's own map."""
+    by_vendor: defaultdict[str, list[RobotDocument]] = defaultdict(list)
+    for robot in sorted(robots, key=lambda each: str(each["name"])):
+        by_vendor[robot["vendor"]].append(robot)
+    senders: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    for vendor, own in by_vendor.items():
+        for robot in own:
+            if robot["floor"] not in (None, "", NIL):
+                senders[robot["floor"]][vendor] += 1
+    site_datums = [datum for datum, vendors in senders.items() if len(vendors) > 1] or _most_sent(senders)
+    lines = [
+        "# Proposed from what robots sent. Look through each part, then run `deconflict check`.",
+        'name = "My site"',
+    ]
+    for datum in site_datums:
+        lines += _datum_lines(datum, senders[datum])
+    for vendor, own in sorted(by_vendor.items()):
+        own_datums = [datum for datum, vendors in senders.items() if vendor in vendors and datum not in site_datums]
+        lines += _vendor_lines(vendor, own, own_datums, site_datums)
+    return "\n".join(lines) + "\n"
+
+
+def _most_sent(senders: Mapping[str, Counter[str]]) -> list[str]:
+    return sorted(senders, key=lambda datum: -senders[datum].total())[:1]
+
+
+def _datum_lines(datum: str, vendors: Counter[str]) -> Iterator[str]:
+    heard = ", ".join(f"{count} of {vendor}" for vendor, count in sorted(vendors.items()))
+    yield from (
+        "",
+        f"# Robots that sent it: {heard}.",
+        "[[datums]]",
+        f"id = {json.dumps(datum)}",
+        'name = "Ground floor"',
+    )
+    yield "# To be measured: four marks or more, spread over the floor, in metres; vendors with own maps read the same."
+    yield '# reference_points = [{ id = "mark-1", name = "Column A1", x = 0.0, y = 0.0 }]'
+
+
+def _vendor_lines(
+    vendor: str, robots: list[RobotDocument], own_datums: list[str], site_datums: list[str]
+) -> Iterator[str]:
+    unnamed = sum(not robot["identified"] for robot in robots)
+    yield from ("", "[[vendors]]", f"name = {json.dumps(vendor)}")
+    yield f"# {len(robots)} robots were heard{f', {unnamed} of them without an identity report' if unnamed else ''}."
+    makers = sorted({maker for robot in robots if (maker := _identity(robot, "manufacturerName"))} - {vendor})
+    if makers:
+        yield f"manufacturers = {json.dumps(makers)}"
+    for model, sizes in sorted(_models(robots).items()):
+        yield f"# Model {model}: {sizes}. If that is wrong: [vendors.models.{json.dumps(model)}]"
+    for datum in own_datums:
+        yield from (
+            "# It alone sends this datum: a map of its own, or another floor. Of its own map, measure where its robots",
+            "# say they are on each mark.",
+            "# [[vendors.maps]]",
+            f"# datum = {json.dumps(datum)}",
+            f"# site_datum = {json.dumps(site_datums[0])}",
+            "# readings = { mark-1 = [0.0, 0.0] }",
+        )
+
+
+def _models(robots: Iterable[RobotDocument]) -> dict[str, str]:
+    """By model, its envelope as text."""
+    models = {}
+    for robot in robots:
+        model, size = _identity(robot, "robotModel"), robot.get("envelope")
+        if model and size:
+            models[model] = f"{size['length_m']:g} x {size['width_m']:g} m"
+    return models
+
+
+def _identity(robot: RobotDocument, key: str) -> str:
+    return str((robot["identity"] or {}).get(key) or "")
