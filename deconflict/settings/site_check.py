@@ -106,6 +106,9 @@ def report_lines(report: SiteReport) -> Iterator[str]:
     for map_report in report.maps:
         yield from _map_lines(map_report)
     yield from _place_lines(site)
+    for source in site.mqtt_sources:
+        makers = ", ".join(source.manufacturers) or "all manufacturers"
+        yield f"\nbroker {source.name}, {source.host}:{source.port}: {source.language} of {makers}"
 
 
 def questions(site: Site) -> Iterator[str]:

@@ -69,9 +69,16 @@ def _add_simulate(commands: Commands) -> None:
         "run simulated vendors that report to a running service",
         "deconflict simulate --robots 24",
         "deconflict simulate --url ws://127.0.0.1:3000 --robots 200 --seconds 60",
+        "deconflict simulate --broker 127.0.0.1:1883",
     )
     simulate_parser.add_argument(
         "--url", default="ws://127.0.0.1:3000", help="the service's robots' port (default: %(default)s)"
+    )
+    simulate_parser.add_argument(
+        "--broker",
+        type=_broker,
+        metavar="HOST[:PORT]",
+        help="an MQTT broker, where Basalt speaks VDA 5050 and Alder ISO 21423; the service needs it in its site file",
     )
     _add_simulated_world(simulate_parser)
     simulate_parser.add_argument("--seconds", type=float, metavar="S", help="stop after this time; else at Ctrl-C")
@@ -85,6 +92,13 @@ def _add_simulated_world(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--seed", type=int, default=1, metavar="N", help="seed of the simulated traffic (default: %(default)s)"
     )
+
+
+def _broker(text: str) -> tuple[str, int]:
+    host, _, port = text.partition(":")
+    if not host or (port and not port.isdigit()):
+        raise argparse.ArgumentTypeError(f"{text!r} is no broker; give HOST or HOST:PORT")
+    return host, int(port or 1883)
 
 
 def _drill_named(name: str) -> "Drill":
@@ -118,7 +132,7 @@ def _simulate(args: argparse.Namespace) -> int:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stop.set)
-        return await simulate(args.url, args.robots, args.seconds, args.seed, stop=stop)
+        return await simulate(args.url, args.robots, args.seconds, args.seed, broker=args.broker, stop=stop)
 
     sys.stdout.write(json.dumps(asyncio.run(run())) + "\n")
     return 0

@@ -15,8 +15,9 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import Participant, VendorName, participants
-from deconflict.simulation.robot_state import robot_states
+from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.scripted_annex import Annex, split
+from deconflict.simulation.vendors.broker_sender import ON_BROKERS, BrokerSender
 from deconflict.simulation.vendors.dialects import DIALECTS
 from ingest.batch import Ints
 
@@ -63,6 +64,10 @@ class Sender:
             for message in messages[: max(MOST_UNSENT - queue.qsize(), 0)]:
                 queue.put_nowait(message)
 
+    def report(self, robot: RobotState, now_s: float, *, introduce: bool) -> None:
+        """Queue what a robot says."""
+        self.enqueue(DIALECTS[self.vendor].messages(robot, now_s, introduce=introduce))
+
     async def send_over(self, connection: Connection) -> None:
         """Send queued messages until the connection is lost."""
         queue: asyncio.Queue[bytes] = asyncio.Queue()
@@ -86,6 +91,9 @@ class Sender:
                 self.sent += 1
         except ConnectionClosed:
             return
+
+
+AnySender = Sender | BrokerSender
 
 
 async def _discard_received(connection: Connection) -> None:
@@ -132,46 +140,60 @@ async def simulate(
     *,
     speed: float = 1.0,
     fleet_port: int | None = None,
+    broker: tuple[str, int] | None = None,
     stop: asyncio.Event,
 ) -> dict[str, int]:
     """Run robots of four vendors against a service until `stop`, or for `seconds` of their own time.
 
     `speed` is the world's time per real time. If it is not 1, the senders' clocks run fast or slow. With `fleet_port`
-    Basalt's fleet manager does not connect but listens on this port. Returns the number of sent messages by vendor.
+    Basalt's fleet manager does not connect but listens on this port. With `broker`, its host and port, Basalt speaks
+    VDA 5050 and Alder ISO 21423 there. Returns the number of sent messages by vendor.
     """
     rng = np.random.default_rng(seed)
     members, annex = split(participants(robots))
     world = World(layout_for(robots), members, rng)
-    senders = _senders([*members, *annex.members])
+    senders = _senders([*members, *annex.members], broker)
     tasks: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as servers:
         for sender in dict.fromkeys(senders):
-            if sender.vendor is VendorName.BASALT and fleet_port is not None:
+            if isinstance(sender, BrokerSender):
+                tasks.append(asyncio.create_task(sender.send()))
+            elif sender.vendor is VendorName.BASALT and fleet_port is not None:
                 await servers.enter_async_context(listening(sender, fleet_port))
-                continue
-            path = f"/{sender.vendor}" if sender.vendor in OWN_PATH else ""
-            tasks.append(asyncio.create_task(call(url.rstrip("/") + path, sender, rng)))
+            else:
+                path = f"/{sender.vendor}" if sender.vendor in OWN_PATH else ""
+                tasks.append(asyncio.create_task(call(url.rstrip("/") + path, sender, rng)))
         try:
             await _run(world, annex, senders, seconds, speed, stop)
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+    return _sent(senders)
+
+
+def _sent(senders: Sequence[AnySender]) -> dict[str, int]:
+    """Messages sent by vendor."""
     sent = Counter({vendor.value: 0 for vendor in VendorName})
     for sender in dict.fromkeys(senders):
         sent[sender.vendor.value] += sender.sent
     return dict(sent)
 
 
-def _senders(members: Sequence[Participant]) -> list[Sender]:
-    """The sender of each row. Basalt's fleet manager sends for all its robots; every other robot has its own sender."""
-    fleet = Sender(VendorName.BASALT)
+def _senders(members: Sequence[Participant], broker: tuple[str, int] | None) -> list[AnySender]:
+    """The sender of each row. Basalt's fleet manager sends for all its robots; every other robot has its own sender.
+
+    If there is a broker, each vendor that reports to it has one sender.
+    """
+    shared: dict[VendorName, AnySender] = {VendorName.BASALT: Sender(VendorName.BASALT)}
+    if broker:
+        shared |= {vendor: BrokerSender(vendor, *broker) for vendor in ON_BROKERS}
     vendors = [member.make.vendor for member in members]
-    return [fleet if vendor is VendorName.BASALT else Sender(vendor) for vendor in vendors]
+    return [shared.get(vendor) or Sender(vendor) for vendor in vendors]
 
 
 async def _run(
-    world: World, annex: Annex, senders: Sequence[Sender], seconds: float | None, speed: float, stop: asyncio.Event
+    world: World, annex: Annex, senders: Sequence[AnySender], seconds: float | None, speed: float, stop: asyncio.Event
 ) -> None:
     """Advance the world with the clock and let the robots report in turn. The robots of the annex come last."""
     every_s = np.array([member.make.report_every_s for member in (*world.members, *annex.members)])
@@ -200,7 +222,7 @@ async def _sleep_unless(stop: asyncio.Event, seconds: float) -> None:
         return
 
 
-def _report(world: World, annex: Annex, due: Ints, senders: Sequence[Sender], now_s: float) -> None:
+def _report(world: World, annex: Annex, due: Ints, senders: Sequence[AnySender], now_s: float) -> None:
     rows = np.array([row for row in due if senders[row].up], np.int64)
     players = [annex.robot(row - len(world), world.t_s) for row in rows.tolist() if row >= len(world)]
     robots = [*robot_states(world, rows[rows < len(world)]), *players]
@@ -210,4 +232,4 @@ def _report(world: World, annex: Annex, due: Ints, senders: Sequence[Sender], no
         introduce = row not in sender.introduced and not hides_identity
         if introduce:
             sender.introduced.add(row)
-        sender.enqueue(DIALECTS[sender.vendor].messages(robot, now_s, introduce=introduce))
+        sender.report(robot, now_s, introduce=introduce)
