@@ -139,12 +139,18 @@ class Running:
 
 
 @contextmanager
-def service(docks_for: int = 0, data_directory: Path | None = None) -> Iterator[Running]:
-    """Run the service on a floor with docks for `docks_for` robots, one process for each role, until the block ends."""
+def service(
+    docks_for: int = 0, data_directory: Path | None = None, changes: dict[str, Any] | None = None
+) -> Iterator[Running]:
+    """Run the service on a floor with docks for `docks_for` robots, one process for each role, until the block ends.
+
+    `changes` replaces sections of the site.
+    """
     stop, (robots_port, operator_port) = threading.Event(), _free_ports()
     with tempfile.TemporaryDirectory(prefix="benchmark-") as own, runtime_directory() as runtime:
         data = data_directory or own
-        supervisor = Supervisor(benchmark_site(robots_port, operator_port, docks_for), Path(data), Path(runtime))
+        site = benchmark_site(robots_port, operator_port, docks_for).model_copy(update=changes or {})
+        supervisor = Supervisor(site, Path(data), Path(runtime))
         running = threading.Thread(target=supervisor.run, args=(stop,))
         running.start()
         try:
