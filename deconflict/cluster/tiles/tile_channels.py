@@ -15,7 +15,7 @@ import numpy as np
 
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.settings.site import Conflict
-from ingest.batch import Batch, Bools, Floats, FloorPoint, Ints
+from ingest.batch import Batch, Bools, Floats, FloorPoint, Forecasts, Ints
 
 GONE = "gone"
 """The channel of forgotten robots, which all engines receive."""
@@ -78,7 +78,7 @@ class RobotExtents:
     high: Floats
     """The upper corner of that box."""
     slack_m: Floats
-    """(n,) how far from its knots a robot may be in conflict: envelope, clearance and uncertainty."""
+    """(n,) how far from its knots a robot may be in conflict: envelope, trailers, clearance and uncertainty."""
     floor: Ints
     """(n,) index of the floor on which the forecast begins; -1 for none."""
 
@@ -86,7 +86,7 @@ class RobotExtents:
     def of(cls, batch: Batch, conflict: Conflict) -> "RobotExtents":
         forecasts, begins = batch.forecasts, batch.forecasts.start[:-1]
         knots = np.column_stack([forecasts.x_m, forecasts.y_m])
-        half_m = np.hypot(forecasts.length_m, forecasts.width_m) / 2
+        half_m = reaches_m(forecasts)
         grown_m = np.sqrt(2.0) * (batch.doubt_m + conflict.silent_growth_limit_m)
         none = not len(batch)
         return cls(
@@ -101,6 +101,15 @@ class RobotExtents:
         """(n,) whether a robot may be in conflict further from its place than a reach."""
         away_m = np.hypot(*np.maximum(self.at - self.low, self.high - self.at).T)
         return away_m + self.slack_m > reach_m
+
+
+def reaches_m(forecasts: Forecasts) -> Floats:
+    """(n,) how far each robot and its trailers reach from the centre of its envelope."""
+    half_m: Floats = np.hypot(forecasts.length_m, forecasts.width_m) / 2
+    for row, shape in enumerate(() if forecasts.shapes is None else forecasts.shapes):
+        if shape is not None and shape.trailers:
+            half_m[row] = shape.reach_m(float(half_m[row]))
+    return half_m
 
 
 @dataclass(slots=True, eq=False)

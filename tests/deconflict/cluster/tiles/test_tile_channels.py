@@ -12,12 +12,14 @@ from deconflict.cluster.tiles.tile_channels import (
     ChannelSorter,
     channel,
     parcels_of,
+    reaches_m,
     wide_channel,
 )
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from ingest.batch import Batch
 from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
+from ingest.shapes import Shape, Trailer, shapes_of
 from tests.deconflict.cluster.made_shards import REACH_M, SITE, Course, Ingests
 from tests.helpers.saying import HALL, LOFT, robot
 
@@ -106,3 +108,10 @@ def test_a_robot_whose_floor_is_not_listed_goes_to_its_last_tile_and_is_refused_
     assert set(batches) == {channel(Tile(HALL, 0, 0)), EVERY}
     assert len(FloorNumbers(measures).joined([batch, batches[EVERY]])) == 1
     assert measures.values["deconflict_invalid_forecasts_total"] == {("floor-not-listed",): 1}
+
+
+def test_a_train_reaches_as_far_as_its_last_trailer() -> None:
+    forecasts = batch_at(0, A=lambda _: (5.0, 5.0, 0.0)).forecasts
+    trailers = (Trailer(1.0, 0.0, 2.0),) * 3
+    assert reaches_m(forecasts)[0] < 1.0
+    assert reaches_m(replace(forecasts, shapes=shapes_of([Shape((), (0.0, 0.0), trailers)]))).tolist() == [6.5]
