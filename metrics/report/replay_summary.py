@@ -53,14 +53,19 @@ def _worst(result: Part, score: Part) -> Iterator[str]:
             cells[round(float(x) / CELL_M) * CELL_M, round(float(y) / CELL_M) * CELL_M, floor] += 1
     floors = {each["floor"]: each["floor_name"] for each in result["nearest"]}
     for (x_m, y_m, floor), count in cells.most_common(1):
-        yield f"Most without an encounter near ({x_m:g}, {y_m:g}) on {floors.get(floor, floor)}: {count}"
+        yield f"Most without an encounter near ({x_m:g}, {y_m:g}){_on(floors.get(floor, floor))}: {count}"
     if result["nearest"]:
         near = result["nearest"][0]
         warned = "without a warning" if near["warned_s"] is None else f"warned of {near['warned_s']:.1f} s before"
         yield (
-            f"Nearest: {' and '.join(near['names'])}, {near['separation_m']:.2f} m on {near['floor_name']} at "
+            f"Nearest: {' and '.join(near['names'])}, {near['separation_m']:.2f} m{_on(near['floor_name'])} at "
             f"{moment(near['at'])}, {warned}"
         )
+
+
+def _on(floor_name: str) -> str:
+    """The floor in a sentence; nothing if it has no name."""
+    return f" on {floor_name}" if floor_name else ""
 
 
 def _percent(share: float) -> str:
