@@ -23,7 +23,6 @@ import numba
 import numpy as np
 from numba.core import event
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
-from numba.core.typing.templates import Signature
 from numpy.typing import DTypeLike, NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -43,9 +42,7 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
         try:
             if _postponed is not None:
                 dispatcher = numba.njit(cache=True, error_model="numpy")(function)
-                _postponed.setdefault(function.__module__, []).append(
-                    partial(dispatcher.compile, cast(Signature, signature))
-                )
+                _postponed.setdefault(function.__module__, []).append(partial(_compile, dispatcher, signature))
                 return cast(_Function, dispatcher)
             return cast(_Function, numba.njit(signature, cache=True, error_model="numpy")(function))
         except RuntimeError as error:
@@ -54,6 +51,12 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
             return cast(_Function, numba.njit(signature, error_model="numpy")(function))
 
     return compiled
+
+
+def _compile(dispatcher: Any, signature: object) -> None:
+    """Compile for this signature and no others, so that other kernels convert what they call it with."""
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
 
 
 def compile_module(name: str) -> None:
