@@ -194,7 +194,10 @@ class AccessMiddleware:
 def _is_cross_site(headers: Headers) -> bool:
     """Whether another site's page sends the request, by its `Origin`: it would act with the operator's rights."""
     origin = headers.get("origin")
-    return origin is not None and urlsplit(origin).netloc != headers.get("host")
+    try:
+        return origin is not None and urlsplit(origin).netloc != headers.get("host")
+    except ValueError:
+        return True
 
 
 def _refused(status: int, reason: str) -> Response:

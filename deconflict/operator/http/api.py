@@ -7,6 +7,7 @@ from html import escape
 from importlib.metadata import version
 
 from fastapi import FastAPI, Response, WebSocket
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation
@@ -27,6 +28,7 @@ from deconflict.operator.http.api_models import (
 from deconflict.operator.http.api_routes import ApiRoutes, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.page_routes import add_page_routes
+from deconflict.operator.http.request_limits import RequestLimitsMiddleware, invalid_request
 from deconflict.operator.live.advisory_stream import AdvisoryStream
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
@@ -68,10 +70,12 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
     app.state.publisher, app.state.measures = publisher, measures
     app.state.site, app.state.people = site, People(settings.people)
     app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people)
+    app.add_middleware(RequestLimitsMiddleware)
     _add_routes(app, ApiRoutes(publisher, store, sources, exposition))
     _add_sockets(app, publisher, store, sources)
     app.add_exception_handler(SourceUnavailableError, source_unavailable)
     app.add_exception_handler(StoreError, store_failed)
+    app.add_exception_handler(RequestValidationError, invalid_request)
     return app
 
 

@@ -1,0 +1,71 @@
+"""No input leads to an error of the service, and no body is kept that no route needs."""
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from deconflict.operator.http.request_limits import MOST_BODY_BYTES, SAFE_HEADERS
+from tests.deconflict.operator.http.served_face import served
+from tests.helpers.made_advisories import made
+from tests.helpers.patience import PATIENCE_S
+
+ACKNOWLEDGEMENT = "/advisories/{}/acknowledgement"
+HOSTILE = [
+    b'{"name": NaN, "reason": "x"}',
+    b'{"name": "Ada", "reason": Infinity}',
+    b'{"name": 1e999, "reason": "x"}',
+    b'{"name": "\\ud800", "reason": "x"}',
+    b'{"name": "Ada", "reason": "\\udfff"}',
+    b'{"\\ud800": 1}',
+    b"[" * 5000,
+    b"\xff\xfe",
+]
+
+
+async def chunks() -> AsyncIterator[bytes]:
+    for _ in range(64):
+        yield b" " * 4096
+
+
+@pytest.mark.parametrize("body", HOSTILE)
+async def test_no_body_leads_to_an_error_of_the_service(tmp_path: Path, body: bytes) -> None:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        await face.publish(made(1))
+        headers = {"content-type": "application/json"}
+        answer = await client.post(ACKNOWLEDGEMENT.format(made(1).id), content=body, headers=headers)
+        assert 400 <= answer.status_code < 500
+
+
+@pytest.mark.parametrize("origin", ["http://[", "http://]", "\\", "http://a:b:c"])
+async def test_no_origin_leads_to_an_error_of_the_service(tmp_path: Path, origin: str) -> None:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        assert (await client.get("/robots", headers={"origin": origin})).status_code == 403
+
+
+async def test_a_long_body_is_refused_announced_or_not(tmp_path: Path) -> None:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        for path in (ACKNOWLEDGEMENT.format("x"), "/absent"):
+            announced = await client.post(path, content=b" " * (MOST_BODY_BYTES + 1))
+            assert announced.status_code == 413
+        assert (await client.post(ACKNOWLEDGEMENT.format("x"), content=chunks())).status_code == 413
+
+
+async def test_every_answer_has_safe_headers(tmp_path: Path) -> None:
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        for path in ("/", "/robots", "/absent", "/healthz", "/metrics"):
+            answer = await client.get(path)
+            assert answer.headers.keys() >= SAFE_HEADERS.keys()
