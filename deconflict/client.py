@@ -7,6 +7,7 @@ async with Client("http://127.0.0.1:8080", token=token) as client:
 """
 
 import asyncio
+import json
 import ssl
 from collections.abc import AsyncGenerator, AsyncIterator, Iterable
 from dataclasses import dataclass
@@ -157,7 +158,7 @@ class Client:
                         after, wait_s = advisory.seq, self._backoff_s[0]
             except InvalidStatus as error:
                 if error.response.status_code in (401, 403):
-                    raise NotAllowedError(f"{self._stream} answered {error.response.status_code}") from error
+                    raise NotAllowedError(_refusal(error.response.status_code, error.response.body)) from error
             except ssl.SSLCertVerificationError as error:
                 raise UntrustedError(f"{self._stream}: {error.verify_message}") from error
             except (OSError, WebSocketException):
@@ -184,9 +185,14 @@ async def _revisions(stream: ClientConnection) -> AsyncIterator[AnyRevision]:
 def _json(response: httpx.Response) -> Any:
     if response.is_success:
         return response.json()
-    try:
-        reason = str(response.json()["detail"])
-    except (ValueError, KeyError, TypeError):
-        reason = response.text
     kinds = {401: NotAllowedError, 403: NotAllowedError, 404: NoSuchAdvisoryError}
-    raise kinds.get(response.status_code, ClientError)(f"{response.status_code}: {reason}")
+    raise kinds.get(response.status_code, ClientError)(_refusal(response.status_code, response.content))
+
+
+def _refusal(status: int, body: bytes | bytearray) -> str:
+    """The status and the reason that the answer gives."""
+    try:
+        reason = str(json.loads(body)["detail"])
+    except (ValueError, KeyError, TypeError):
+        reason = body.decode("utf-8", "replace")
+    return f"{status}: {reason}"

@@ -5,6 +5,8 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +17,14 @@ from deconflict.advisory import AnyAdvisory, Severity
 from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served, until
+from tests.deconflict.operator.outlets.made_outlets import SECRET, kept, posting
+from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
+from tests.helpers.patience import PATIENCE_S
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 EXAMPLE, BOARD = EXAMPLES / "site_service.py", EXAMPLES / "situation_board.py"
+RECEIVER = EXAMPLES / "webhook_receiver.py"
 SAID = "the-token-of-the-site-service"
 
 
@@ -75,6 +81,46 @@ async def test_the_site_service_takes_up_each_advisory_once_though_it_is_killed(
         assert service_process.stderr
         assert b"Traceback" not in service_process.stderr.read()
         service_process.stderr.close()
+
+
+@asynccontextmanager
+async def receiving(port: int, secret: str) -> AsyncIterator[asyncio.subprocess.Process]:
+    """The receiver of webhooks, until the end of the block."""
+    command, environment = [sys.executable, str(RECEIVER), str(port)], os.environ | {"DECONFLICT_SECRET": secret}
+    pipe = asyncio.subprocess.PIPE
+    receiver = await asyncio.create_subprocess_exec(*command, env=environment, stdout=pipe, stderr=pipe)
+    try:
+        yield receiver
+    finally:
+        receiver.kill()
+        await receiver.wait()
+
+
+async def lines_of(process: asyncio.subprocess.Process, count: int) -> list[str]:
+    assert process.stdout
+    async with asyncio.timeout(PATIENCE_S):
+        return [(await process.stdout.readline()).decode() for _ in range(count)]
+
+
+async def test_the_webhook_receiver_takes_each_signed_revision_and_no_other(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    with kept(tmp_path) as (store, publisher):
+        async with posting(f"http://127.0.0.1:{port}/", store, publisher, tmp_path):
+            await publisher.publish([made(1), made(2)])
+            async with receiving(port, SECRET) as receiver:
+                taken = await lines_of(receiver, 2)
+            async with receiving(port, "another secret") as wary:
+                assert wary.stderr
+                await publisher.publish([cleared(1)])
+                async with asyncio.timeout(PATIENCE_S):
+                    assert b'" 401 ' in await wary.stderr.readline()
+            async with receiving(port, SECRET) as receiver:
+                taken += await lines_of(receiver, 1)
+    assert taken == [
+        "1 raised conflict: Tug 1 and Lift 2 cross in 4 s\n",
+        "2 raised conflict: Tug 1 and Lift 2 cross in 4 s\n",
+        "3 cleared conflict: Tug 1 and Lift 2 cross in 4 s\n",
+    ]
 
 
 async def test_the_board_shows_the_open_situations_after_each_change(tmp_path: Path) -> None:

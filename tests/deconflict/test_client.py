@@ -129,7 +129,7 @@ async def test_a_missing_permission_is_an_error(tmp_path: Path) -> None:
         async with client(service) as nobody:
             with pytest.raises(NotAllowedError, match="401"):
                 await nobody.open()
-            with pytest.raises(NotAllowedError):
+            with pytest.raises(NotAllowedError, match="401: send 'Authorization"):
                 await first(nobody, 0, 1)
         async with client(service, "kim-has-a-long-token") as kim:
             published = await service.publish(made(1))

@@ -113,8 +113,6 @@ class AccessMiddleware:
         refusal = await self._refusal(scope, receive)
         if refusal is None:
             await self._app(scope, receive, self._while_allowed(scope, send))
-        elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
             await refusal(scope, receive, send)
 

@@ -93,7 +93,8 @@ def kinds_of(choices: str | None) -> Set[str]:
         return ADVISORY_KINDS
     names = choices.split(",")
     if wrong := [name for name in names if name not in EVERY_KIND | {"advisory"}]:
-        raise RefusedError(BAD_KINDS, f"kinds: found {wrong[0]!a:.24}; expected situation, advisory, or kinds of it")
+        expected = "situation, advisory, or kinds of advisory, as conflict"
+        raise RefusedError(BAD_KINDS, f"kinds: found {wrong[0]!a:.24}; expected {expected}")
     return chosen_kinds(names)
 
 

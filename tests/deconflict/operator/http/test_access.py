@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import httpx
@@ -50,7 +51,8 @@ async def test_without_a_token_only_health_is_served(tmp_path: Path, people: tup
         for headers in ({}, bearer("guessed-0123456789abcdef")):
             with pytest.raises(InvalidStatus) as refused:
                 await connect(face.stream(), additional_headers=headers)
-            assert refused.value.response.status_code == 403
+            answer = refused.value.response
+            assert (answer.status_code, json.loads(answer.body)["detail"][:26]) == (401, "send 'Authorization: Beare")
 
 
 async def test_a_token_opens_the_api_and_the_stream(tmp_path: Path, people: tuple[Person, ...]) -> None:
@@ -195,8 +197,10 @@ async def test_a_page_of_another_site_is_refused_even_without_people(tmp_path: P
     ):
         assert (await client.get("/advisories", headers={"origin": "https://elsewhere.example"})).status_code == 403
         assert (await client.get("/advisories", headers={"origin": face.http})).status_code == 200
-        with pytest.raises(InvalidStatus):
+        with pytest.raises(InvalidStatus) as refused:
             await connect(face.stream(), additional_headers={"origin": "https://elsewhere.example"})
+        assert refused.value.response.status_code == 403
+        assert b"pages of other sites" in refused.value.response.body
 
 
 @pytest.mark.parametrize(
