@@ -21,7 +21,7 @@ ENDS: dict[SituationKind, str] = {
     "blocked_aisle": "once {culprit} moves on",
     "obstacle": "once {culprit} moves on, or the others have passed it",
     "silent_robot": "once {culprit} reports again, or somebody has found it",
-    "deadlock": "once one of them makes way; if they stand for 15 s, go and look",
+    "deadlock": "once one of them makes way",
     "identity": "once each robot is reported by its own vendor, from one place",
 }
 

@@ -101,10 +101,12 @@ function scene() {
   for (const robot of here) setPresence(robot, atS, unidentified);
   const situations = [...open().sort(urgency), ...ended()].filter((situation) => situation.location?.datum === floor);
   const picked = new Set([chosen, pointed.situation]), highlighted = new Set(situations.filter(({ id }) => picked.has(id)).flatMap((situation) => situation.robots));
-  const involved = new Map(), first = new Set(situations.map(({ advice }) => advice?.actions[0].robot)), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
+  const involved = new Map(), first = new Set(), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
   for (const { id, severity, robots, advice } of situations.filter(({ endedMs }) => !endedMs).reverse()) {
     for (const uuid of robots) involved.set(uuid, severity);
-    for (const each of advice?.actions ?? []) advised.set(each.robot, each);
+    const actions = advice?.for_people || picked.has(id) ? advice?.actions ?? [] : [];
+    if (actions.length) first.add(actions[0].robot);
+    for (const each of actions) advised.set(each.robot, each);
     for (const advisory of grouped.get(id) ?? []) if (advisory.resource) contended.set(advisory.resource, { ...advisory, severity });
   }
   const known = floors().find((each) => each.id === floor);
@@ -147,7 +149,7 @@ function draw(at) {
 
 function tabs() {
   const known = floors(), counts = new Map();
-  for (const { location } of open()) counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
+  for (const { location } of open().filter((situation) => !isCalm(situation))) counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
   const key = JSON.stringify([known.map(({ id, name }) => [id, name, counts.get(id)]), floor]);
   if ($("tabs").dataset.key === key) return;
   $("tabs").dataset.key = key;
@@ -160,7 +162,7 @@ function tabs() {
     tab.setAttribute("aria-selected", String(id === floor));
     tab.tabIndex = id === floor ? 0 : -1;
     tab.append(name);
-    if (count) tab.append(Object.assign(document.createElement("span"), { className: "open", textContent: count, ariaLabel: plural(count, "situation") }));
+    if (count) tab.append(Object.assign(document.createElement("span"), { className: "open", textContent: count, ariaLabel: `${plural(count, "situation")} that need somebody` }));
     tab.onclick = () => show(id);
     return tab;
   }));

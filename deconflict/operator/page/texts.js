@@ -74,7 +74,7 @@ export function change({ advice }, nowS) {
 
 export function since(situation, nowS) {
   const sinceS = seconds(situation.raised_at), forS = nowS - sinceS;
-  return forS < LONG_S ? `for ${span(forS)}` : `since ${clock(sinceS).slice(0, 5)}`;
+  return forS < LONG_S ? `listed for ${span(forS)}` : `listed since ${clock(sinceS).slice(0, 5)}`;
 }
 
 export function sentence(text) { return text.charAt(0).toUpperCase() + text.slice(1); }

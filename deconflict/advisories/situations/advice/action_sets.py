@@ -16,14 +16,12 @@ from typing import NamedTuple
 from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advisories.situations.advice.stakes import PERSON_REACTION_S, SERVICE_REACTION_S, preventable_cost_of
-from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, DeadlockAdvisory, Recommendation
+from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation
 
 GO_FIRST = "go_first"
 PEOPLE_SAVE_S, PEOPLE_STAND_S = 10.0, 8.0
 """People are asked to do something only if it can prevent this much, and for no shorter time. It stands for so long at
 least."""
-LOOK_AFTER_S = 15.0
-"""Nobody is sent to look at robots that lock each other before this time: they may free themselves."""
 Key = tuple[str, str, bool]
 """The robot, the kind of action, and whether it is vague: what stays the same while advice stands."""
 
@@ -105,9 +103,7 @@ def _is_worth_waiting(advisory: AnyAdvisory, actions: Iterable[Action], now_s: f
 
 
 def _left_of(action: Action, advice: Recommendation, advisory: AnyAdvisory, now_s: float) -> Action | None:
-    """What is left of an action to do; None if a wait is over, or too short for people, or it is too early to look."""
-    if action.action == "look" and isinstance(advisory, DeadlockAdvisory):
-        return action if now_s - advisory.predicted_at.timestamp() >= LOOK_AFTER_S else None
+    """What is left of an action to do; None if a wait is over, or too short for people."""
     if action.action != "wait" or action.seconds is None:
         return action
     given_at = advice.given_at if isinstance(advisory, ConflictAdvisory) else None

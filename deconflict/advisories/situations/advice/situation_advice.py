@@ -1,8 +1,9 @@
 """What to do about a situation, and how long this stands. Pure.
 
-Advice stands for `STANDS_S` at least, for people for `PEOPLE_STAND_S`. Then it stands until everybody has had their
-time, until no advisory asks for it any more, or until something else is clearly more urgent. It never names a robot
-that the situation does not list, or that has something more urgent to do in another situation.
+Advice stands for `STANDS_S` at least; for people for `PEOPLE_STAND_S`, unless they can do something else instead. Then
+it stands until everybody has had their time, until no advisory asks for it any more, or until something else is clearly
+more urgent. It never names a robot that the situation does not list, or that has something more urgent to do in another
+situation.
 """
 
 from collections.abc import Collection, Sequence
@@ -41,10 +42,11 @@ def _reason_to_change(
         return impossible
     if proposal.for_people and not before.for_people:
         return "there is something that people can do"
-    if 0.0 <= stood_s < (PEOPLE_STAND_S if before.for_people else STANDS_S):
-        return None
     first = before.actions[0]
     asked_s = proposal.asked_s.get(key_of(first))
+    is_beaten = asked_s is None and proposal.for_people
+    if not is_beaten and 0.0 <= stood_s < (PEOPLE_STAND_S if before.for_people else STANDS_S):
+        return None
     if asked_s is None:
         return f"earlier advice to {first.name} does not help any more"
     sooner = proposal.actions[0] if proposal.actions and proposal.predicted_s < asked_s - SOONER_S else first

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from deconflict.advisories.situations.advice.action_sets import LOOK_AFTER_S, PEOPLE_STAND_S, proposal_of
+from deconflict.advisories.situations.advice.action_sets import PEOPLE_STAND_S, proposal_of
 from deconflict.advisories.situations.advice.situation_advice import STANDS_S, revised_advice
 from deconflict.advisories.situations.situation import SituationAdvice
 from deconflict.advisory import AnyAdvisory, EncounterClass, moment
@@ -205,11 +205,11 @@ def test_advice_for_people_stands_for_longer() -> None:
     assert revised(before, NOW_S + PEOPLE_STAND_S, nothing) is None
 
 
-def test_nobody_is_sent_to_robots_that_may_free_themselves() -> None:
-    locked = deadlock("ab", recommendation=advice(action("a", "look")))
-    begins_s = locked.predicted_at.timestamp()
-    assert revised(None, begins_s + LOOK_AFTER_S - 1, locked) is None
-    assert revised(None, begins_s + LOOK_AFTER_S, locked) is not None
+def test_advice_for_people_makes_way_at_once_for_what_helps_instead() -> None:
+    before = revised(None, NOW_S, deadlock("ab", recommendation=advice(action("a", seconds=20.0))))
+    after = revised(before, NOW_S + 1, deadlock("ab", recommendation=advice(action("b", "back_out"))))
+    assert after is not None
+    assert (after.actions[0].robot, after.changed_because) == ("b", "earlier advice to Robot a does not help any more")
 
 
 def test_a_robot_that_is_busy_elsewhere_gets_no_advice() -> None:
