@@ -6,13 +6,14 @@ where forecasts end that are continued: twice the longest hold after the horizon
 """
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from deconflict.advice.holds.hold_planner import HoldPlan
 from deconflict.advice.holds.hold_problem import HoldProblem
-from deconflict.advice.holds.hold_windows import SHORT_S, STEP_S
+from deconflict.advice.holds.hold_windows import SHORT_S, STEP_S, NearbyRobots
 from deconflict.sweep.geometry.knots import KNOT, Knots, Robots, delayed
 from deconflict.sweep.shapes.trains import with_trailers
 from deconflict.sweep.sweep_once import first_contacts
@@ -30,14 +31,32 @@ class Motion(NamedTuple):
     """From the start on; velocities are not filled."""
     late_s: float
     """How much later than by its forecast it gets through."""
+    trailers: Sequence[Knots] = ()
+    """From the start on, of each trailer that it pulls."""
 
 
 def own_knots(problem: HoldProblem, robot: str) -> Knots:
     """A robot's knots, from its pose at the start on."""
-    near, start_s = problem.planned.near, problem.window.start_s
-    row = near.robots[near.uuids.index(robot)]
-    knots = near.knots[row["first"] : row["first"] + row["count"]]
-    return _cut(knots, start_s)
+    near = problem.planned.near
+    return _knots_from(near, near.uuids.index(robot), problem.window.start_s)
+
+
+def trailer_knots(problem: HoldProblem, robot: str) -> list[Knots]:
+    """The knots of a robot's trailers, from their poses at the start on."""
+    near = problem.planned.near
+    return [_knots_from(near, row, problem.window.start_s) for row in _trailer_rows(near, near.uuids.index(robot))]
+
+
+def _trailer_rows(near: NearbyRobots, row: int) -> list[int]:
+    """The rows of the trailers that the robot of a row pulls."""
+    train, first = near.robots["train"], len(near.uuids)
+    rows: list[int] = (first + np.flatnonzero((train[first:] == train[row]) & (train[row] > 0))).tolist()
+    return rows
+
+
+def _knots_from(near: NearbyRobots, row: int, start_s: float) -> Knots:
+    body = near.robots[row]
+    return _cut(near.knots[body["first"] : body["first"] + body["count"]], start_s)
 
 
 def _cut(knots: Knots, from_s: float) -> Knots:
@@ -80,23 +99,24 @@ def backed(knots: Knots, distance_m: float, speed_mps: float) -> Knots:
 def proven(plan: HoldPlan, pair: Pair, motions: Sequence[Motion]) -> list[bool]:
     """Whether each motion of a robot of `pair` keeps it apart and brings no other pair together.
 
-    The other robots are held as the plan says. The robot itself moves instead of its hold. Nothing is proven of a robot
-    that pulls trailers.
+    The other robots are held as the plan says. The robot itself moves instead of its hold, with its trailers.
     """
     near, window, planned = plan.problem.planned.near, plan.problem.window, plan.found.plan
     rows, others = np.array([near.uuids.index(motion.robot) for motion in motions]), len(near.uuids)
-    robots, knots = _with(near.robots, near.knots, rows, motions)
-    hold_s = np.zeros(others + len(motions))
-    hold_s[:others] = [planned.get(uuid, 0) * STEP_S for uuid in near.uuids]
-    each = np.concatenate([np.arange(others), len(near.robots) + np.arange(len(motions))])
-    each, hold_s, trailers = with_trailers(robots, others, each, hold_s)
+    robots, knots = _with(near, rows, motions)
+    hold_s = np.array([planned.get(uuid, 0) * STEP_S for uuid in near.uuids], np.float64)
+    each, hold_s, trailers = with_trailers(near.robots, others, np.arange(others), hold_s)
+    moved = len(each)
+    each = np.concatenate([each, np.arange(len(near.robots), len(robots))])
+    hold_s = np.concatenate([hold_s, np.zeros(len(each) - moved)])
+    trailers |= _places_of_trailers(moved, motions)
     until = (window.start_s, window.horizon_s, SHORT_S, 2 * window.longest_hold_s)
     late = delayed(robots, knots, each, hold_s, *until)
     number, other = np.divmod(np.arange(len(motions) * others), others)
     is_other = other != rows[number]
     number, other = number[is_other], other[is_other]
     late_s = np.clip([motion.late_s for motion in motions], hold_s.max(), 2 * window.longest_hold_s)[number]
-    a, b = np.concatenate([others + number, rows[number]]), np.concatenate([other, other])
+    a, b = np.concatenate([moved + number, rows[number]]), np.concatenate([other, other])
     until_s = np.tile(window.start_s + window.horizon_s + late_s, 2)
     start_s, clearance_m = window.start_s, window.clearance_m
     contact_s, _ = first_contacts(
@@ -105,8 +125,7 @@ def proven(plan: HoldPlan, pair: Pair, motions: Sequence[Motion]) -> list[bool]:
     meets, met_before = (contact_s < np.inf).reshape(2, len(motions), others - 1)
     partners = [_place_of_other(near.uuids, pair, motion.robot) for motion in motions]
     keeps_apart = ~meets[np.arange(len(motions)), partners]
-    pulls_nothing = near.robots["train"][rows] == 0
-    helps: list[bool] = (pulls_nothing & keeps_apart & ~(meets & ~met_before).any(axis=1)).tolist()
+    helps: list[bool] = (keeps_apart & ~(meets & ~met_before).any(axis=1)).tolist()
     return helps
 
 
@@ -115,10 +134,26 @@ def _place_of_other(uuids: Sequence[str], pair: Pair, robot: str) -> int:
     return [uuid for uuid in uuids if uuid != robot].index(pair[pair[0] == robot])
 
 
-def _with(robots: Robots, knots: Knots, rows: Ints, motions: Sequence[Motion]) -> tuple[Robots, Knots]:
-    """The robots, followed by a copy of each of `rows` with its changed motion."""
-    copies = robots[rows].copy()
-    copies["count"] = [len(motion.knots) for motion in motions]
-    copies["first"] = len(knots) + np.cumsum(copies["count"]) - copies["count"]
-    every = np.concatenate([knots, *(motion.knots for motion in motions)]).astype(KNOT)
-    return np.concatenate([robots, copies]), every
+def _places_of_trailers(first: int, motions: Sequence[Motion]) -> dict[int, list[int]]:
+    """The places of the trailers of each motion's robot. The robots are at `first` and after it, then all trailers."""
+    places, after = dict[int, list[int]](), first + len(motions)
+    for number, motion in enumerate(motions):
+        if motion.trailers:
+            places[first + number] = list(range(after, after + len(motion.trailers)))
+            after += len(motion.trailers)
+    return places
+
+
+def _with(near: NearbyRobots, rows: Ints, motions: Sequence[Motion]) -> tuple[Robots, Knots]:
+    """The robots, followed by a copy of each of `rows` with its changed motion, and by copies of their trailers."""
+    pulled = [
+        row
+        for pulling, motion in zip(rows.tolist(), motions, strict=True)
+        if motion.trailers
+        for row in _trailer_rows(near, pulling)
+    ]
+    changed = [*(motion.knots for motion in motions), *chain.from_iterable(motion.trailers for motion in motions)]
+    copies = near.robots[[*rows.tolist(), *pulled]]
+    copies["count"] = [len(knots) for knots in changed]
+    copies["first"] = len(near.knots) + np.cumsum(copies["count"]) - copies["count"]
+    return np.concatenate([near.robots, copies]), np.concatenate([near.knots, *changed]).astype(KNOT)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.advice.actions.changed_motion import Motion, backed, own_knots, proven, slowed
+from deconflict.advice.actions.changed_motion import Motion, backed, own_knots, proven, slowed, trailer_knots
 from deconflict.advice.holds.hold_planner import HoldPlan
 from deconflict.advisory import Action
 from deconflict.sweep.geometry.knots import Knots
@@ -53,6 +53,7 @@ def slow_down(
 
 def _slowings(plan: HoldPlan, robot: str, other: str) -> Iterator[Slowing]:
     problem, knots = plan.problem, own_knots(plan.problem, robot)
+    trailers = trailer_knots(problem, robot)
     weight, horizon_s, usual_mps = problem.planned[robot].priority, problem.window.horizon_s, _speed_mps(knots)
     speeds_mps = {round(usual_mps * share, 1) for share in SPEED_SHARES}
     for speed_mps in sorted(speeds_mps | {floor(10 * _speed_mps(own_knots(problem, other))) / 10}):
@@ -61,9 +62,17 @@ def _slowings(plan: HoldPlan, robot: str, other: str) -> Iterator[Slowing]:
         share = speed_mps / usual_mps
         for lasting_s in LASTING_S:
             late_s = lasting_s * (1 - share)
-            yield Slowing(weight * late_s, speed_mps, lasting_s, Motion(robot, slowed(knots, share, lasting_s), late_s))
-        motion = Motion(robot, slowed(knots, share, inf), horizon_s / share - horizon_s)
+            motion = _slowed(robot, (knots, trailers), share, lasting_s, late_s)
+            yield Slowing(weight * late_s, speed_mps, lasting_s, motion)
+        motion = _slowed(robot, (knots, trailers), share, inf, horizon_s / share - horizon_s)
         yield Slowing(weight * horizon_s * (1 - share), speed_mps, horizon_s, motion)
+
+
+def _slowed(robot: str, bodies: tuple[Knots, Sequence[Knots]], share: float, lasting_s: float, late_s: float) -> Motion:
+    """The motion of a robot and its trailers at a share of its speeds. Trailers keep to the track that they have."""
+    knots, trailers = bodies
+    slow_trailers = [slowed(trailer, share, lasting_s) for trailer in trailers]
+    return Motion(robot, slowed(knots, share, lasting_s), late_s, slow_trailers)
 
 
 def _speed_mps(knots: Knots) -> float:
@@ -73,8 +82,8 @@ def _speed_mps(knots: Knots) -> float:
 
 def back_out(plan: HoldPlan, pair: Pair, robots: Sequence[str], standing: Action | None) -> Action | None:
     """The shortest way straight back of the first of `robots` that can let the other one pass; of that which does so
-    by the `standing` action, if it can."""
-    ways = [(robot, back_m) for robot in robots for back_m in BACK_M]
+    by the `standing` action, if it can. No robot that pulls trailers backs: they would fold."""
+    ways = [(robot, back_m) for robot in robots if not trailer_knots(plan.problem, robot) for back_m in BACK_M]
     ways.sort(key=lambda way: standing is None or way[0] != standing.robot)
     motions = [
         Motion(robot, backed(own_knots(plan.problem, robot), back_m, BACK_MPS), back_m / BACK_MPS)

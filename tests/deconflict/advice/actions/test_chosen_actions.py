@@ -1,5 +1,6 @@
 """Actions beside waiting: each is carried out here, and swept by itself."""
 
+from dataclasses import replace
 from math import pi
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from deconflict.advice.conflict_advice import NO_LONGER_WORKS, advise_conflicts
 from deconflict.advice.holds.hold_windows import DelayWindows
 from deconflict.advisory import Action, Recommendation
+from ingest.shapes import Shape, Trailer, shapes_of
 from tests.deconflict.advice.made_near import WINDOW, SeenRobot, eastward, held_s, near, northward
 from tests.helpers.made_encounters import robot
 
@@ -24,6 +26,12 @@ def kinds(advice: Recommendation) -> list[tuple[str, str]]:
 
 def meet(*robots: SeenRobot) -> set[tuple[str, str]]:
     return set(DelayWindows(near(robots), WINDOW).contacts_s({}, [each.robot for each in robots]))
+
+
+def with_trailers(tug: SeenRobot, yaw_rad: float = 0.0) -> SeenRobot:
+    """Two trailers straight behind a robot. The last reaches 3.5 m behind its middle."""
+    trailers = (Trailer(1.0, 0.6, 1.5, yaw_rad),) * 2
+    return tug._replace(forecast=replace(tug.forecast, shapes=shapes_of([Shape((), (0.0, 0.0), trailers)])))
 
 
 def slower(x_m: float, action: Action, usual_mps: float) -> SeenRobot:
@@ -62,6 +70,21 @@ def test_nobody_slows_down_in_front_of_a_robot_that_would_come_too_near() -> Non
     assert kinds(advised(behind, ahead, last)) == [("a", "take_another_route")]
 
 
+def test_a_train_slows_down_with_its_trailers() -> None:
+    train, ahead = with_trailers(eastward("a", -7.0, speed_mps=1.5)), eastward("b", -3.0, speed_mps=0.5)
+    advice = advised(train, ahead)
+    assert kinds(advice) == [("a", "slow_down"), ("b", "go_first")]
+    assert meet(with_trailers(slower(-7.0, advice.actions[0], 1.5)), ahead) == set()
+
+
+def test_no_train_slows_down_if_its_trailers_would_be_met() -> None:
+    train, ahead = with_trailers(eastward("a", -7.0, speed_mps=1.5)), eastward("b", -3.0, speed_mps=0.5)
+    last = SeenRobot("c", robot([0, 2], [-12.5, -9.5], [0.0, 0.0], 0.0, SIZE_M), holdable=False)
+    assert meet(train, last) == set()
+    assert kinds(advised(train, ahead, last)) == [("a", "take_another_route")]
+    assert kinds(advised(eastward("a", -7.0, speed_mps=1.5), ahead, last)) == [("a", "slow_down"), ("b", "go_first")]
+
+
 def test_a_robot_backs_out_if_the_other_one_passes_its_place_and_then_turns_off() -> None:
     a = SeenRobot("a", robot([0, 10], [0.0, -10.0], [0.0, 0.0], pi, SIZE_M))
     b = SeenRobot("b", robot([0, 9.5, 11, 20], [-8.0, 1.5, 1.5, 1.5], [0, 0, 0, 9], [0, 0, pi / 2, pi / 2], SIZE_M))
@@ -70,6 +93,7 @@ def test_a_robot_backs_out_if_the_other_one_passes_its_place_and_then_turns_off(
     back_m = float(advice.actions[0].where.split()[0])
     backed = SeenRobot("a", robot([0, 2 * back_m, 60], [0.0, back_m, back_m], [0.0] * 3, pi, SIZE_M))
     assert meet(backed, b) == set()
+    assert "back_out" not in [action for _, action in kinds(advised(with_trailers(a, pi), b))]
 
 
 def test_only_another_route_leads_around_a_robot_that_stands() -> None:
