@@ -138,7 +138,10 @@ class QueueAdvice:
 
     def _back_out(self, ring: Sequence[RingLink], robots: Mapping[str, RobotView], now_s: float) -> Recommendation:
         lane = ring[0].where
-        advice, robot, back_m = back_out(ring, robots, self._geometry.lane_m(lane), now_s, self.priority)
+        can_back = [link for link in ring if not robots[link.waiter].pulls_trailers]
+        if not can_back:
+            return NO_ORDER
+        advice, robot, back_m = back_out(can_back, robots, self._geometry.lane_m(lane), now_s, self.priority)
         note = f"{robots[robot].name} should back out of {self._geometry.label(lane)}, {back_m:.0f} m"
         return advice.model_copy(update={"note": note})
 

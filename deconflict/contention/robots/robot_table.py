@@ -25,7 +25,7 @@ from deconflict.contention.robots.lookahead import (
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from deconflict.contention.robots.record_kernels import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Outlines, update_records
-from deconflict.contention.robots.robot_view import RobotView
+from deconflict.contention.robots.robot_view import RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import ready
@@ -53,8 +53,8 @@ class RobotTable(Mapping[str, RobotView]):
         self._zones = self._outlines(geometry.zone_boxes())
         self._places = list(geometry.resources)
         self._place_number = {place: number for number, place in enumerate(self._places)}
-        self._names: dict[str, tuple[str, str, str]] = {}
-        """By UUID: vendor, name and state."""
+        self._names: dict[str, tuple[str, str, str, bool]] = {}
+        """By UUID: vendor, name, state, and whether it pulls trailers."""
         self._here: dict[int, tuple[str, float]] = {}
         """By slot, the resource that a robot has, and since when."""
         self._passages: dict[int, dict[str, ZonePassage]] = {}
@@ -104,7 +104,7 @@ class RobotTable(Mapping[str, RobotView]):
         slots, _ = self._slots.assign(batch.robots)
         self._grow(len(self._slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
-        self._names.update(zip(batch.robots, zip(batch.vendors, batch.names, batch.states, strict=True), strict=True))
+        self._names.update(zip(batch.robots, first_fields(batch), strict=True))
         level_before_pct = self._add_levels(batch, slots)
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
@@ -295,8 +295,7 @@ class RobotTable(Mapping[str, RobotView]):
         *viewed, floor, count = record[: record_kernels.VIEWED_FIELDS]
         stops = tuple(map(self._stop, self.stops[slot, :count].tolist())) if count else ()
         here, came_s = self._here.get(slot, (None, 0.0))
-        passages = self._passages.get(slot, {})
-        fields: tuple[Any, ...] = (*viewed, self.datum(floor), here, came_s, stops, passages)
+        fields: tuple[Any, ...] = (*viewed, self.datum(floor), here, came_s, stops, self._passages.get(slot, {}))
         return RobotView(uuid, *self._names[uuid], *fields)
 
     def _stop(self, stop: tuple[float, float, float, float, float, float, int, int]) -> PlannedStop:

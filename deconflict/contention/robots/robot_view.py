@@ -1,11 +1,13 @@
 """The facts of one robot that contention uses."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from deconflict.contention.robots.destinations import PlannedStop
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.place_geometry import ZonePassage
+from deconflict.sweep.shapes.trailers import rows_of_trains
+from ingest.batch import Batch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,6 +19,8 @@ class RobotView:
     name: str
     state: str
     """Operational state as reported."""
+    pulls_trailers: bool
+    """Whether it can't back, because its trailers would fold."""
     event_s: float
     """Time of the newest pose."""
     x_m: float
@@ -53,3 +57,10 @@ class RobotView:
     def speed_mps(self) -> float:
         """Along its path; walking pace if it is not forecast to move."""
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
+
+
+def first_fields(batch: Batch) -> Iterator[tuple[str, str, str, bool]]:
+    """Of each robot of a batch the fields of its view from `vendor` to `pulls_trailers`."""
+    trains = set(rows_of_trains(batch.forecasts))
+    pulls_trailers = (row in trains for row in range(len(batch)))
+    return zip(batch.vendors, batch.names, batch.states, pulls_trailers, strict=True)

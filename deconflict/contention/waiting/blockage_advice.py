@@ -53,8 +53,10 @@ def _needs_look(blocker: RobotView, stood_s: float, quiet_after_s: float, now_s:
 
 
 def _way_out(blocker: RobotView, geometry: PlaceGeometry, refuges: Sequence[Refuge]) -> Action:
-    """Where an idle blocker can go: to the nearest free resource of its floor, if there is any."""
+    """Where an idle blocker can go: to the nearest free resource of its floor; else back, but no train."""
     near = [refuge for refuge in refuges if refuge.datum == blocker.datum]
+    if not near and blocker.pulls_trailers:
+        return _action(blocker, "look", reason="pulls trailers and can't back out")
     if not near:
         return _action(blocker, "back_out", where="of the way")
     nearest = min(near, key=lambda refuge: hypot(refuge.x_m - blocker.x_m, refuge.y_m - blocker.y_m)).resource

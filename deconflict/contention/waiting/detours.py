@@ -89,7 +89,8 @@ def back_out(
     now_s: float,
     priority: Callable[[str], float],
 ) -> tuple[Recommendation, str, float]:
-    """For two robots towards each other in a lane: the one for which it costs less backs out and comes again.
+    """For two robots towards each other in a lane: of the waiters of `ring`, which can back, the one for which it costs
+    less backs out and comes again.
 
     It waits before the lane until the other robot is out of it, and then drives the way back. Returns the advice, the
     robot that backs out, and how far.

@@ -113,7 +113,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         frames = FrameRegistry(self.site.datums, self.site.vendors)
-        self.fleet = Fleet(VendorRegistry(()), frames, self.site.reading, Measures(), Quarantine())
+        self.fleet = Fleet(VendorRegistry(self.site.vendors), frames, self.site.reading, Measures(), Quarantine())
         self.engine = Engine(self.site)
         for name, script in self.robots.items():
             self.fleet.receive(identity(name, NOW_S, manufacturerName=script.vendor), NOW_S, LINE)

@@ -4,7 +4,7 @@ from typing import Any
 
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advisory import Action, AnyAdvisory
-from ingest.settings import Vendor
+from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.contention.scenes import Scene, Script, aisle, raised, resource, site
 from tests.helpers.saying import robot
 
@@ -41,6 +41,21 @@ def test_of_two_in_a_lane_one_backs_out() -> None:
     (advisory,) = raised(scene.run(8), "deadlock")
     last = [each for each in scene.run(12, from_s=8) if each.id == advisory.id][-1]
     assert texts(last) == ["Alder A should back out of lane", "Alder B should go first"]
+
+
+def test_no_train_backs_out_of_a_lane() -> None:
+    """Without trailers A would, which is less far in; with them B does, and if both pull some, nobody."""
+    pulled = {"A1": Model(trailers=Trailers(count=2, length_m=1.0, width_m=0.7, hitch_m=1.3))}
+    alder, corvid = Vendor(name="Alder", models=pulled), Vendor(name="Corvid", models=pulled)
+    a, b = Script([(0, -16, 0), (40, 24, 0)]), Script([(0, 16, 0), (40, -24, 0)], vendor="Corvid")
+    for vendors, expected in (
+        ((alder,), ["Corvid B should back out of lane", "Alder A should go first"]),
+        ((alder, corvid), ["somebody should look at Corvid B"]),
+    ):
+        scene = Scene(site(aisle("lane", -8, 12), vendors=vendors), {"A": a, "B": b})
+        (advisory,) = raised(scene.run(8), "deadlock")
+        last = [each for each in scene.run(12, from_s=8) if each.id == advisory.id][-1]
+        assert texts(last) == expected
 
 
 def test_one_of_two_that_swap_goes_to_a_free_place_first() -> None:

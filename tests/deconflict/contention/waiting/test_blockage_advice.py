@@ -4,14 +4,15 @@ import pytest
 
 from deconflict.advisory import Action, AnyAdvisory
 from deconflict.settings.shared_places import Resource
+from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.contention.scenes import Scene, Script, cleared, raised, resource, site
 
 
-def scene(state: str, *places: Resource) -> Scene:
+def scene(state: str, *places: Resource, vendors: tuple[Vendor, ...] = ()) -> Scene:
     """A stands from the start; B of another vendor comes to it after 28 s and waits."""
     blocker = Script([(0, 0, 0)], state=lambda _: state)
     waiting = Script([(0, 0, -30), (28, 0, -1.5)], means=[(0, 0, -30), (60, 0, 30)], vendor="Corvid")
-    return Scene(site(*places), {"A": blocker, "B": waiting})
+    return Scene(site(*places, vendors=vendors), {"A": blocker, "B": waiting})
 
 
 def newest(advisories: list[AnyAdvisory]) -> AnyAdvisory:
@@ -57,6 +58,13 @@ def test_an_idle_robot_should_go_to_the_nearest_free_place_of_its_floor() -> Non
 
 def test_an_idle_robot_without_a_free_place_should_go_out_of_the_way() -> None:
     assert "; Alder A should back out of the way" in newest(scene("idle").run(40)).summary
+
+
+def test_a_person_should_look_at_an_idle_train_without_a_free_place() -> None:
+    pulled = Trailers(count=2, length_m=1.0, width_m=0.7, hitch_m=1.3)
+    advisory = newest(scene("idle", vendors=(Vendor(name="Alder", models={"A1": Model(trailers=pulled)}),)).run(40))
+    assert actions(advisory)[0] == ("Alder A", "look")
+    assert first(advisory).reason == "pulls trailers and can't back out"
 
 
 def test_a_robot_should_drive_around_a_blocker_that_probably_stands_long() -> None:
