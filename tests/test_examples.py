@@ -3,6 +3,8 @@
 import asyncio
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 from collections.abc import AsyncIterator
@@ -10,6 +12,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 import trustme
 
 from deconflict.advisories.situations.situation import advisories_of
@@ -18,14 +21,23 @@ from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.deconflict.operator.outlets.made_outlets import SECRET, kept, posting
-from tests.deconflict.roles.made_service import free_ports
+from tests.deconflict.roles.made_service import Served as Service
+from tests.deconflict.roles.made_service import free_ports, healthy
 from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 from tests.helpers.patience import PATIENCE_S
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 EXAMPLE, BOARD = EXAMPLES / "site_service.py", EXAMPLES / "situation_board.py"
+TUTORIAL = EXAMPLES.parent / "docs" / "tutorial.md"
 RECEIVER = EXAMPLES / "webhook_receiver.py"
 SAID = "the-token-of-the-site-service"
+
+NODE = ["node", "--experimental-websocket"]
+
+
+def node_has_websockets() -> bool:
+    tried = [*NODE, "-e", "WebSocket"]
+    return bool(shutil.which("node")) and subprocess.run(tried, check=False, capture_output=True).returncode == 0
 
 
 def started(service: Served, place: Path) -> subprocess.Popen[bytes]:
@@ -123,6 +135,45 @@ async def test_the_webhook_receiver_takes_each_signed_revision_and_no_other(tmp_
     ]
 
 
+@pytest.mark.skipif(not node_has_websockets(), reason="needs node 22, or 20.10")
+async def test_the_javascript_client_resumes_after_a_restart_of_the_service_and_of_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DECONFLICT_TOKEN", SAID)
+    people = (Person(name="site service", token="env:DECONFLICT_TOKEN"),)
+    (port,) = free_ports(1)
+    command = [*NODE, str(EXAMPLES / "follow_stream.mjs"), f"http://127.0.0.1:{port}", str(tmp_path / "place.json")]
+    (tmp_path / "place.json").write_text('{"seq": 0}')
+    async with served(tmp_path, at=f"127.0.0.1:{port}", people=people) as service:
+        await service.publish(made(1))
+        client = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE)
+        printed = await lines_of(client, 1)
+    async with served(tmp_path, at=f"127.0.0.1:{port}", people=people) as service:
+        await service.publish(made(2))
+        printed += await lines_of(client, 1)
+        client.kill()
+        await client.wait()
+        await until(lambda: place_of(tmp_path / "place.json") >= 1)
+        (tmp_path / "place.json").write_text('{"seq": 2}')
+        await service.publish(situation(1), cleared(2))
+        again = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE)
+        printed += await lines_of(again, 2)
+        again.kill()
+        await again.wait()
+    numbers_and_kinds = [line.partition(":")[0] for line in printed]
+    assert numbers_and_kinds == ["1 raised conflict", "2 raised conflict", "3 raised situation", "4 cleared conflict"]
+
+
+@pytest.mark.skipif(not node_has_websockets(), reason="needs node 22, or 20.10")
+async def test_the_javascript_client_says_why_the_stream_refuses_its_position(tmp_path: Path) -> None:
+    (tmp_path / "place.json").write_text('{"seq": 99}')
+    async with served(tmp_path) as service:
+        command = [*NODE, str(EXAMPLES / "follow_stream.mjs"), service.http, str(tmp_path / "place.json")]
+        client = await asyncio.create_subprocess_exec(*command, stderr=asyncio.subprocess.PIPE)
+        errors = (await client.communicate())[1].decode()
+    assert (client.returncode, "4416: after is beyond the last seq 0" in errors) == (1, True)
+
+
 async def test_the_board_shows_the_open_situations_after_each_change(tmp_path: Path) -> None:
     async with served(tmp_path) as service:
         await service.publish(situation(1), made(1))
@@ -135,3 +186,23 @@ async def test_the_board_shows_the_open_situations_after_each_change(tmp_path: P
         assert await board.stdout.readline() == b"0 open\n"
         board.kill()
         await board.wait()
+
+
+async def test_the_robots_of_the_tutorial_conform_and_are_warned_of(tmp_path: Path) -> None:
+    blocks = dict(re.findall(r"^```(toml|python)\n(.*?)^```", TUTORIAL.read_text(), re.M | re.S))
+    commands = re.findall(r"^python robot.py (.*)$", TUTORIAL.read_text(), re.M)
+    (tmp_path / "site.toml").write_text(blocks["toml"])
+    service = Service(tmp_path / "data", tmp_path / "site.toml")
+    (tmp_path / "robot.py").write_text(blocks["python"].replace("ws://127.0.0.1:3000", service.robots_url))
+    with service.running():
+        await service.until("/healthz", healthy)
+        robots = [subprocess.Popen([sys.executable, str(tmp_path / "robot.py"), *each.split()]) for each in commands]
+        try:
+            opened = await service.until("/advisories", lambda answer: answer["advisories"])
+            known = await service.until("/robots", lambda answer: answer["robots"])
+        finally:
+            for robot in robots:
+                robot.kill()
+                robot.wait()
+    assert " cross in " in opened["advisories"][0]["summary"]
+    assert [(robot["identified"], robot["deviations"]) for robot in known["robots"]] == [(True, {}), (True, {})]
