@@ -20,7 +20,7 @@ from deconflict.advisory import AnyAdvisory, Severity
 from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served, until
-from tests.deconflict.operator.outlets.made_outlets import SECRET, kept, posting
+from tests.deconflict.operator.outlets.made_outlets import SECRET, delivered, kept, posting
 from tests.deconflict.roles.made_service import Served as Service
 from tests.deconflict.roles.made_service import free_ports, healthy
 from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
@@ -121,6 +121,7 @@ async def test_the_webhook_receiver_takes_each_signed_revision_and_no_other(tmp_
             await publisher.publish([made(1), made(2)])
             async with receiving(port, SECRET) as receiver:
                 taken = await lines_of(receiver, 2)
+                await delivered(publisher, 2)  # it prints a revision before it accepts it
             async with receiving(port, "another secret") as wary:
                 assert wary.stderr
                 await publisher.publish([cleared(1)])
