@@ -60,7 +60,7 @@ class Floor:
 
     def __post_init__(self) -> None:
         frames = FrameRegistry(self.site.datums, self.site.vendors)
-        self.fleet = Fleet(VendorRegistry(()), frames, self.site.reading, Measures(), Quarantine())
+        self.fleet = Fleet(VendorRegistry(self.site.vendors), frames, self.site.reading, Measures(), Quarantine())
         self.engine = Engine(self.site)
 
     def run(self, until_s: float, from_s: float = 0.0) -> list[ConflictAdvisory]:
