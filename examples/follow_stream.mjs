@@ -33,7 +33,9 @@ function follow() {
     note(revision.seq);
     waitMs = 200;
   };
-  stream.onclose = ({ code, reason }) => {
+  // Node.js 20 sends no close event if it could not connect at all, only an error.
+  stream.onerror = stream.onclose = ({ code, reason }) => {
+    stream.onerror = stream.onclose = null;
     if (PERMANENT.has(code)) {
       console.error(`${code}: ${reason}`);
       process.exit(1);

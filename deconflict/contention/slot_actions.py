@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 
-from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
+from deconflict.advice.actions.waiting import PERSON_REACTION_S, SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advisory import Action, ActionKind, Recommendation, Slot
 from deconflict.contention.robots.place_geometry import PlaceGeometry
@@ -58,12 +58,17 @@ def _ring_actions(
     if away.resource not in {link.where for link in ring}:
         yield _elsewhere(away, "first", geometry, robots)
         return
-    passage = robots[last.robot].passages.get(last.resource)
-    if passage is not None and passage.enter_s <= now_s:
+    if _is_too_late_to_wait(robots[last.robot], last.resource, now_s):
         yield _action(last, robots, "back_out", where=f"of {geometry.label(last.resource)}")
     else:
         yield _wait(last, geometry, robots)
     yield from (_go_first(robot, robots) for robot in waiters if robot != last.robot)
+
+
+def _is_too_late_to_wait(robot: RobotView, lane: str, now_s: float) -> bool:
+    """Whether a robot is in a lane, or will be before anybody can stop it. Trailers can't be backed out of it again."""
+    passage, reaction_s = robot.passages.get(lane), 0.0 if robot.pulls_trailers else PERSON_REACTION_S
+    return passage is not None and passage.enter_s <= now_s + reaction_s
 
 
 def _with(advice: Recommendation, actions: Sequence[Action]) -> Recommendation:

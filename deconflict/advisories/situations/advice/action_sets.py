@@ -13,9 +13,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
+from deconflict.advice.actions.waiting import PERSON_REACTION_S, SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
-from deconflict.advisories.situations.advice.stakes import PERSON_REACTION_S, SERVICE_REACTION_S, preventable_cost_of
+from deconflict.advisories.situations.advice.stakes import SERVICE_REACTION_S, preventable_cost_of
 from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation
 
 GO_FIRST = "go_first"

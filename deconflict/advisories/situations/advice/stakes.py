@@ -6,6 +6,7 @@ The costs are rough amounts of time that robots lose: they order situations, and
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from deconflict.advice.actions.waiting import PERSON_REACTION_S
 from deconflict.advice.expected_loss import expected_loss_s
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisory import (
@@ -18,8 +19,8 @@ from deconflict.advisory import (
     Severity,
 )
 
-SERVICE_REACTION_S, PERSON_REACTION_S = 0.5, 3.0
-"""The shortest useful reaction of a site service, and of a person. What begins sooner they can't prevent any more."""
+SERVICE_REACTION_S = 0.5
+"""The shortest useful reaction of a site service. What begins sooner it can't prevent any more."""
 HELD_UP_COST_S, LOCKED_COST_S, CROWD_COST_S = 15.0, 60.0, 60.0
 """What a robot loses behind a blocker, and in a deadlock; and what a crowd costs."""
 LASTS_S = 7.0
