@@ -24,6 +24,7 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[resources]]`": shared_places.Resource,
     "`[[resources.floors]]`": shared_places.Landing,
     "`[[zones]]`": shared_places.Zone,
+    "`[[obstacles]]`": shared_places.Obstacle,
     "`[[operator.people]]`": site.Person,
     "`[receiver.tls]`": settings.Tls,
     "`[[mqtt_sources]]`": settings.MqttSource,

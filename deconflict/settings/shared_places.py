@@ -1,4 +1,4 @@
-"""The places that robots share: resources, which they go to, and zones, which they pass."""
+"""The places that robots share: resources, which they go to, and zones, which they pass; and obstacles between them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Literal
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import Field
 
-from ingest.settings import Coordinate, DatumId, Seconds, Section
+from ingest.settings import Coordinate, Datum, DatumId, Seconds, Section
 
 Point = tuple[Coordinate, Coordinate]
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
@@ -65,6 +65,19 @@ class Zone(Place):
     """The two ends of an aisle."""
 
 
+class Obstacle(Section):
+    """A rack, a wall or a machine that stands on a floor. The map draws it; predictions do not use it."""
+
+    name: str = ""
+    """Name for people."""
+    kind: Literal["rack", "wall", "machine"]
+    """What it is."""
+    floor: DatumId = ""
+    """Id of the datum that it stands on; may be absent if there is only one."""
+    outline_m: Polygon
+    """Outline, metres in the floor's frame."""
+
+
 class ContentionSettings(Section):
     """When queues, deadlocks and blockages are published."""
 
@@ -111,6 +124,18 @@ def place_problems(resources: Iterable[Resource], zones: Iterable[Zone], datums:
             yield f"{key}.axis: a {zone.kind} has none; only an aisle has"
         elif zone.axis is not None and zone.axis[0] == zone.axis[1]:
             yield f"{key}.axis: both ends are at {list(zone.axis[0])}; expected the two ends of the aisle"
+
+
+def obstacle_problems(obstacles: Sequence[Obstacle], datums: Sequence[Datum]) -> Iterator[str]:
+    """A sentence for each obstacle whose floor is unknown, or whose outline encloses nothing."""
+    choices = ", ".join(datum.id for datum in datums) or "none"
+    for row, obstacle in enumerate(obstacles):
+        if not obstacle.floor and len(datums) != 1:
+            yield f"obstacles[{row}].floor: is missing; expected one of {choices}"
+        elif obstacle.floor and all(datum.id != obstacle.floor for datum in datums):
+            yield f"obstacles[{row}].floor: no datum has the id {obstacle.floor!r}; expected one of {choices}"
+        if problem := _outline_problem(obstacle.outline_m):
+            yield f"obstacles[{row}].outline_m: {problem}"
 
 
 def _outline_problem(outline: Sequence[Point]) -> str:

@@ -52,7 +52,7 @@ class PageRoutes:
         return self._file(name)
 
     def site(self) -> Response:
-        """The floors with their marks, resources and zones, and the settings that the page shows."""
+        """The floors with their marks, resources, zones and obstacles, and the settings that the page shows."""
         return _json(site_document(self._app.state.site))
 
     def plan(self, datum: str) -> Response:
@@ -175,6 +175,10 @@ def site_document(site: Site) -> dict[str, Any]:
         "name": site.name,
         "floors": floors,
         "places": drawn,
+        "obstacles": [
+            {"name": each.name, "kind": each.kind, "floor": each.floor or site.datums[0].id, "polygon": each.outline_m}
+            for each in site.obstacles
+        ],
         "clearance_m": site.conflict.clearance_m,
         "horizon_s": site.conflict.horizon_s,
         "quiet_after_s": site.reading.quiet_after_s,

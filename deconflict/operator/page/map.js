@@ -32,7 +32,7 @@ export class FloorMap {
 
   colours() {
     const style = getComputedStyle(document.documentElement);
-    return Object.fromEntries(["ink", "faint", "floor", "grid", "place", "place-line", "halo", "critical", "warning", "caution", "accent"]
+    return Object.fromEntries(["ink", "faint", "floor", "grid", "place", "place-line", "rack", "wall", "machine", "halo", "critical", "warning", "caution", "accent"]
       .map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   }
 
@@ -47,6 +47,7 @@ export class FloorMap {
     pen.fillRect(0, 0, camera.width, camera.height);
     if (scene.plan) this.plan(scene.plan);
     this.grid();
+    this.obstacles(scene);
     this.places(scene);
     this.marks(scene);
     exits(this, scene);
@@ -111,6 +112,20 @@ export class FloorMap {
     this.text("x, y in m", EDGE_PX + 28 * unit, EDGE_PX + 10 * unit, 10, ink.faint);
   }
 
+  obstacles(scene) {
+    const { pen, camera, ink } = this;
+    pen.lineWidth = 1;
+    for (const { kind, polygon } of scene.obstacles) {
+      pen.beginPath();
+      polygon.forEach(([x, y]) => pen.lineTo(camera.px(x), camera.py(y)));
+      pen.closePath();
+      pen.fillStyle = ink[kind];
+      pen.fill();
+      pen.strokeStyle = ink["place-line"];
+      pen.stroke();
+    }
+  }
+
   places(scene) {
     const { pen, camera, ink } = this;
     for (const place of scene.places) {
@@ -138,7 +153,16 @@ export class FloorMap {
       const box = { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
       this.beside(place.id, box, `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint);
     }
+    if (!tiny) for (const obstacle of scene.obstacles) this.nameWithin(obstacle);
     if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
+  }
+
+  // The name of an obstacle in its middle, if it is as long as its text.
+  nameWithin({ name, polygon }) {
+    const { pen, camera, ink, unit } = this, xs = polygon.map(([x]) => camera.px(x)), ys = polygon.map(([, y]) => camera.py(y));
+    const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    pen.font = `${11 * unit}px system-ui, sans-serif`;
+    if (pen.measureText(name).width < right - left && 11 * unit < bottom - top) this.text(name, (left + right) / 2, (top + bottom) / 2 + 4 * unit, 11, ink.faint);
   }
 
   beside(id, thing, text, size, colour) {

@@ -129,6 +129,7 @@ def test_keys_that_contradict_each_other_are_named(path: str, value: Any, says: 
 SQUARE = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
 DOCK = {"id": "d", "kind": "dock", "datum": HALL, "polygon": SQUARE}
 AISLE = {"id": "a", "kind": "aisle", "datum": HALL, "polygon": SQUARE, "axis": [[0.0, 1.0], [2.0, 1.0]]}
+RACK = {"kind": "rack", "floor": HALL, "outline_m": SQUARE}
 
 
 @pytest.mark.parametrize(
@@ -141,6 +142,9 @@ AISLE = {"id": "a", "kind": "aisle", "datum": HALL, "polygon": SQUARE, "axis": [
         ("zones", {key: AISLE[key] for key in AISLE if key != "axis"}, "zones[0].axis: is missing"),
         ("zones", AISLE | {"kind": "door"}, "zones[0].axis: a door has none"),
         ("zones", AISLE | {"axis": [[1.0, 1.0], [1.0, 1.0]]}, "zones[0].axis: both ends are at [1.0, 1.0]"),
+        ("obstacles", RACK | {"floor": "attic"}, "obstacles[0].floor: no datum has the id 'attic'"),
+        ("obstacles", RACK | {"outline_m": [[0.0, 0.0]] * 3}, "obstacles[0].outline_m: "),
+        ("obstacles", RACK | {"kind": "rock"}, "obstacles[0].kind: input should be 'rack', 'wall' or 'machine'"),
         ("zones", AISLE | {"capacity": 0}, "zones[0].capacity: input should be greater than or equal to 1"),
     ],
 )
@@ -150,6 +154,12 @@ def test_a_wrong_place_is_named_with_what_to_change(
     with pytest.raises(SiteError) as error:
         load(written(sound() | {section: [place]}, tmp_path))
     assert any(problem.startswith(says) for problem in error.value.problems), error.value.problems
+
+
+def test_an_obstacle_of_a_site_with_several_floors_needs_its_floor(tmp_path: Path) -> None:
+    document = put(sound(), "datums.1", {"id": "yard", "name": "Yard"}) | {"obstacles": [RACK | {"floor": ""}]}
+    with pytest.raises(SiteError, match=rf"obstacles\[0\].floor: is missing; expected one of {HALL}, yard"):
+        load(written(document, tmp_path))
 
 
 def test_a_resource_and_a_zone_share_no_id(tmp_path: Path) -> None:

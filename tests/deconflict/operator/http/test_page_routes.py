@@ -20,6 +20,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
 from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
+from tests.helpers.made_site import written
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import robot, status
 
@@ -67,6 +68,13 @@ def test_the_site_has_its_floors_in_order_and_the_places_on_them() -> None:
     assert {mark["name"] for mark in document["floors"][0]["marks"]} >= {"Column A1", "Column C3"}
     floors = {floor["id"] for floor in document["floors"]}
     assert all(place["floor"] in floors and len(place["polygon"]) >= 3 for place in document["places"])
+
+
+def test_the_site_has_its_obstacles_on_their_floors(tmp_path: Path) -> None:
+    rack = {"name": "R1", "kind": "rack", "outline_m": [[1, 1], [9, 1], [9, 2]]}
+    datum = {"id": "HALL", "name": "Hall", "level": 0}
+    site = load(written({"datums": [datum], "obstacles": [rack, {**rack, "floor": "Hall"}]}, tmp_path))
+    assert [obstacle["floor"] for obstacle in site_document(site)["obstacles"]] == ["hall", "hall"]
 
 
 async def test_a_shift_has_the_worst_severity_of_each_situation(face: Served, client: httpx.AsyncClient) -> None:
