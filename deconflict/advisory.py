@@ -91,6 +91,7 @@ class Action(Published):
     start_at: datetime | None = Field(default=None, description="when the robot should be there")
     end_at: datetime | None = Field(default=None, description="until when it may stay there")
     reason: str = Field(default="", description="why, for people; empty if the advisory says it")
+    task: str = Field(default="", description="what a person looks for and does there; only of `look`")
 
 
 class Recommendation(Published):

@@ -58,8 +58,8 @@ def limited_advice(advice: Recommendation, robots: Collection[str]) -> Recommend
 
 
 def _short_action(action: Action) -> Action:
-    texts = {"name": MOST_NAME_BYTES, "where": MOST_REASON_BYTES, "reason": MOST_REASON_BYTES}
-    short = {field: short_text(getattr(action, field), most_bytes) for field, most_bytes in texts.items()}
+    most_bytes = {"name": MOST_NAME_BYTES} | dict.fromkeys(("where", "reason", "task"), MOST_REASON_BYTES)
+    short = {field: short_text(getattr(action, field), most) for field, most in most_bytes.items()}
     return action.model_copy(update=short)
 
 

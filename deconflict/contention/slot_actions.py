@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 
+from deconflict.advice.actions.looking import DRIVE_ASIDE
 from deconflict.advice.actions.waiting import PERSON_REACTION_S, SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advisory import Action, ActionKind, Recommendation, Slot
@@ -52,7 +53,8 @@ def _ring_actions(
     waiters = [link.waiter for link in ring]
     if not advice.slots:
         first = robots[waiters[0]]
-        yield Action(robot=first.uuid, name=first.name, action="look", reason="no order of waiting ends it")
+        reason = "no order of waiting ends it"
+        yield Action(robot=first.uuid, name=first.name, action="look", reason=reason, task=DRIVE_ASIDE)
         return
     away, last = advice.slots[0], max(advice.slots, key=lambda slot: slot.wait_s)
     if away.resource not in {link.where for link in ring}:

@@ -19,4 +19,5 @@ def action_text(action: Action) -> str:
         case "go_first":
             return f"{name} should go first"
         case "look":
-            return f"somebody should look at {name}"
+            task = f" and {action.task}" if action.task else ""
+            return f"somebody should go to {name}{f' ({action.reason})' if action.reason else ''}{task}"

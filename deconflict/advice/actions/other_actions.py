@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.advice.actions.changed_motion import Motion, backed, own_knots, proven, slowed, trailer_knots
+from deconflict.advice.actions.looking import FIND_CAUSE
 from deconflict.advice.holds.hold_planner import HoldPlan
 from deconflict.advisory import Action
 from deconflict.sweep.geometry.knots import Knots
@@ -105,7 +106,8 @@ def another_route(plan: HoldPlan, pair: Pair, standing: Action | None) -> Action
     leaves = problem.first_to_yield(robots)
     if leaves is None:
         name = problem.planned[pair[0]].name
-        return Action(robot=pair[0], name=name, action="look", reason="none of them is about to move")
+        reason = "none of them is about to move"
+        return Action(robot=pair[0], name=name, action="look", reason=reason, task=FIND_CAUSE)
     if standing and robots == pair and problem.first_to_yield([standing.robot]) and standing.robot in robots:
         leaves = standing.robot
     return Action(robot=leaves, name=problem.planned[leaves].name, action="take_another_route")

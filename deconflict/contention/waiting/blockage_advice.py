@@ -8,13 +8,14 @@ from itertools import islice
 from math import ceil, hypot
 from typing import Any
 
+from deconflict.advice.actions.looking import DRIVE_ON
 from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
 from deconflict.advisory import Action, ActionKind, Recommendation
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.detours import Refuge
-from deconflict.contention.waiting.standing_reasons import needs_person, state_phrase
+from deconflict.contention.waiting.standing_reasons import is_silent, needs_person, state_phrase, task_at
 
 MOST_HELD_UP = 2
 """Robots that are held up and get an action, the soonest first."""
@@ -36,7 +37,9 @@ def blockage_advice(
     """The advice, with at least one action. The blocker is expected to stand `left_s` longer."""
     blocker = robots[blocked.blocker]
     if _needs_look(blocker, now_s - blocked.since_s, quiet_after_s, now_s):
-        of_blocker = [_action(blocker, "look", reason=state_phrase(blocker, quiet_after_s, now_s))]
+        is_quiet = is_silent(blocker, quiet_after_s, now_s)
+        reason = "silent" if is_quiet else state_phrase(blocker, quiet_after_s, now_s)
+        of_blocker = [_action(blocker, "look", reason=reason, task=task_at(blocker, is_quiet))]
     elif blocker.state == "idle":
         of_blocker = [_way_out(blocker, geometry, refuges)]
     else:
@@ -56,7 +59,7 @@ def _way_out(blocker: RobotView, geometry: PlaceGeometry, refuges: Sequence[Refu
     """Where an idle blocker can go: to the nearest free resource of its floor; else back, but no train."""
     near = [refuge for refuge in refuges if refuge.datum == blocker.datum]
     if not near and blocker.pulls_trailers:
-        return _action(blocker, "look", reason="pulls trailers and can't back out")
+        return _action(blocker, "look", reason="pulls trailers and can't back out", task=DRIVE_ON)
     if not near:
         return _action(blocker, "back_out", where="of the way")
     nearest = min(near, key=lambda refuge: hypot(refuge.x_m - blocker.x_m, refuge.y_m - blocker.y_m)).resource

@@ -31,19 +31,19 @@ def first(advisory: AnyAdvisory) -> Action:
 
 
 @pytest.mark.parametrize(
-    ("state", "reason"),
+    ("state", "reason", "task"),
     [
-        ("disabled", "disabled"),
-        ("offline", "offline"),
-        ("manualOverride", "driven by hand"),
-        ("waitingHumanEvent", "waits for a person"),
+        ("disabled", "disabled", "see what has stopped it, and switch it on again or drive it aside by hand"),
+        ("offline", "offline", "switch it on again or push it aside"),
+        ("manualOverride", "driven by hand", "have whoever drives it by hand move it aside"),
+        ("waitingHumanEvent", "waits for a person", "do what it asks for"),
     ],
 )
-def test_a_person_should_look_at_a_robot_that_needs_one(state: str, reason: str) -> None:
+def test_a_person_should_go_to_a_robot_that_needs_one_and_knows_what_to_do(state: str, reason: str, task: str) -> None:
     advisory = newest(scene(state).run(40))
     assert actions(advisory)[0] == ("Alder A", "look")
-    assert first(advisory).reason == reason
-    assert "; somebody should look at Alder A" in advisory.summary
+    assert (first(advisory).reason, first(advisory).task) == (reason, task)
+    assert f"; somebody should go to Alder A ({reason}) and {task}" in advisory.summary
 
 
 def test_an_idle_robot_should_go_to_the_nearest_free_place_of_its_floor() -> None:
@@ -93,7 +93,8 @@ def test_a_silent_robot_should_be_looked_at() -> None:
     heard = silent.robots.pop("A")
     assert heard
     advisories = silent.run(60, from_s=5)
-    assert first(newest(advisories)).reason.startswith("last heard ")
+    look = first(newest(advisories))
+    assert (look.reason, look.task) == ("silent", "see whether it is switched on, and restart it or push it aside")
 
 
 def test_the_advice_of_a_blockage_changes_only_with_what_should_be_done() -> None:

@@ -172,7 +172,7 @@ def test_advice_that_says_where_to_go_takes_the_place_of_vague_advice() -> None:
 def test_a_person_is_asked_to_look_at_a_blocker() -> None:
     found = revised(None, NOW_S, blockage("xab", recommendation=advice(action("x", "look"))))
     assert found is not None
-    assert found.text == "somebody should look at Robot x"
+    assert found.text == "somebody should go to Robot x"
 
 
 def test_people_are_asked_first_and_for_long_enough() -> None:
@@ -180,7 +180,7 @@ def test_people_are_asked_first_and_for_long_enough() -> None:
     blocked = blockage("xcd", recommendation=advice(action("x", "look")))
     found = revised(None, NOW_S, crossing, blocked)
     assert found is not None
-    assert (found.for_people, found.text) == (True, "somebody should look at Robot x")
+    assert (found.for_people, found.text) == (True, "somebody should go to Robot x")
     short = blockage("xcd", recommendation=advice(action("c", seconds=PEOPLE_STAND_S - 1)))
     found = revised(None, NOW_S, short)
     assert found is not None
