@@ -1,7 +1,7 @@
 """Encounters of the recorded motion, found while a log is read, in bounded memory.
 
 The motion of a robot is its reported positions on its floor. If two reports are at most 2.1 s apart, positions between
-them are interpolated linearly at 10 Hz. The separation of two robots is that of their oriented envelopes. An encounter
+them are interpolated linearly at 10 Hz. The separation of two robots is that of their shapes and trailers. An encounter
 is a maximal run of samples of a pair below a threshold. Two runs are one encounter if the gap is at most 1 s, or if the
 separation in the gap stays within `conflict.clear_margin_m` above the threshold. An encounter is foreseeable if both
 robots were present for at least 2 s before its start.
@@ -50,7 +50,7 @@ class EncounterFinder:
         """A pair has drawn apart `drawn_apart_m` above a threshold: `conflict.clear_margin_m`."""
         self.motion = RecordedMotion()
         self.scenes = NearestScenes(STEP_S)
-        self.silences = Silences()
+        self.silences = Silences(self.motion.slots)
         self._below = {threshold_m: ThresholdEncounters(threshold_m, drawn_apart_m) for threshold_m in thresholds_m}
         self._next: int | None = None
         """The next sample to process, in steps since the epoch."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ingest.batch import Floats, Ints
-from metrics.truth.recorded_motion import RecordedMotion, SampledMotion
+from metrics.truth.recorded_motion import BODIES, RecordedMotion, SampledMotion
 from metrics.truth.separations import Separations
 
 KEPT = 10
@@ -126,8 +126,8 @@ def _part(sampled: SampledMotion, robots: list[int], first: int, last: int) -> t
     samples = np.arange(max(first, sampled.first), min(last + 1, sampled.first + sampled.x_m.shape[1]))
     poses = np.full((2, len(samples), 6), np.nan)
     for which, robot in enumerate(robots):
-        row = int(np.searchsorted(sampled.robot, robot))
-        if row < len(sampled.robot) and sampled.robot[row] == robot:
+        row = int(np.searchsorted(sampled.body, BODIES * robot))
+        if row < len(sampled.body) and sampled.body[row] == BODIES * robot:
             columns = samples - sampled.first
             poses[which] = np.stack(
                 [

@@ -1,7 +1,7 @@
 """The recorded motion: linear between two reported positions if the reports are at most 2.1 s apart."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor, inf, nan
 
 import numba
@@ -11,11 +11,15 @@ from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.sweep.geometry.pose import between
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_table import SHAPES
+from deconflict.sweep.shapes.trailers import rows_of_trains, trailer_forecasts
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.kernels import kernel, ready
+from ingest.shapes import MOST_TRAILERS
 
+BODIES = MOST_TRAILERS + 1
+"""Body `BODIES * slot` is a robot. The numbers after it are its trailers."""
 _SIZE = ("length", "width", "bottom", "top", "shape")
-_LEG = ("robot", "begin_s", "end_s", "x0", "y0", "yaw0", "x1", "y1", "yaw1", "floor", "since_s", *_SIZE)
+_LEG = ("body", "begin_s", "end_s", "x0", "y0", "yaw0", "x1", "y1", "yaw1", "floor", "since_s", *_SIZE)
 _LAST = ("t_s", "x", "y", "yaw", "floor", "since_s", "present_s", *_SIZE)
 _PRESENT = _LAST.index("present_s")
 _NEVER = np.array([0.0 if name == "present_s" else -inf for name in _LAST])
@@ -26,13 +30,13 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledMotion:
-    """The poses of r robots at s samples; nan while a robot is absent. Robots that are absent at all samples are left
-    out."""
+    """The poses of r robots and trailers at s samples; nan while one is absent. Those that are absent at all samples
+    are left out."""
 
     first: int
     """The first sample, in steps since the epoch."""
-    robot: Ints
-    """(r,) slots of `RecordedMotion`, ascending."""
+    body: Ints
+    """(r,) numbers of robots and trailers, ascending; see `BODIES`."""
     x_m: Floats
     """(r, s)"""
     y_m: Floats
@@ -48,9 +52,14 @@ class SampledMotion:
     shape: Floats | None = None
     """(r, s) number of its shape in `SHAPES`, 0 for a rectangle; None if all are rectangles."""
 
+    @property
+    def robot(self) -> Ints:
+        """(r,) the slot of each robot, or of the robot that pulls the trailer."""
+        return self.body // BODIES
+
 
 class RecordedMotion:
-    """Every robot's newest report, and the legs between reports that have not been sampled yet."""
+    """The newest report of every robot and trailer, and the legs between reports that have not been sampled yet."""
 
     def __init__(self) -> None:
         self.slots = RobotSlots()
@@ -61,13 +70,20 @@ class RecordedMotion:
 
     def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
         """Add a leg from each robot's last pose to its first knot, if that is newer."""
-        rows, _ = self.slots.assign(robots)
-        if (more := len(self.slots) - len(self._last)) > 0:
+        slots, _ = self.slots.assign(robots)
+        if (more := BODIES * len(self.slots) - len(self._last)) > 0:
             self._last = np.concatenate([self._last, np.tile(_NEVER, (max(more, len(self._last), 64), 1))])
+        self._add_legs(BODIES * slots, forecasts)
+        if trains := rows_of_trains(forecasts):
+            trailers, pulled_by = trailer_forecasts(_present(forecasts, trains))
+            number = np.arange(len(pulled_by)) - np.searchsorted(pulled_by, pulled_by) + 1
+            self._add_legs(BODIES * slots[trains][pulled_by] + number, trailers)
+
+    def _add_legs(self, bodies: Ints, forecasts: Forecasts) -> None:
         knots = (forecasts.t_s, forecasts.x_m, forecasts.y_m, forecasts.yaw_rad, ready(forecasts.floor, np.int64))
-        shape = np.zeros(len(robots)) + SHAPES.numbers(forecasts)
+        shape = np.zeros(len(bodies)) + SHAPES.numbers(forecasts)
         sizes = (forecasts.length_m, forecasts.width_m, forecasts.bottom_m, forecasts.top_m, shape)
-        legs = _legs(rows, forecasts.start, *knots, *sizes, self._last)
+        legs = _legs(bodies, forecasts.start, *knots, *sizes, self._last)
         if len(legs):
             self._unsampled.append(legs)
 
@@ -77,25 +93,34 @@ class RecordedMotion:
 
     def last_seen_s(self, robot: str) -> float:
         slot = self.slots.by_uuid.get(robot)
-        return -inf if slot is None else float(self._last[slot, 0])
+        return -inf if slot is None else float(self._last[BODIES * slot, 0])
 
     def present_s(self) -> dict[str, float]:
         """How long each robot was present."""
-        return dict(zip(self.slots.uuids, self._last[: len(self.slots), _PRESENT].tolist(), strict=True))
+        of_robots = self._last[: BODIES * len(self.slots) : BODIES, _PRESENT]
+        return dict(zip(self.slots.uuids, of_robots.tolist(), strict=True))
 
     def sampled(self, first: int, samples: int, step_s: float) -> SampledMotion:
         """The motion at `samples` samples from `first` on. Drops the legs before their end."""
         legs = np.concatenate([np.empty((0, len(_LEG))), *self._unsampled])
         self._unsampled = [legs[np.floor(legs[:, 2] / step_s) >= first + samples]]
-        robot, there = _joined(legs, len(self.slots), first, samples, step_s)
+        body, there = _joined(legs, BODIES * len(self.slots), first, samples, step_s)
         x_m, y_m, yaw_rad, floor, since_s = there[:5]
         columns = (x_m, y_m, yaw_rad, there[5:7] / 2, there[7:9], floor, since_s)
-        return SampledMotion(first, robot, *columns, there[9] if (there[9] > 0).any() else None)
+        return SampledMotion(first, body, *columns, there[9] if (there[9] > 0).any() else None)
 
     def pair(self, a: int, b: int) -> tuple[str, str]:
         """The names of two robots, in ascending order."""
         first, second = sorted((self.slots.uuids[a], self.slots.uuids[b]))
         return first, second
+
+
+def _present(forecasts: Forecasts, rows: Sequence[int]) -> Forecasts:
+    """The first knots of the robots of `rows`."""
+    chosen = forecasts.take(rows)
+    knots = chosen.start[:-1]
+    by_knot = {name: getattr(chosen, name)[knots] for name in ("t_s", "x_m", "y_m", "yaw_rad", "floor")}
+    return replace(chosen, start=np.arange(len(chosen) + 1), **by_knot)
 
 
 @kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 5, numba.float64[:, ::1]))
@@ -114,7 +139,7 @@ def _legs(
     shape: Floats,
     last: Floats,
 ) -> Floats:
-    """(n, 16) legs, columns as in `_LEG`, of each robot with a newer report. Its first knot becomes its `last` row.
+    """(n, 16) legs, columns as in `_LEG`, of each body with a newer report. Its first knot becomes its `last` row.
 
     Sizes and heights are those at the beginning of a leg.
     """
@@ -145,20 +170,20 @@ def _legs(
         numba.float64[:, ::1], numba.int64, numba.int64, numba.int64, numba.float64
     )
 )
-def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) -> tuple[Ints, Floats]:
-    """(r,) the robots that are present at any sample, and (10, r, samples) x, y, yaw, floor, present since, length,
-    width, bottom, top and shape; nan while a robot is absent."""
+def _joined(legs: Floats, bodies: int, first: int, samples: int, step_s: float) -> tuple[Ints, Floats]:
+    """(r,) the bodies that are present at any sample, and (10, r, samples) x, y, yaw, floor, present since, length,
+    width, bottom, top and shape; nan while one is absent."""
     begins, ends = np.empty(len(legs), np.int64), np.empty(len(legs), np.int64)
-    row_of = np.full(robots, -1)
+    row_of = np.full(bodies, -1)
     for leg in range(len(legs)):
         begin_s, end_s = legs[leg, 1], legs[leg, 2]
         begin = floor(begin_s / step_s) + 1 if begin_s < end_s else ceil(end_s / step_s)
         begins[leg], ends[leg] = max(begin, first), min(floor(end_s / step_s), first + samples - 1)
         if begins[leg] <= ends[leg]:
             row_of[int(legs[leg, 0])] = 0
-    robot = np.flatnonzero(row_of == 0)
-    row_of[robot] = np.arange(len(robot))
-    there = np.full((10, len(robot), samples), np.nan)
+    body = np.flatnonzero(row_of == 0)
+    row_of[body] = np.arange(len(body))
+    there = np.full((10, len(body), samples), np.nan)
     for leg in range(len(legs)):
         who, begin_s, end_s, x0, y0, yaw0, x1, y1, yaw1, on, since_s = legs[leg, :11]
         row, before, after = row_of[int(who)], (begin_s, x0, y0, yaw0), (end_s, x1, y1, yaw1)
@@ -166,4 +191,4 @@ def _joined(legs: Floats, robots: int, first: int, samples: int, step_s: float) 
             at = there[:, row, sample - first]
             at[0], at[1], at[2], _, _ = between(before, after, sample * step_s)
             at[3], at[4], at[5:10] = nan if on < 0 else on, since_s, legs[leg, 11:16]
-    return robot, there
+    return body, there

@@ -14,10 +14,10 @@ from metrics.truth.recorded_motion import SampledMotion
 
 
 class Separations(NamedTuple):
-    """Near pairs at samples, ascending by pair and sample. Arrays are (m,)."""
+    """Near pairs of robots at samples, ascending by pair and sample. Arrays are (m,)."""
 
     a: Ints
-    """Index of the first robot; `b` is that of the second."""
+    """Slot of the first robot; `b` is that of the second."""
     b: Ints
     sample: Ints
     """Steps since the epoch."""
@@ -33,9 +33,10 @@ class Separations(NamedTuple):
 
 def separations(sampled: SampledMotion, within_m: float) -> Separations:
     """All pairs at all samples with a separation of at most `within_m`, without pairs of which one is above the
-    other."""
+    other. A robot counts with its trailers."""
+    robot = sampled.robot
     (a, b, column), (apart_m, reach_m) = _near(
-        sampled.x_m, sampled.y_m, sampled.half_m, sampled.height_m, sampled.floor, within_m
+        robot, sampled.x_m, sampled.y_m, sampled.half_m, sampled.height_m, sampled.floor, within_m
     )
     of_a, of_b = (a, column), (b, column)
     looks = (
@@ -50,7 +51,17 @@ def separations(sampled: SampledMotion, within_m: float) -> Separations:
         distance[rows] = _of_shapes(sampled, a[rows], b[rows], column[rows], distance[rows], _some(looks, rows))
     since = np.maximum(sampled.since_s[of_a], sampled.since_s[of_b])
     closeness = apart_m / (reach_m - within_m)
-    return Separations(sampled.robot[a], sampled.robot[b], sampled.first + column, distance, since, closeness)
+    found = Separations(robot[a], robot[b], sampled.first + column, distance, since, closeness)
+    return found if len(robot) == len(np.unique(robot)) else _of_trains(found)
+
+
+def _of_trains(found: Separations) -> Separations:
+    """The smallest separation of each pair of robots at each sample, of those of all their trailers."""
+    a, b = np.minimum(found.a, found.b), np.maximum(found.a, found.b)
+    order = np.lexsort((found.closeness, found.separation_m, found.sample, b, a))
+    found = found._replace(a=a, b=b).take(order)
+    moment = np.stack([found.a, found.b, found.sample])
+    return found.take(np.flatnonzero(np.append(True, (np.diff(moment) != 0).any(axis=0))[: len(order)]))
 
 
 def _some(looks: Looks, rows: Ints) -> Looks:
@@ -88,16 +99,17 @@ def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Float
 
 @kernel(
     numba.types.Tuple((numba.int64[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
-        _MATRIX, _MATRIX, _STACK, _STACK, _MATRIX, numba.float64
+        numba.int64[::1], _MATRIX, _MATRIX, _STACK, _STACK, _MATRIX, numba.float64
     )
 )
 def _near(
-    x_m: Floats, y_m: Floats, half_m: Floats, height_m: Floats, floor: Floats, within_m: float
+    robot: Ints, x_m: Floats, y_m: Floats, half_m: Floats, height_m: Floats, floor: Floats, within_m: float
 ) -> tuple[Ints, Floats]:
-    """Pairs whose circumscribed circles are at most `within_m` apart and of which neither is above the other.
+    """Pairs whose circumscribed circles are at most `within_m` apart, of which neither is above the other, and that are
+    not of one `robot` (r,).
 
-    Returns (3, m) the rows of the two robots and the sample, ascending; and (2, m) the distance of their centres and
-    the greatest distance at which they count. Inputs are (r, s); half sides and heights are (2, r, s).
+    Returns (3, m) the rows of the two and the sample, ascending; and (2, m) the distance of their centres and the
+    greatest distance at which they count. Inputs are (r, s); half sides and heights are (2, r, s).
     """
     radius_m = np.hypot(half_m[0], half_m[1])
     boxes = _boxes(x_m, y_m, radius_m, within_m)
@@ -105,6 +117,8 @@ def _near(
     for a in range(len(x_m)):
         west, east, south, north = boxes[a]
         for b in range(a + 1, len(x_m)):
+            if robot[a] == robot[b]:
+                continue
             if west > boxes[b, 1] or boxes[b, 0] > east or south > boxes[b, 3] or boxes[b, 2] > north:
                 continue
             for column in range(x_m.shape[1]):

@@ -35,9 +35,9 @@ class RobotSilence:
 class Silences:
     """Finds silences while reports arrive. Keeps each robot's newest report and its silences, one robot a row."""
 
-    def __init__(self) -> None:
-        self._slots = RobotSlots()
-        """No robot leaves its slot."""
+    def __init__(self, slots: RobotSlots) -> None:
+        """`slots` are those of the recorded motion."""
+        self._slots = slots
         self._heard_s = np.zeros(0)
         """When the newest report was true; -inf before the first."""
         self._there_s = np.zeros(0)
@@ -86,7 +86,8 @@ class Silences:
         if not len(rows) or not len(sampled.robot):
             return
         places = self._place[rows]
-        for at, other in np.argwhere(_near(places, sampled)).tolist():
+        is_other = rows[:, None] != sampled.robot
+        for at, other in np.argwhere(is_other & _near(places, sampled)).tolist():
             if _drives_through(places[at], sampled, other):
                 self._ongoing[int(rows[at])].is_passed = True
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors import candidate_pairs, track_kernels
 from deconflict.foresight.forecast_errors.error_ledger import HORIZONS
-from deconflict.foresight.forecast_errors.track_kernels import LONG_AGO_S, Errors, RelativePoses, ReportHistory, Robots
+from deconflict.foresight.forecast_errors.track_kernels import LONG_AGO_S, Errors, ReportHistory, Robots
 from deconflict.sweep.geometry.pose import poses_at
 from deconflict.sweep.robot_slots import lengthened
 from ingest.batch import Batch, Bools, Floats, Ints
@@ -91,14 +91,9 @@ class PendingForecasts:
         """(slots,) event time of the newest report."""
         return self.newest[:, 0]
 
-    def relative_poses(
-        self, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float, late_s: Floats | None = None
-    ) -> RelativePoses:
-        """The robots `b` (n,) as seen from `a` (n,): at these parts (k,) of the time since both reported before, and at
-        `now_s + ahead_s` (m,) by their newest forecasts. The forecasts begin `late_s` (2, n) later, if that is
-        given."""
-        late_s = np.zeros((2, len(a))) if late_s is None else late_s
-        return track_kernels.relative_poses(self._history, a, b, past_looks, ahead_s, now_s, late_s)
+    @property
+    def history(self) -> ReportHistory:
+        return self._history
 
     def candidate_pairs(
         self, has_news: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float

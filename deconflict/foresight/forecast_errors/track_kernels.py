@@ -87,6 +87,18 @@ class ReportHistory(NamedTuple):
     """(slots, kept, horizons, 3) radii of the bands when the forecast was made."""
 
 
+class Looks(NamedTuple):
+    """The moments at which n pairs of robots are looked at."""
+
+    past: Floats
+    """(k,) parts of the last span of time for which both have reported."""
+    ahead_s: Floats
+    """(m,) seconds after `now_s`."""
+    now_s: float
+    late_s: Floats
+    """(2, n) how much later than they forecast the robots start."""
+
+
 class RelativePoses(NamedTuple):
     """n pairs of robots, at k moments of the past and m moments ahead. Arrays are (n, k + m) unless
     stated otherwise."""

@@ -43,13 +43,15 @@ class PairCandidates:
         """(p,) the codes of the pairs that may come near at any whole second of the horizon. At least one robot of each
         pair is marked by `has_news` (slots,), and none is in a crowd.
 
-        Envelopes are taken as circles, grown by the 80 % bands `bands_m` (kinds, horizons, 3) at the horizon.
+        Envelopes are taken as circles, which hold the trailers, grown by the 80 % bands `bands_m` (kinds, horizons, 3)
+        at the horizon.
         """
         if not has_news.any():
             return np.empty(0, np.int64)
         robots, slots = self._robots, np.flatnonzero(self._robots.is_used)
         columns = (slots, robots.records, robots.half_m)
         near_m = reach_m(bands_m, *columns, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
+        near_m += np.maximum(robots.trailers.reaches_m(len(near_m)) - np.hypot(*robots.half_m), 0.0)
         a, b = pending.candidate_pairs(has_news, slots, robots.rank, near_m, now_s, self._horizon_s).T
         is_level = heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])
         is_crowded = robots.is_crowded()

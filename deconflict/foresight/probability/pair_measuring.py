@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
+from deconflict.foresight.forecast_errors.track_kernels import Looks
 from deconflict.foresight.probability.calibration import log_odds
 from deconflict.foresight.probability.error_band_kernels import Bounds, measure_overlaps
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
@@ -51,8 +52,8 @@ class PairMeasuring:
         """
         robots, ahead_s, bounds = self._robots, self._ahead_s, self._bounds
         a, b = slots_of(pairs["code"][rows])
-        poses = self._pending.relative_poses(a, b, PAST_LOOKS, ahead_s, now_s)
-        apart_m = robots.separations_m(poses, a, b)
+        looks = Looks(PAST_LOOKS, ahead_s, now_s, np.zeros((2, len(rows))))
+        poses, apart_m = robots.relative_poses(self._pending.history, a, b, looks)
         exact = (swept_rows, swept.separation_m, swept.separation_at_s, swept.contact_s)
         of_robots = (bands_m, robots.records, self._pending.newest)
         sds = measure_overlaps(pairs, rows, a, b, *exact, poses, apart_m, *of_robots, ahead_s, now_s, bounds)

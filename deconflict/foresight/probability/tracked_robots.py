@@ -1,18 +1,51 @@
 """The robots that the estimator knows: a slot for each, and what is known of it, in columns."""
 
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.forecast_errors.track_kernels import ROBOT, RelativePoses
+from deconflict.foresight.forecast_errors.track_kernels import (
+    ROBOT,
+    Looks,
+    RelativePoses,
+    ReportHistory,
+    relative_poses,
+)
+from deconflict.foresight.forecast_errors.trailer_tracks import BodyPairs, TrailerTracks
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
 from deconflict.sweep.crowded_pairs import NO_CROWDS
-from deconflict.sweep.geometry.knots import Robots
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from deconflict.sweep.shapes.shape_separations import bodies, shape_separations
 from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
+from ingest.kernels import ready
+
+
+class Sizes(NamedTuple):
+    """Of bodies, by row."""
+
+    half_m: Floats
+    """(2, bodies) half length and half width."""
+    levels_m: Floats
+    """(2, bodies) bottom and top."""
+    shape: Ints
+    """(bodies,) number of the shape, 0 for a rectangle."""
+
+
+def separations_m(poses: RelativePoses, sizes: Sizes, a: Ints, b: Ints) -> Floats:
+    """(n, k + m) distances of the bodies of the rows `a` and `b` (n,) at their relative poses, 0 or less if they
+    overlap."""
+    half_m, levels_m, shape = sizes
+    apart_m = poses.separations_m(half_m.take(a, axis=1), half_m.take(b, axis=1))
+    rows = np.flatnonzero((shape[a] > 0) | (shape[b] > 0))
+    if len(rows):
+        looks = (poses.dx_m[rows], poses.dy_m[rows], poses.yaw_a_rad[rows], poses.yaw_b_rad[rows])
+        two = (bodies(shape[side], half_m[:, side], levels_m[:, side]) for side in (a[rows], b[rows]))
+        apart_m[rows] = shape_separations(apart_m[rows], looks, *two)
+    return apart_m
+
 
 COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "shape", "vendor", "absence", "key"
 """Columns by slot. All grow together."""
@@ -24,6 +57,7 @@ class TrackedRobots:
     def __init__(self, crowds: Mapping[str, int] = NO_CROWDS) -> None:
         """`crowds` has the robots that are in a crowd, and may change."""
         self._slots, self._crowds = RobotSlots(), crowds
+        self.trailers = TrailerTracks()
         self.vendor_numbers: dict[str, int] = {}
         self.is_used = np.zeros(0, np.bool_)
         """Whether a robot has the slot."""
@@ -71,8 +105,9 @@ class TrackedRobots:
         return slots
 
     def update(self, slots: Ints, batch: Batch) -> None:
-        """Store shapes, heights and vendors of the robots of a batch, which have these slots."""
+        """Store shapes, trailers, heights and vendors of the robots of a batch, which have these slots."""
         self.has_news[slots], self.shape[slots] = True, SHAPES.numbers(batch.forecasts)
+        self.trailers.add(batch, slots)
         self.levels_m[:, slots] = batch.forecasts.bottom_m, batch.forecasts.top_m
         numbers = self.vendor_numbers
         self.vendor[slots] = [numbers.setdefault(vendor, len(numbers)) for vendor in batch.vendors]
@@ -80,6 +115,7 @@ class TrackedRobots:
     def remove(self, uuids: Iterable[str]) -> Ints:
         """Free the slots of robots that have left; (n,) the slots."""
         slots = self._slots.release(uuids)
+        self.trailers.forget(slots.tolist())
         self.is_used[slots] = self.has_news[slots] = False
         self.records["surprise"][slots] = self.absence[slots] = 0.0
         self.records["stood_since_s"][slots] = np.inf
@@ -89,19 +125,27 @@ class TrackedRobots:
         """(n,) the slots of those of `uuids` that are known."""
         return np.array([self.slots[uuid] for uuid in uuids if uuid in self.slots], np.int64)
 
-    def separations_m(self, poses: RelativePoses, a: Ints, b: Ints) -> Floats:
-        """(n, k) distances of the robots of slots `a` and `b` (n,) at their relative poses, 0 or less if they
-        overlap."""
-        apart_m = poses.separations_m(self.half_m.take(a, axis=1), self.half_m.take(b, axis=1))
-        rows = np.flatnonzero((self.shape[a] > 0) | (self.shape[b] > 0))
+    def relative_poses(self, history: ReportHistory, a: Ints, b: Ints, looks: Looks) -> tuple[RelativePoses, Floats]:
+        """The robots of slots `b` (n,) as seen from `a` (n,), and (n, k + m) their distances with their trailers, 0 or
+        less if they overlap."""
+        poses = relative_poses(history, a, b, *looks)
+        apart_m = separations_m(poses, Sizes(self.half_m, self.levels_m, self.shape), a, b)
+        rows = np.flatnonzero(self.trailers.are_trains(a) | self.trailers.are_trains(b))
         if len(rows):
-            looks = (poses.dx_m[rows], poses.dy_m[rows], poses.yaw_a_rad[rows], poses.yaw_b_rad[rows])
-            two = self._bodies(a[rows]), self._bodies(b[rows])
-            apart_m[rows] = shape_separations(apart_m[rows], looks, *two)
-        return apart_m
+            self._approach_by_trailers(apart_m, rows, self.trailers.pairs_of_bodies(history, a[rows], b[rows]), looks)
+        return poses, apart_m
 
-    def _bodies(self, slots: Ints) -> Robots:
-        return bodies(self.shape[slots], self.half_m[:, slots], self.levels_m[:, slots])
+    def _approach_by_trailers(self, apart_m: Floats, rows: Ints, bodies: BodyPairs, looks: Looks) -> None:
+        """Lower the distances `apart_m` (n, k + m) of the pairs of `rows` to those of their nearest bodies."""
+        row_of, trailers = rows[bodies.pair], bodies.trailer_half_m.shape[1]
+        robots = bodies.slot[: len(bodies.slot) - trailers]
+        half_m = np.concatenate([self.half_m[:, robots], bodies.trailer_half_m], axis=1)
+        shape = np.concatenate([self.shape[robots], np.zeros(trailers, np.int64)])
+        poses = relative_poses(
+            bodies.history, bodies.a, bodies.b, *looks._replace(late_s=ready(looks.late_s[:, row_of]))
+        )
+        sizes = Sizes(half_m, self.levels_m[:, bodies.slot], shape)
+        np.fmin.at(apart_m, row_of, separations_m(poses, sizes, bodies.a, bodies.b))
 
     def take_news(self) -> Bools:
         """(slots,) which robots have reported since the last call."""

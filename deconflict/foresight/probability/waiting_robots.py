@@ -5,7 +5,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
-from deconflict.foresight.forecast_errors.track_kernels import Robots
+from deconflict.foresight.forecast_errors.track_kernels import Looks, Robots
 from deconflict.foresight.probability.error_band_kernels import most_sds
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
@@ -74,8 +74,8 @@ def shares_over_starts(
     delays_s = LATE_S[1:]
     each_a, each_b = np.repeat(a[rows], len(delays_s)), np.repeat(b[rows], len(delays_s))
     late_s = np.where(waiting[np.stack([each_a, each_b])], np.tile(delays_s, len(rows)), 0.0)
-    poses = pending.relative_poses(each_a, each_b, NO_PAST, ahead_s, now_s, late_s)
-    apart_m = tracked.separations_m(poses, each_a, each_b)
+    looks = Looks(NO_PAST, ahead_s, now_s, late_s)
+    poses, apart_m = tracked.relative_poses(pending.history, each_a, each_b, looks)
     sds = most_sds(each_a, each_b, apart_m, poses.is_same_floor, bands_m, robots, ahead_s, horizon_s, clearance_m)
     late = ndtr(sds).reshape(2, len(rows), len(delays_s))
     result = share.copy()

@@ -9,7 +9,7 @@ import pytest
 from deconflict.sweep.geometry.envelope_distances import gap
 from ingest.batch import Forecasts
 from ingest.shapes import Shape, shapes_of
-from metrics.truth.recorded_motion import RecordedMotion, SampledMotion
+from metrics.truth.recorded_motion import BODIES, RecordedMotion, SampledMotion
 from metrics.truth.separations import separations
 
 SAMPLES = 50
@@ -28,7 +28,7 @@ def wandering(robots: int, size_m: float) -> SampledMotion:
     bottom_m = np.repeat(rng.choice([-np.inf, 0.0, 1.0, 5.0], (robots, 1)), SAMPLES, 1)
     height_m = np.stack([bottom_m, np.where(bottom_m == -np.inf, np.inf, bottom_m + 2)])
     yaw_rad = rng.normal(size=(robots, SAMPLES))
-    return SampledMotion(700, np.arange(robots) * 2, x_m, y_m, yaw_rad, half_m, height_m, floor, since_s)
+    return SampledMotion(700, np.arange(robots) * 2 * BODIES, x_m, y_m, yaw_rad, half_m, height_m, floor, since_s)
 
 
 @pytest.mark.parametrize(("robots", "size_m", "fewest"), [(0, 1.0, 0), (1, 1.0, 0), (40, 6.0, 1000), (25, 60.0, 1)])

@@ -1,6 +1,6 @@
 """Robots on straight ways, and the estimator that looks at their pairs."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from ingest.batch import AMOUNTS, Basis, Batch, Destinations, Forecasts, Pair
 from ingest.measures.measures import Measures
+from ingest.shapes import Shape, Trailer, shapes_of
 from tests.helpers.made_encounters import NOW_S, robot
 
 CLEARANCE_M = 0.3
@@ -29,11 +30,14 @@ class Walk:
     at: tuple[float, float]
     does: Velocity
     says: Velocity | None = None
+    trailers: tuple[Trailer, ...] = ()
+    """With their headings at every moment."""
 
     def forecast(self, t_s: float) -> Forecasts:
         (x, y), (vx, vy) = self.at, self.says or self.does
         x, y = x + self.does[0] * t_s, y + self.does[1] * t_s
-        return robot([t_s, t_s + 20], [x, x + 20 * vx], [y, y + 20 * vy], float(np.arctan2(vy, vx)), (1.0, 0.5))
+        made = robot([t_s, t_s + 20], [x, x + 20 * vx], [y, y + 20 * vy], float(np.arctan2(vy, vx)), (1.0, 0.5))
+        return replace(made, shapes=shapes_of([Shape((), (0.0, 0.0), self.trailers) if self.trailers else None]))
 
 
 @dataclass
