@@ -24,6 +24,7 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.silent_floor import GRACE_S, Meeting, SilentFloor
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine import engine
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.probably_left import PresenceChanges
@@ -72,18 +73,17 @@ def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[li
     """The advisories of a replay of the lines, and its scores."""
     alerts: dict[str, Alert] = {}
 
-    def add_line(line: dict[str, Any]) -> None:
-        at_s = datetime.fromisoformat(line["at"]).timestamp()
-        if line["event"] == "raised":
-            alerts[line["id"]] = Alert(tuple(line["robots"]), at_s, inf)
-        elif line["event"] == "cleared":
-            alerts[line["id"]] = Alert(tuple(line["robots"]), alerts[line["id"]].raised_s, at_s)
+    def add(_: float, revision: AnyAdvisory) -> None:
+        if not isinstance(revision, ConflictAdvisory):
+            return
+        cleared_s = revision.updated_at.timestamp() if revision.state is AdvisoryState.CLEARED else inf
+        alerts[revision.id] = Alert(revision.robots, revision.raised_at.timestamp(), cleared_s)
 
     with TemporaryDirectory() as folder, patch.object(engine, "Presence", kind):
         path = Path(folder) / "log.jsonl"
         path.write_text("".join(lines))
         reader = LogReader()
-        scores = replay(reader, reader.read([path]), Site(), [0.3], on_line=add_line)["scores"][0]
+        scores = replay(reader, reader.read([path]), Site(), [0.3], on_advisory=add)["scores"][0]
     return list(alerts.values()), scores
 
 

@@ -23,9 +23,10 @@ from deconflict.settings.site_check import check
 from deconflict.simulation.simulation_commands import add_simulation_commands
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
-from metrics.commands import LogError, add_log_commands, files_of
+from metrics.commands import add_log_commands, files_of
 from metrics.monitoring import dashboards
 from metrics.monitoring.exposition import render
+from metrics.replay_files import LogError
 
 MISUSED = 2
 """Exit code if arguments, the site file, a log or credentials can't be used: the same for every command."""

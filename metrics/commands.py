@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -22,12 +22,10 @@ from deconflict.runtime.kernel_preparation import compile_kernels, report_on_ter
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
+from metrics.replay_files import LogError, ReplayFiles, check_outputs, write_text
 from metrics.report import replay_summary, situation_section
 from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
-
-if TYPE_CHECKING:
-    from metrics.replay.replay import LineSink, Sinks
 
 LINES_PER_UPDATE = 500
 """Lines between two updates of the progress bar."""
@@ -35,10 +33,6 @@ SLIGHT_S = 1.0
 """Messages that are out of order by at most this are harmless. They occur if several sockets are read."""
 
 log = logging.getLogger(__name__)
-
-
-class LogError(ValueError):
-    """A log or a result can't be read. The message says what to change."""
 
 
 def add_log_commands(commands: Commands) -> None:
@@ -78,7 +72,10 @@ def _add_replay(commands: Commands) -> None:
     )
     replay_command.add_argument("--html", type=Path, metavar="OUT.html", help="write a report for people, in one file")
     replay_command.add_argument(
-        "--advisories", type=Path, metavar="OUT.jsonl", help="write the revisions that the live stream would publish"
+        "--advisories",
+        type=Path,
+        metavar="OUT.jsonl",
+        help="write the live stream; of several clearances, a file for each",
     )
     replay_command.add_argument(
         "--situations", type=Path, metavar="OUT.jsonl", help="write the revisions of situations of the first clearance"
@@ -129,7 +126,9 @@ def _replay(args: argparse.Namespace) -> int:
     if not args.logs:
         raise LogError("replay: give a LOG, or --compare A.json B.json")
     settings, logs = _settings(args), files_of(args.logs)
-    _check_outputs(logs, args.json, args.html, args.advisories, args.situations, args.mcap)
+    clearances_m = args.clearance or [settings.conflict.clearance_m]
+    outputs = ReplayFiles.of(args, clearances_m)
+    check_outputs(logs, outputs.paths())
 
     from ingest.kernels import before_compiling  # noqa: PLC0415 - brings numba
 
@@ -137,9 +136,9 @@ def _replay(args: argparse.Namespace) -> int:
         from metrics.replay.replay import replay  # noqa: PLC0415 - brings kernels
         from metrics.report import html_report  # noqa: PLC0415 - brings kernels
 
-    reader, clearances_m = LogReader(), args.clearance or [settings.conflict.clearance_m]
+    reader = LogReader()
     with ExitStack() as files:
-        sinks = _sinks(args, files)
+        sinks = outputs.sinks(files)
         events = files.enter_context(_with_progress(reader, logs))
         start = start_of(head) if (head := _head(args)) else StartState()
         run = replay if args.scheduler is None else _on_cluster(args.scheduler, files)
@@ -147,15 +146,14 @@ def _replay(args: argparse.Namespace) -> int:
     _check_order(reader, args.logs, result)
     _check_site(args, reader)
     log.info("%s", situation_section.sentence(result["situations"]))
-    if args.html:
+    if outputs.html:
         title = f"Replay of {', '.join(log.name for log in args.logs)}"
-        _write(args.html, html_report.page(result, title))
-    if args.json:
-        _write(args.json, _text(result))
-    elif not args.html:
+        write_text(outputs.html, html_report.page(result, title))
+    if outputs.json:
+        write_text(outputs.json, _text(result))
+    elif not outputs.html:
         sys.stdout.write(_text(result))
-    outputs = (args.json, args.html, args.advisories, args.situations, args.mcap)
-    sys.stderr.write(replay_summary.summary(result, [path for path in outputs if path]))
+    sys.stderr.write(replay_summary.summary(result, outputs.paths()))
     return 0
 
 
@@ -173,17 +171,17 @@ def _on_cluster(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]
 
 def _conform(args: argparse.Namespace) -> int:
     reader, settings, logs = LogReader(), _settings(args), files_of(args.logs)
-    _check_outputs(logs, args.json)
+    check_outputs(logs, [args.json] if args.json else [])
     with _with_progress(reader, logs) as events:
         result = conformance_counts.conform(reader, events, settings)
     _check_order(reader, args.logs, result)
     _check_site(args, reader)
     sys.stdout.write(conformance_counts.page(result))
     if args.json:
-        _write(args.json, _text(result))
+        write_text(args.json, _text(result))
     for vendor in result["conformance"] if args.html else ():
         page = args.html / f"{re.sub(r'[^A-Za-z0-9-]+', '-', vendor['vendor'])}.html"
-        _write(page, vendor_page(vendor, conformance_counts.standards(vendor), _named(args.logs)))
+        write_text(page, vendor_page(vendor, conformance_counts.standards(vendor), _named(args.logs)))
         sys.stderr.write(f"Wrote {page}\n")
     return 0
 
@@ -223,33 +221,6 @@ def _text(result: dict[str, Any]) -> str:
     return json.dumps(result, indent=2) + "\n"
 
 
-def _sinks(args: argparse.Namespace, files: ExitStack) -> "Sinks":
-    """Callables for what a replay publishes. They write to files that `files` closes."""
-    sinks: Sinks = {}
-    line_sinks: list[LineSink] = []
-    if args.advisories:
-        lines = files.enter_context(_opened(args.advisories, "w"))
-        line_sinks.append(lambda line: lines.writelines((json.dumps(line), "\n")))
-    if args.situations:
-        situations = files.enter_context(_opened(args.situations, "w"))
-        sinks["on_situation"] = lambda situation: situations.writelines((situation.model_dump_json(), "\n"))
-    if args.mcap:
-        from metrics.report.mcap_export import McapExport  # noqa: PLC0415 - rarely needed
-
-        export = McapExport(files.enter_context(_opened(args.mcap, "wb")))
-        files.callback(export.finish)
-        line_sinks.append(export.add_line)
-        sinks["on_batch"] = export.add_batch
-
-    def write_line(line: dict[str, Any]) -> None:
-        for sink in line_sinks:
-            sink(line)
-
-    if line_sinks:
-        sinks["on_line"] = write_line
-    return sinks
-
-
 def files_of(logs: Iterable[Path]) -> list[Path]:
     """The files of the logs, by time. Raises `LogError` if there are none, or if one can't be read."""
     for log in logs:
@@ -264,32 +235,6 @@ def files_of(logs: Iterable[Path]) -> list[Path]:
     if not files:
         raise LogError(f"no log is in {_named(logs)}: the name of a log contains .jsonl")
     return files
-
-
-def _check_outputs(logs: Sequence[Path], *outputs: Path | None) -> None:
-    """Raises `LogError` if an output can't be written, or would overwrite a log."""
-    for out in outputs:
-        if out is None:
-            continue
-        exists = os.access(out, os.F_OK)
-        if not (os.access(out, os.W_OK) and not out.is_dir() if exists else os.access(out.parent, os.W_OK | os.X_OK)):
-            raise LogError(f"{out} can't be written: give a file in an existing directory that you may write to")
-        if exists and any(out.samefile(log) for log in logs):
-            raise LogError(f"{out} is a log to be read: give the output another name")
-
-
-def _opened(out: Path, mode: str) -> IO[Any]:
-    try:
-        return out.open(mode)
-    except OSError as error:
-        raise LogError(f"{out} can't be written: {error.strerror}") from error
-
-
-def _write(out: Path, text: str) -> None:
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"{out} can't be written: {error.strerror}") from error
 
 
 def _check_order(reader: LogReader, logs: Iterable[Path], result: dict[str, Any]) -> None:

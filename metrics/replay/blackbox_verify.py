@@ -12,7 +12,7 @@ from typing import Any
 
 import zstandard
 
-from deconflict.advisory import ADVISORY, ConflictAdvisory
+from deconflict.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
@@ -81,7 +81,7 @@ def add(commands: Commands) -> None:
 
 def verify(file: Path) -> Verification:
     """Verify one file. Raises `BoxError`."""
-    from metrics.replay.replay import advisory_line, replay  # noqa: PLC0415 - brings numba
+    from metrics.replay.replay import replay  # noqa: PLC0415 - brings numba
 
     head = head_of(file)
     if head is None:
@@ -96,9 +96,14 @@ def verify(file: Path) -> Verification:
         if isinstance(event, BlackBoxNote) and "decided" in event.document:
             advisory = ADVISORY.validate_python(event.document["advisory"])
             if isinstance(advisory, ConflictAdvisory):
-                published.append(advisory_line(advisory))
+                published.append(_compared(advisory))
     events, clearances_m = reader.read([file]), [site.conflict.clearance_m]
-    replay(reader, events, site, clearances_m, on_line=replayed.append, start=start_of(head))
+
+    def add(_: float, revision: AnyAdvisory) -> None:
+        if isinstance(revision, ConflictAdvisory):
+            replayed.append(_compared(revision))
+
+    replay(reader, events, site, clearances_m, on_advisory=add, start=start_of(head))
     published, replayed = _promised(head, published), _promised(head, replayed)
     return Verification(
         chain.lines,
@@ -108,6 +113,22 @@ def verify(file: Path) -> Verification:
         [line for line in replayed if line not in published],
         int(head.get("engine_restarts", 0)),
     )
+
+
+def _compared(revision: ConflictAdvisory) -> Line:
+    """What must be the same in a replay."""
+    return {
+        "event": revision.state.value,
+        "at": revision.updated_at.isoformat(),
+        "id": revision.id,
+        "robots": list(revision.robots),
+        "clearance_m": revision.clearance_m,
+        "probability": revision.probability,
+        "severity": revision.severity.value,
+        "time_to_conflict_s": revision.time_to_conflict_s,
+        "min_separation_m": revision.min_separation_m,
+        "summary": revision.summary,
+    }
 
 
 def _check_register(file: Path, chain: HashChain) -> None:

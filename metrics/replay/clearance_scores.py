@@ -44,8 +44,8 @@ class ClearanceScores:
 
     def add(self, now_s: float, batch: Batch, output: EngineOutput) -> None:
         """Add one pass and the engine's output at it."""
-        self.raised.update(output.raised_kinds)
-        for revision in output.revisions:
+        self.raised.update(advisory.kind for advisory in output.advisories if advisory.state is AdvisoryState.RAISED)
+        for revision in output.conflicts():
             self._add_revision(revision)
         self._contact_calibration.sample(now_s, output.contact_probabilities)
         self._interaction_calibration.sample(now_s, output.probabilities)

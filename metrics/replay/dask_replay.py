@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 from dask.distributed import Client, Future, LocalCluster
 
 from deconflict.advisories.situations.situation import Situation
+from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, LogReader, Received, Tick
@@ -28,7 +29,7 @@ from metrics.replay.engine_output import EngineOutput
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
 from metrics.replay.recorded_passes import EnginePass, PassReader
-from metrics.replay.replay import AdvisoryLine, BatchSink, LineSink, SituationSink, advisory_lines, document
+from metrics.replay.replay import AdvisorySink, BatchSink, SituationSink, advisory_rows, document
 
 CONNECT_TIMEOUT_S = 10.0
 WINDOW_S = 60.0
@@ -45,7 +46,8 @@ State = bytes
 class WindowOutput(NamedTuple):
     """What the live stream would have published in one window."""
 
-    lines: list[AdvisoryLine]
+    advisories: list[tuple[float, AnyAdvisory]]
+    """Each with the clearance of its engine."""
     situations: list[Situation]
     """Those of the first clearance."""
 
@@ -82,7 +84,7 @@ def replay(
     site: Site,
     clearances_m: Sequence[float],
     *,
-    on_line: LineSink | None = None,
+    on_advisory: AdvisorySink | None = None,
     on_situation: SituationSink | None = None,
     on_batch: BatchSink | None = None,
     start: StartState = StartState(),  # noqa: B008 - frozen
@@ -104,9 +106,9 @@ def replay(
         scored = client.submit(_add_to_scores, scored, sent, *engines, pure=False)
         in_progress.append(scored)
         if len(in_progress) > AHEAD:
-            _write(client, in_progress.popleft(), on_line, on_situation)
+            _write(client, in_progress.popleft(), on_advisory, on_situation)
     for scored_window in in_progress:
-        _write(client, scored_window, on_line, on_situation)
+        _write(client, scored_window, on_advisory, on_situation)
     scores: LogScores = _unpickled(client.submit(itemgetter(0), scored, pure=False).result())
     measures = client.submit(_measures, engines[0], pure=False).result()
     return document(scores.result(reading, measures), reader, time.perf_counter() - began)
@@ -127,15 +129,17 @@ def _windows(events: Iterable[Event], window_s: float) -> Iterator[tuple[list[Ev
     yield window, True
 
 
-def _write(client: Client, scored: Future[Any], on_line: LineSink | None, on_situation: SituationSink | None) -> None:
+def _write(
+    client: Client, scored: Future[Any], on_advisory: AdvisorySink | None, on_situation: SituationSink | None
+) -> None:
     """Wait until a window is scored, then pass on what was published in it."""
     published: WindowOutput = client.submit(itemgetter(1), scored, pure=False).result()
-    if on_line:
-        for line in published.lines:
-            on_line(line)
+    if on_advisory:
+        for revision in published.advisories:
+            on_advisory(*revision)
     if on_situation:
-        for revision in published.situations:
-            on_situation(revision)
+        for situation in published.situations:
+            on_situation(situation)
 
 
 def _advance_engine(
@@ -156,9 +160,10 @@ def _add_to_scores(
 ) -> tuple[State, WindowOutput]:
     scores: LogScores = _unpickled(before[0])
     published = WindowOutput([], [])
+    clearances_m = [each.clearance_m for each in scores.by_clearance]
     for engine_pass, *outputs in zip(passes, *(outputs for _, outputs in engines), strict=True):
         scores.add(engine_pass, outputs)
-        published.lines.extend(advisory_lines(outputs))
+        published.advisories.extend(advisory_rows(clearances_m, outputs))
         published.situations.extend(outputs[0].situations)
     return pickle.dumps(scores), published
 

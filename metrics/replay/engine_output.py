@@ -17,12 +17,8 @@ PairProbabilities = Sequence[tuple[Pair, float]]
 class EngineOutput:
     """The output of one engine at one pass."""
 
-    revisions: list[ConflictAdvisory]
-    """Revisions of conflict advisories."""
-    other_revisions: Sequence[AnyAdvisory]
-    """Revisions of advisories of all other kinds."""
-    raised_kinds: Sequence[str]
-    """The kind of each advisory that was raised at this pass."""
+    advisories: Sequence[AnyAdvisory]
+    """Revisions of advisories, as the live stream publishes them."""
     probabilities: PairProbabilities
     """Probability that a pair gets in each other's way. Empty except at the first pass of each second."""
     contact_probabilities: PairProbabilities
@@ -37,3 +33,6 @@ class EngineOutput:
     """The forecast for shared places. None except once every `EVERY_S`."""
     situations: Sequence[Situation] = ()
     """Revisions of situations."""
+
+    def conflicts(self) -> list[ConflictAdvisory]:
+        return [revision for revision in self.advisories if isinstance(revision, ConflictAdvisory)]

@@ -2,8 +2,8 @@
 
 from math import floor
 
+from deconflict.advisories.situations.situation import advisories_of, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
@@ -40,20 +40,19 @@ class EngineRun:
         bands_m = self._bands_m(batch)
         self.engine.receive(batch)
         advisories = self.engine.step(now_s, engine_pass.effort, engine_pass.pending, engine_pass.is_own_log)
+        published = self._situations.published(now_s, advisories)
         waiting = self.engine.foresight.robots_following_advice(now_s)
         measures = self.measures() if engine_pass.measures else None
         probabilities, contact_probabilities = self._probabilities(now_s)
         return EngineOutput(
-            [advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory)],
-            [advisory for advisory in advisories if not isinstance(advisory, ConflictAdvisory)],
-            [advisory.kind for advisory in advisories if advisory.state is AdvisoryState.RAISED],
+            advisories_of(published),
             probabilities,
             contact_probabilities,
             bands_m,
             waiting,
             measures,
             self._place_forecast(now_s),
-            self._situations.revise(now_s, advisories),
+            situations_of(published),
         )
 
     def measures(self) -> dict[str, object]:

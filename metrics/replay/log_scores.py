@@ -59,7 +59,7 @@ class LogScores:
         self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, outputs[0].bands_m))
         self.arrivals.add_batch(batch)
         self.contention.add_batch(batch)
-        self.contention.add_output(now_s, outputs[0].other_revisions, outputs[0].place_forecast)
+        self.contention.add_output(now_s, outputs[0].advisories, outputs[0].place_forecast)
         self.situations.add(now_s, outputs[0].situations)
         for scores, output in zip(self.by_clearance, outputs, strict=True):
             scores.add(now_s, batch, output)

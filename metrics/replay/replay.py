@@ -6,12 +6,12 @@ Each of the three has its own state, so that `dask_replay` can move them between
 """
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any, TypedDict
 
 from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import ConflictAdvisory
+from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.batch import Batch
@@ -22,9 +22,8 @@ from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
 from metrics.replay.recorded_passes import PassReader
 
-AdvisoryLine = dict[str, Any]
-"""One revision of a conflict advisory, as `replay --advisories` writes it."""
-LineSink = Callable[[AdvisoryLine], None]
+AdvisorySink = Callable[[float, AnyAdvisory], None]
+"""Called with a clearance, and a revision of its engine."""
 SituationSink = Callable[[Situation], None]
 BatchSink = Callable[[float, Batch], None]
 
@@ -32,7 +31,7 @@ BatchSink = Callable[[float, Batch], None]
 class Sinks(TypedDict, total=False):
     """What a replay calls with what it publishes."""
 
-    on_line: LineSink
+    on_advisory: AdvisorySink
     on_situation: SituationSink
     on_batch: BatchSink
 
@@ -43,16 +42,16 @@ def replay(
     site: Site,
     clearances_m: Sequence[float],
     *,
-    on_line: LineSink | None = None,
+    on_advisory: AdvisorySink | None = None,
     on_situation: SituationSink | None = None,
     on_batch: BatchSink | None = None,
     start: StartState = StartState(),  # noqa: B008 - frozen
 ) -> dict[str, Any]:
     """The scores of every clearance over the events that `reader` reads.
 
-    `on_line` is called with each revision that the live stream would have published, in that order. `on_situation` is
-    called with each revision of a situation of the first clearance. `on_batch` is called with the time and the batch of
-    each pass. `start` is the engine's state at the start of a black box.
+    `on_advisory` is called with each revision that the live stream would have published, in that order; their `seq`
+    is 0. `on_situation` is called with each revision of a situation of the first clearance. `on_batch` is called with
+    the time and the batch of each pass. `start` is the engine's state at the start of a black box.
     `speed_x_real_time` is the only value that differs between two runs.
     """
     began = time.perf_counter()
@@ -64,12 +63,12 @@ def replay(
             on_batch(engine_pass.now_s, engine_pass.batch)
         outputs = [engine.advance(engine_pass) for engine in engines]
         scores.add(engine_pass, outputs)
-        if on_line:
-            for line in advisory_lines(outputs):
-                on_line(line)
+        if on_advisory:
+            for revision in advisory_rows(clearances_m, outputs):
+                on_advisory(*revision)
         if on_situation:
-            for revision in outputs[0].situations:
-                on_situation(revision)
+            for situation in outputs[0].situations:
+                on_situation(situation)
     result = scores.result(passes, engines[0].measures())
     return document(result, reader, time.perf_counter() - began)
 
@@ -86,24 +85,10 @@ def document(result: dict[str, Any], reader: LogReader, took_s: float) -> dict[s
     }
 
 
-def advisory_lines(outputs: Sequence[EngineOutput]) -> list[AdvisoryLine]:
-    """The revisions that the live stream would have published at one pass, from the output of each engine."""
-    revisions = [revision for output in outputs for revision in output.revisions]
-    ordered = sorted(revisions, key=lambda revision: (revision.clearance_m, revision.id))
-    return [advisory_line(revision) for revision in ordered]
-
-
-def advisory_line(revision: ConflictAdvisory) -> AdvisoryLine:
-    """One revision as an event."""
-    return {
-        "event": revision.state.value,
-        "at": revision.updated_at.isoformat(),
-        "id": revision.id,
-        "robots": list(revision.robots),
-        "clearance_m": revision.clearance_m,
-        "probability": revision.probability,
-        "severity": revision.severity.value,
-        "time_to_conflict_s": revision.time_to_conflict_s,
-        "min_separation_m": revision.min_separation_m,
-        "summary": revision.summary,
-    }
+def advisory_rows(
+    clearances_m: Sequence[float], outputs: Sequence[EngineOutput]
+) -> Iterator[tuple[float, AnyAdvisory]]:
+    """Each clearance, with each revision that its engine publishes at one pass."""
+    for clearance_m, output in zip(clearances_m, outputs, strict=True):
+        for revision in output.advisories:
+            yield clearance_m, revision

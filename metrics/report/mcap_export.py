@@ -5,7 +5,6 @@ the fields that are used. Each floor is a frame.
 """
 
 import json
-from datetime import datetime
 from itertools import pairwise
 from typing import IO, Any
 from zlib import crc32
@@ -14,6 +13,7 @@ import numpy as np
 import shapely
 from mcap.writer import CompressionType, Writer
 
+from deconflict.advisory import AnyAdvisory, Severity
 from deconflict.sweep.geometry.pose import pose_at
 from deconflict.sweep.shapes.shape_encounters import PlacedPart, bodies, placed_parts
 from ingest.batch import Batch, Forecasts
@@ -23,7 +23,7 @@ Message = dict[str, Any]
 SCENE, LOG = "foxglove.SceneUpdate", "foxglove.Log"
 UNKNOWN_HEIGHT_M = 1.0
 """Drawn height of a robot with unknown height."""
-LEVELS = {"caution": 2, "warning": 3, "critical": 4}
+LEVELS = {Severity.CAUTION: 2, Severity.WARNING: 3, Severity.CRITICAL: 4}
 """Severities as levels of a foxglove.Log: info, warning, error."""
 COLOURS = ((0.12, 0.44, 0.70), (0.76, 0.25, 0.05), (0.18, 0.49, 0.20), (0.48, 0.25, 0.63), (0.54, 0.43, 0.0))
 
@@ -44,16 +44,17 @@ class McapExport:
             gone = [{"timestamp": _stamp(now_s), "type": 0, "id": uuid} for uuid in batch.gone]
             self._write(self._scene, now_s, {"deletions": gone, "entities": entities})
 
-    def add_line(self, line: Message) -> None:
-        """Log one revision of an advisory, given as a line of `replay --advisories`."""
-        at_s = datetime.fromisoformat(line["at"]).timestamp()
-        message = f"{line['event']}: {line['summary']}"
+    def add_advisory(self, clearance_m: float, revision: AnyAdvisory) -> None:
+        """Log one revision of an advisory of the engine with a clearance."""
+        at_s = revision.updated_at.timestamp()
+        message = f"{revision.state.value}: {revision.summary}"
+        probability = getattr(revision, "probability", None)
         entry = {
             "timestamp": _stamp(at_s),
-            "level": LEVELS[line["severity"]],
-            "message": message if line["probability"] is None else f"{message} (probability {line['probability']:.2f})",
-            "name": f"clearance {line['clearance_m']:g} m",
-            "file": line["id"],
+            "level": LEVELS[revision.severity],
+            "message": message if probability is None else f"{message} (probability {probability:.2f})",
+            "name": f"clearance {clearance_m:g} m",
+            "file": revision.id,
             "line": 0,
         }
         self._write(self._log, at_s, entry)

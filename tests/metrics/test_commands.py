@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from metrics.commands import LogError
+from metrics.replay_files import LogError
 from tests.helpers.commands import run
 from tests.metrics.replay.made_replays import log_of_a_crossing
 

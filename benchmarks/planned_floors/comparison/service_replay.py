@@ -13,7 +13,6 @@ from deconflict.settings.site import Site
 from ingest.recording.log_reader import LogReader
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.recorded_passes import EnginePass, PassReader
-from metrics.replay.replay import advisory_lines
 
 
 @dataclass(slots=True)
@@ -28,7 +27,7 @@ class Published:
     def add_pass(self, engine: EngineRun, engine_pass: EnginePass) -> None:
         """Run one pass of the engine and keep its output."""
         output = engine.advance(engine_pass)
-        self.revisions += advisory_lines([output])
+        self.revisions += [revision.model_dump(mode="json") for revision in output.advisories]
         for (a, b), probability in output.probabilities:
             self.samples.append((min((a, b), (b, a)), engine_pass.now_s, probability))
 

@@ -29,16 +29,18 @@ class Alert:
 
 
 def alerts_of_revisions(revisions: Iterable[dict[str, Any]], end_s: float) -> list[Alert]:
-    """The alerts of a stream of revisions. An alert that is never cleared is open until the end of the log."""
+    """The alerts on conflicts in a stream of revisions. One that is never cleared is open until the end of the log."""
     pairs: dict[str, Pair] = {}
     raised_s: dict[str, float] = {}
     cleared_s: dict[str, float] = {}
     for revision in revisions:
-        at_s, key = datetime.fromisoformat(revision["at"]).timestamp(), revision["id"]
+        if revision["kind"] != "conflict":
+            continue
+        at_s, key = datetime.fromisoformat(revision["updated_at"]).timestamp(), revision["id"]
         low, high = sorted(revision["robots"])
         pairs.setdefault(key, (low, high))
         raised_s.setdefault(key, at_s)
-        if revision["event"] == "cleared":
+        if revision["state"] == "cleared":
             cleared_s[key] = at_s
     alerts = [Alert(pair, raised_s[key], cleared_s.get(key, max(end_s, raised_s[key]))) for key, pair in pairs.items()]
     return by_time(alerts)

@@ -2,10 +2,10 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from deconflict.advisory import AnyAdvisory
 from deconflict.settings.site import Site
 from ingest.languages.timestamps import write
 from ingest.recording.log_reader import Event, LogReader, Received
@@ -68,12 +68,14 @@ def test_topics_of_no_language_are_counted_as_unreadable(tmp_path: Path) -> None
 
 
 def test_the_conflict_of_two_orders_is_predicted_before_the_robots_meet(capture: Path) -> None:
-    reader, published = LogReader(), list[dict[str, Any]]()
-    result = replay(reader, reader.read([capture]), SITE, [0.3], on_line=published.append)
+    reader, published = LogReader(), list[AnyAdvisory]()
+    result = replay(
+        reader, reader.read([capture]), SITE, [0.3], on_advisory=lambda _, revision: published.append(revision)
+    )
     (figures,) = result["scores"]
     assert (figures["encounters"], figures["recall"], figures["precision"]) == (1, 1.0, 1.0)
     assert figures["lead_time_s"]["median"] > 6
-    assert {line["event"] for line in published} >= {"raised", "cleared"}
+    assert {revision.state for revision in published} >= {"raised", "cleared"}
 
 
 def test_conform_names_the_standard_of_a_vendor(capture: Path) -> None:

@@ -14,8 +14,8 @@ from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo_site import demo_site
 from ingest.recording.log_reader import LogReader
-from metrics.commands import LogError
 from metrics.replay import replay
+from metrics.replay_files import LogError
 from tests.helpers.commands import run
 
 pytest.importorskip("dask.distributed", reason="Dask is not installed: pip install '.[dask]'")
@@ -62,7 +62,7 @@ def alone(log: Path, site: Site) -> Run:
 def sinks(lines: list[str], situations: list[str]) -> replay.Sinks:
     """Collect what the stream would have told."""
     return {
-        "on_line": lambda line: lines.append(str(line)),
+        "on_advisory": lambda clearance_m, revision: lines.append(f"{clearance_m} {revision.model_dump_json()}"),
         "on_situation": lambda revision: situations.append(revision.model_dump_json()),
     }
 

@@ -5,8 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from deconflict.advisories.situations.situation import REVISION
+from deconflict.operator.http.json_schemas import SCHEMAS
 from ingest.languages import timestamps
 from tests.helpers.commands import run
 from tests.helpers.saying import identity, status
@@ -82,17 +84,30 @@ def test_the_command_writes_scores_and_the_revisions_of_the_stream(tmp_path: Pat
         outputs = ["--json", str(out), "--advisories", str(lines), "--situations", str(situations)]
         subprocess.run([*command, *outputs], check=True)
         assert [load["clearance_m"] for load in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
-        messages.append(lines.read_bytes())
+        messages.append((tmp_path / f"{name}-0.3.jsonl").read_bytes())
         revisions.append([REVISION.validate_json(line) for line in situations.read_bytes().splitlines()])
         results.append({**json.loads(out.read_text()), "speed_x_real_time": 0})
     assert messages[0] == messages[1]
     assert json.dumps(results[0]) == json.dumps(results[1])
-    events = [json.loads(line)["event"] for line in messages[0].splitlines()]
-    assert events.count("raised") == events.count("cleared") == 2
     assert revisions[0] == revisions[1]
     assert [revision.state for revision in revisions[0]][:: len(revisions[0]) - 1] == ["raised", "cleared"]
-    wanted = ("event", "at", "id", "robots", "clearance_m", "probability", "time_to_conflict_s", "min_separation_m")
-    assert json.loads(messages[0].splitlines()[0]).keys() >= set(wanted)
+
+
+def test_the_advisories_of_each_clearance_are_in_the_format_of_the_stream(tmp_path: Path) -> None:
+    log, out = log_of_a_crossing(tmp_path / "log.jsonl"), tmp_path / "out.jsonl"
+    outputs = ("--json", tmp_path / "scores.json", "--situations", tmp_path / "situations.jsonl", "--advisories", out)
+    run("replay", log, "--clearance", "0.0", "0.3", *outputs)
+    schema = Draft202012Validator(SCHEMAS["advisory"]())
+    situations = {json.loads(line)["id"] for line in (tmp_path / "situations.jsonl").read_text().splitlines()}
+    for clearance_m in (0.0, 0.3):
+        revisions = [json.loads(line) for line in (tmp_path / f"out-{clearance_m:g}.jsonl").read_text().splitlines()]
+        for revision in revisions:
+            schema.validate(revision)
+        assert [revision["seq"] for revision in revisions] == list(range(1, len(revisions) + 1))
+        assert {revision["clearance_m"] for revision in revisions} == {clearance_m}
+        assert [revision["state"] for revision in revisions][:: len(revisions) - 1] == ["raised", "cleared"]
+        if clearance_m == 0.0:
+            assert {revision["situation_id"] for revision in revisions} & situations
 
 
 @pytest.mark.skipif(not RECORDINGS, reason="DECONFLICT_RECORDINGS names no folder of recordings")

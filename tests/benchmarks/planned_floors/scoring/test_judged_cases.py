@@ -194,7 +194,13 @@ def test_consecutive_seconds_are_one_alert() -> None:
 
 def test_an_advisory_is_open_from_raised_to_cleared() -> None:
     revisions = [
-        {"event": event, "at": f"2026-09-21T14:13:2{second}.000000Z", "id": key, "robots": [B, A]}
+        {
+            "kind": "conflict",
+            "state": event,
+            "updated_at": f"2026-09-21T14:13:2{second}.000000Z",
+            "id": key,
+            "robots": [B, A],
+        }
         for event, second, key in (("raised", 0, "1"), ("updated", 2, "1"), ("cleared", 5, "1"), ("raised", 7, "2"))
     ]
     assert alerts_of_revisions(revisions, START_S + 30) == [

@@ -1,0 +1,113 @@
+"""The files that the commands write: whether they can be written, and what a replay writes to them as it runs."""
+
+import argparse
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from deconflict.advisory import AnyAdvisory
+
+if TYPE_CHECKING:
+    from metrics.replay.replay import AdvisorySink, Sinks
+
+
+class LogError(ValueError):
+    """A log or a result can't be read or written. The message says what to change."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayFiles:
+    """The files of one replay; None for those that nobody asked for."""
+
+    json: Path | None
+    html: Path | None
+    advisories: Mapping[float, Path]
+    """By clearance."""
+    situations: Path | None
+    mcap: Path | None
+
+    @classmethod
+    def of(cls, args: argparse.Namespace, clearances_m: Sequence[float]) -> "ReplayFiles":
+        """The files that the options of the command name."""
+        advisories: dict[float, Path] = {}
+        if args.advisories:
+            advisories = {clearance_m: _of_clearance(args.advisories, clearance_m) for clearance_m in clearances_m}
+            if len(advisories) == 1:
+                advisories = dict.fromkeys(advisories, args.advisories)
+        return cls(args.json, args.html, advisories, args.situations, args.mcap)
+
+    def paths(self) -> list[Path]:
+        paths = (self.json, self.html, *self.advisories.values(), self.situations, self.mcap)
+        return [path for path in paths if path]
+
+    def sinks(self, files: ExitStack) -> "Sinks":
+        """Callables for what a replay publishes. They write to files that `files` closes."""
+        sinks: Sinks = {}
+        advisory_sinks: list[AdvisorySink] = []
+        if self.advisories:
+            lines = {
+                clearance_m: files.enter_context(_opened(path, "w")) for clearance_m, path in self.advisories.items()
+            }
+            advisory_sinks.append(_Stream(lines).add)
+        if self.situations:
+            situations = files.enter_context(_opened(self.situations, "w"))
+            sinks["on_situation"] = lambda situation: situations.writelines((situation.model_dump_json(), "\n"))
+        if self.mcap:
+            from metrics.report.mcap_export import McapExport  # noqa: PLC0415 - rarely needed
+
+            export = McapExport(files.enter_context(_opened(self.mcap, "wb")))
+            files.callback(export.finish)
+            advisory_sinks.append(export.add_advisory)
+            sinks["on_batch"] = export.add_batch
+
+        def add(clearance_m: float, revision: AnyAdvisory) -> None:
+            for sink in advisory_sinks:
+                sink(clearance_m, revision)
+
+        if advisory_sinks:
+            sinks["on_advisory"] = add
+        return sinks
+
+
+class _Stream:
+    """Writes what the advisory stream sends, numbered from 1 for each clearance."""
+
+    def __init__(self, lines: Mapping[float, IO[str]]) -> None:
+        self._lines, self._seq = lines, dict.fromkeys(lines, 0)
+
+    def add(self, clearance_m: float, revision: AnyAdvisory) -> None:
+        self._seq[clearance_m] += 1
+        numbered = revision.model_copy(update={"seq": self._seq[clearance_m]})
+        self._lines[clearance_m].writelines((numbered.model_dump_json(), "\n"))
+
+
+def _of_clearance(out: Path, clearance_m: float) -> Path:
+    """OUT-0.3.jsonl of OUT.jsonl."""
+    return out.with_name(f"{out.stem}-{clearance_m:g}{out.suffix}")
+
+
+def check_outputs(logs: Sequence[Path], outputs: Iterable[Path]) -> None:
+    """Raises `LogError` if an output can't be written, or would overwrite a log."""
+    for out in outputs:
+        exists = os.access(out, os.F_OK)
+        if not (os.access(out, os.W_OK) and not out.is_dir() if exists else os.access(out.parent, os.W_OK | os.X_OK)):
+            raise LogError(f"{out} can't be written: give a file in an existing directory that you may write to")
+        if exists and any(out.samefile(log) for log in logs):
+            raise LogError(f"{out} is a log to be read: give the output another name")
+
+
+def write_text(out: Path, text: str) -> None:
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise LogError(f"{out} can't be written: {error.strerror}") from error
+
+
+def _opened(out: Path, mode: str) -> IO[Any]:
+    try:
+        return out.open(mode)
+    except OSError as error:
+        raise LogError(f"{out} can't be written: {error.strerror}") from error
