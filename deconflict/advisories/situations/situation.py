@@ -37,6 +37,10 @@ class Situation(Advisory):
     )
     recommendation: None = Field(default=None, exclude=True)
     situation_id: None = Field(default=None, exclude=True)
+    culprit: Robot | None = Field(
+        default=None,
+        description="UUID of the robot that stands or is silent in the way of the others; null if none is",
+    )
     advice: SituationAdvice | None = Field(default=None, description="one thing to do; null if nothing helps any more")
     outline: tuple[tuple[float, float], ...] = Field(
         max_length=MOST_CORNERS, description="corners of its area, in metres in the frame of the location's datum"

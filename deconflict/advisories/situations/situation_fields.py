@@ -7,7 +7,7 @@ import shapely
 
 from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_ROBOTS, short_text
 from deconflict.advisories.severity import SEVERITIES
-from deconflict.advisories.situations.advice.action_sets import proposal_of
+from deconflict.advisories.situations.advice.action_sets import Proposal, key_of, proposal_of
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
 from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
@@ -19,20 +19,31 @@ from deconflict.advisories.situations.situation import (
     SituationKind,
 )
 from deconflict.advisories.situations.situation_kinds import Matter, matter_of
-from deconflict.advisories.situations.situation_wording import ending, names_of, sentence
+from deconflict.advisories.situations.situation_wording import ending, names_of, past_sentence, sentence
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity, moment
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
+OVER = "by itself: nothing is foreseen there any more"
+"""How a situation ends whose last advisory has ended."""
 MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
 """What does not end by itself, or nobody knows when."""
+SENTENCE_FIELDS = ("situation_kind", "location", "culprit", "summary", "ends")
+"""What a situation's sentence is about, and the sentence."""
 MARGIN_M = 1.5
 """The outline keeps this distance from the places of the advisories."""
 
 
-def emptied(before: Situation, now_s: float) -> Situation:
+def emptied(before: Situation, place: str, now_s: float) -> Situation:
     """The revision of a situation whose last advisory has ended, until it is cleared."""
     nothing: dict[str, Any] = {"severity": Severity.CAUTION, "preventable_s": None, "cost_s": 0.0, **NOTHING_LEFT}
-    return before.next_revision(updated_at=moment(now_s), **nothing)
+    texts = {"summary": past_sentence(before, place), "ends": OVER}
+    return before.next_revision(updated_at=moment(now_s), time_to_conflict_s=0.0, **texts, **nothing)
+
+
+def cleared(before: Situation, because: str, place: str, now_s: float) -> Situation:
+    """The last revision."""
+    summary = past_sentence(before, place)
+    return before.cleared_revision(now_s, because).model_copy(update={"summary": summary, **NOTHING_LEFT})
 
 
 class Assessment(NamedTuple):
@@ -45,6 +56,8 @@ class Assessment(NamedTuple):
     """Those that it lists."""
     advice: SituationAdvice | None
     severity: Severity
+    keeps_sentence: bool
+    """Whether its sentence stays as it is, because its advice stands that no advisory asks for any more."""
 
 
 def assessed(
@@ -56,12 +69,23 @@ def assessed(
     now_s: float,
 ) -> Assessment:
     """What at least one advisory comes to, after the revision `before`. `busy` robots have more urgent things to do."""
-    matter, robots = matter_of(advisories, before.situation_kind if before else None), listed_robots(advisories)
+    robots = listed_robots(advisories)
     proposal = proposal_of(advisories, [robot for robot in robots if robot not in busy], now_s)
     advice = revised_advice(before.advice if before else None, proposal, robots, busy, now_s)
+    asking = _asking(proposal, advice)
+    matter = matter_of(advisories, before.situation_kind if before else None, asking)
     severity = min(urgency, _most_severe(matter, advice), key=SEVERITIES.index)
     severity = max(severity, stakes.claim_severity, key=SEVERITIES.index)
-    return Assessment(advisories, stakes, matter, robots, advice, severity)
+    keeps_sentence = advice is not None and advice.for_people and asking is None
+    return Assessment(advisories, stakes, matter, robots, advice, severity, keeps_sentence)
+
+
+def _asking(proposal: Proposal, advice: SituationAdvice | None) -> AnyAdvisory | None:
+    """The advisory that asks people for the first action."""
+    if advice is None or not advice.for_people:
+        return None
+    asking = proposal.asked.get(key_of(advice.actions[0]))
+    return asking.advisory if asking else None
 
 
 def _most_severe(matter: Matter, advice: SituationAdvice | None) -> Severity:
@@ -85,8 +109,11 @@ def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Si
 
 
 def updated(before: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
-    """The next revision."""
-    return before.next_revision(**_fields(group, assessment, place, now_s))
+    """The next revision. What people are asked to do and its sentence are about the same."""
+    fields = _fields(group, assessment, place, now_s)
+    if assessment.keeps_sentence:
+        fields |= {name: getattr(before, name) for name in SENTENCE_FIELDS}
+    return before.next_revision(**fields)
 
 
 def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
@@ -95,10 +122,10 @@ def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
 
 
 def _fields(group: Group, assessment: Assessment, place: str, now_s: float) -> dict[str, Any]:
-    advisories, stakes, matter, listed, advice, severity = assessment
+    advisories, stakes, matter, listed, advice, severity, _ = assessment
     names = names_of(advisories)
     vendors = {robot: vendor for each in advisories for robot, vendor in zip(each.robots, each.vendors, strict=True)}
-    soonest = min(advisories, key=lambda advisory: (advisory.time_left_s(now_s), advisory.id))
+    soonest = min(matter.advisories, key=lambda advisory: (advisory.time_left_s(now_s), advisory.id))
     left_s = soonest.time_left_s(now_s)
     members = sorted(group.members, key=lambda name: (group.members[name].raised_s, name))
     return {
@@ -113,6 +140,7 @@ def _fields(group: Group, assessment: Assessment, place: str, now_s: float) -> d
         "time_to_conflict_s": round(left_s, 3),
         "location": matter.principal.location,
         "outline": outline(group),
+        "culprit": matter.culprit if matter.culprit in listed else None,
         "summary": sentence(matter, now_s, place),
         "ends": ending(matter, names),
         "cost_s": round(stakes.cost_s, 1),

@@ -34,10 +34,18 @@ class Matter(NamedTuple):
     """UUID of the robot that stands or is silent in the way of the others; None if there is no such robot."""
 
 
-def matter_of(advisories: Sequence[AnyAdvisory], kind_before: SituationKind | None = None) -> Matter:
-    """What the advisories that cost most are about. Conflicts count together. What was of `kind_before` stays so unless
-    the other costs `CLEARLY` more."""
+def matter_of(
+    advisories: Sequence[AnyAdvisory], kind_before: SituationKind | None = None, asking: AnyAdvisory | None = None
+) -> Matter:
+    """What the advisory is about that is `asking` people for something; without it, the advisories that cost most.
+
+    Conflicts count together. What was of `kind_before` stays so unless the other costs `CLEARLY` more.
+    """
     conflicts = [advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory)]
+    if isinstance(asking, ConflictAdvisory):
+        return _matter_of_conflicts(conflicts, asking)
+    if asking is not None:
+        return _matter_of_other(asking)
     others = [advisory for advisory in advisories if not isinstance(advisory, ConflictAdvisory)]
     dearest = max(others, key=lambda advisory: (_weight(advisory, kind_before), advisory.id), default=None)
     if dearest is None:
@@ -45,16 +53,20 @@ def matter_of(advisories: Sequence[AnyAdvisory], kind_before: SituationKind | No
     was_conflict = kind_before is not None and kind_before not in KIND_OF.values()
     if sum(map(cost_of, conflicts)) * (CLEARLY if was_conflict else 1.0) > _weight(dearest, kind_before):
         return _matter_of_conflicts(conflicts)
-    culprit = dearest.blocker if isinstance(dearest, BlockageAdvisory) else None
-    return Matter(KIND_OF[dearest.kind], dearest, (dearest,), culprit)
+    return _matter_of_other(dearest)
+
+
+def _matter_of_other(advisory: AnyAdvisory) -> Matter:
+    culprit = advisory.blocker if isinstance(advisory, BlockageAdvisory) else None
+    return Matter(KIND_OF[advisory.kind], advisory, (advisory,), culprit)
 
 
 def _weight(advisory: AnyAdvisory, kind_before: SituationKind | None) -> float:
     return cost_of(advisory) * (CLEARLY if KIND_OF[advisory.kind] == kind_before else 1.0)
 
 
-def _matter_of_conflicts(conflicts: Sequence[ConflictAdvisory]) -> Matter:
-    principal = min(conflicts, key=lambda conflict: (-cost_of(conflict), conflict.predicted_at, conflict.id))
+def _matter_of_conflicts(conflicts: Sequence[ConflictAdvisory], asking: ConflictAdvisory | None = None) -> Matter:
+    principal = asking or min(conflicts, key=lambda each: (-cost_of(each), each.predicted_at, each.id))
     culprit = _culprit(conflicts)
     if culprit:
         is_silent = any(basis_of(conflict, culprit).endswith(SILENT) for conflict in conflicts)

@@ -17,8 +17,8 @@ from deconflict.advisories.situations.advice.advised_robots import AdvisedRobots
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
 from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisories.situations.situation_fields import NOTHING_LEFT, Assessment
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
+from deconflict.advisories.situations.situation_fields import Assessment
+from deconflict.advisory import AdvisoryState, AnyAdvisory, Location, Severity
 from ingest.batch import FloorPoint
 
 LINGERS_S = 10.0
@@ -53,6 +53,8 @@ class _Watched:
     """When its urgency was not too high last."""
     look_s: float = 0.0
     """When it is looked at next, unless there is news."""
+    ended_because: str = ""
+    """Why the last of its advisories ended that has."""
 
 
 class SituationLifecycle:
@@ -133,6 +135,9 @@ class SituationLifecycle:
     def _take(self, revision: AnyAdvisory) -> Member | None:
         if revision.state is AdvisoryState.CLEARED:
             self._advisories.pop(revision.id, None)
+            group = self._grouping.group_of(revision.id)
+            if group and group.id in self._watched:
+                self._watched[group.id].ended_because = revision.cleared_because or ""
             return None
         self._advisories[revision.id] = revision
         return Member.of(revision)
@@ -148,9 +153,9 @@ class SituationLifecycle:
         """The last revision of a situation that became part of another one."""
         watched = self._watched.pop(join.group.id, None)
         if watched and watched.situation:
-            cleared = watched.situation.cleared_revision(now_s, "it became part of another situation")
+            cleared = self._cleared(watched.situation, "it became part of another situation", now_s)
             self._advised.keep(cleared, cleared.severity)
-            yield cleared.model_copy(update={"joined_into": join.into.id, **NOTHING_LEFT})
+            yield cleared.model_copy(update={"joined_into": join.into.id})
 
     def _revision(self, watched: _Watched, now_s: float) -> Situation | None:
         group, before = watched.group, watched.situation
@@ -165,13 +170,14 @@ class SituationLifecycle:
         else:
             watched.look_s = min(watched.look_s, closes_s)
         if not advisories:
-            return situation_fields.emptied(before, now_s) if before.advisories else None
+            return situation_fields.emptied(before, self._place(before.location), now_s) if before.advisories else None
         assessment = self._assessed(watched, advisories, stakes, now_s)
         is_urgent = rises(assessment.severity, before.severity) or assessment.advice is not before.advice
         gap_s = UPDATE_GAP_S if set(assessment.robots).issubset(before.robots) else JOINED_GAP_S
         if not is_urgent and 0.0 <= now_s - before.updated_at.timestamp() < gap_s:
             return None
-        after = situation_fields.updated(before, group, assessment, self._place(group), now_s)
+        place = self._place(assessment.matter.principal.location)
+        after = situation_fields.updated(before, group, assessment, place, now_s)
         return after if is_news(before, after) else None
 
     def _raised(
@@ -183,7 +189,8 @@ class SituationLifecycle:
             return None
         watched.last_s = watched.held_s = now_s
         assessment = self._assessed(watched, advisories, stakes, now_s)
-        return situation_fields.raised(watched.group, assessment, self._place(watched.group), now_s)
+        place = self._place(assessment.matter.principal.location)
+        return situation_fields.raised(watched.group, assessment, place, now_s)
 
     def _assessed(
         self, watched: _Watched, advisories: Sequence[AnyAdvisory], stakes: Stakes, now_s: float
@@ -193,20 +200,20 @@ class SituationLifecycle:
         busy = self._advised.busy(watched.group.id, watched.urgency, situation_fields.listed_robots(advisories))
         return situation_fields.assessed(before, advisories, stakes, watched.urgency, busy, now_s)
 
-    def _place(self, group: Group) -> str:
-        if not group.datum:
-            return ""
-        box = group.box
-        centre = FloorPoint(group.datum, (box.west_m + box.east_m) / 2, (box.south_m + box.north_m) / 2)
-        return self.describe([centre])[0]
+    def _place(self, location: Location | None) -> str:
+        """Where it is, for a person; empty without a place."""
+        return self.describe([FloorPoint(location.datum, location.x, location.y)])[0] if location else ""
+
+    def _cleared(self, before: Situation, because: str, now_s: float) -> Situation:
+        return situation_fields.cleared(before, because, self._place(before.location), now_s)
 
     def _ended(self, watched: _Watched, before: Situation, now_s: float) -> Situation:
         """The last revision. Advisories that are still open make another group, which may become worth a reaction."""
         members = watched.group.members
         self._forget(watched)
         self._regrouped |= members
-        because = "it takes its course: nobody has to do anything" if members else "nothing is foreseen there any more"
-        return before.cleared_revision(now_s, because).model_copy(update=NOTHING_LEFT)
+        because = "what is left of it passes by itself" if members else watched.ended_because
+        return self._cleared(before, because or "nothing is foreseen there any more", now_s)
 
     def _forget(self, watched: _Watched) -> None:
         self._grouping.remove(watched.group)
@@ -230,7 +237,7 @@ def is_news(before: Situation, after: Situation) -> bool:
     """Whether a person would act otherwise on the new revision."""
     return (
         before.severity != after.severity
-        or before.situation_kind != after.situation_kind
+        or (before.situation_kind, before.culprit) != (after.situation_kind, after.culprit)
         or before.robots != after.robots
         or before.advice != after.advice
         or before.advisories != after.advisories

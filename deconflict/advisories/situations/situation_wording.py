@@ -1,10 +1,10 @@
-"""The sentences of a situation: what is going on, and how it ends. Pure."""
+"""The sentences of a situation: what is going on, how it ends, and what it was. Pure."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
 from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
-from deconflict.advisories.situations.situation import SituationKind
+from deconflict.advisories.situations.situation import Situation, SituationKind
 from deconflict.advisories.situations.situation_kinds import Matter
 from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory, DeadlockAdvisory
 
@@ -12,6 +12,8 @@ MOST_NAMED = 4
 """Robots that a sentence names."""
 LONG_S = 100.0
 """From here on times are given in minutes."""
+STOOD_S = (10, 20, 30, 60, 120, 300, 600, 1800, 3600)
+"""How long a robot has stood is given by the longest of these that is over: that stays true until the next revision."""
 ENDS: dict[SituationKind, str] = {
     "meeting": "by itself, once they have passed each other",
     "head_on": "once one of them makes way for the other",
@@ -44,6 +46,30 @@ def ending(matter: Matter, names: Mapping[str, str]) -> str:
     return ENDS[matter.kind].format(culprit=names.get(matter.culprit or "", "it"))
 
 
+PAST: dict[SituationKind, str] = {
+    "meeting": "{names} were about to get in each other's way",
+    "head_on": "{names} were about to meet head-on",
+    "knot": "{count} robots got in each other's way",
+    "queue": "{count} robots needed the same place",
+    "crowd": "{count} robots reported from one point",
+    "blocked_aisle": "{culprit} stood in the way of {names}",
+    "obstacle": "{culprit} stood in the way of {names}",
+    "silent_robot": "{culprit} was silent in the way of {names}",
+    "deadlock": "{names} waited for each other, or were about to",
+    "identity": "{count} robots were reported by another vendor, or from two places",
+}
+
+
+def past_sentence(situation: Situation, place: str) -> str:
+    """What was going on in a situation that is over, for a person."""
+    names = dict(zip(situation.robots, situation.names, strict=True))
+    culprit = names.pop(situation.culprit or "", "a robot")
+    count = len(situation.robots) + situation.more_robots
+    others = _named(list(names.values()), situation.more_robots)
+    past = PAST[situation.situation_kind].format(names=others, culprit=culprit, count=count)
+    return short_text(", ".join(filter(None, [past, place])), MOST_SUMMARY_BYTES)
+
+
 def _sentence(matter: Matter, now_s: float, place: str) -> str:
     principal = matter.principal
     left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
@@ -53,12 +79,11 @@ def _sentence(matter: Matter, now_s: float, place: str) -> str:
         case BlockageAdvisory():
             names = names_of([principal])
             held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
-            stood_s = now_s - principal.since_at.timestamp()
-            return f"{names[principal.blocker]} has stood for {stood_s:.0f} s {place}, in the way of {held_up}"
+            stood = _stood(now_s - principal.since_at.timestamp())
+            return f"{names[principal.blocker]} has stood {stood}, {place}, in the way of {held_up}"
         case DeadlockAdvisory():
-            verb = "lock" if left_s < 1 else "will lock"
             names_listed = _named(list(names_of([principal]).values()))
-            return f"{names_listed} {verb} each other {_when(left_s)}, {place}: each waits for the next"
+            return f"{names_listed} lock each other {_when(left_s)}, {place}: each waits for the next"
         case ContentionAdvisory(kind="contention") if principal.queue_length:
             return _queue(principal, left_s)
     return principal.summary.split("; ")[0]
@@ -74,20 +99,28 @@ def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
         case "obstacle":
             return f"{culprit} stands in the way of {others} {when}"
         case "silent_robot":
-            return f"{culprit} is silent, and {others} will come to its place {when}"
+            return f"{culprit} is silent, and {others} come to its place {when}"
     return f"{others} {ENCOUNTER_VERBS[principal.encounter_class]} {when}"
 
 
 def _queue(contention: ContentionAdvisory, left_s: float) -> str:
     label, count = contention.resource_name, contention.queue_length
-    waiting = "1 robot" if count == 1 else f"{count} robots"
-    verb = ("waits" if count == 1 else "wait") if left_s < 1 else f"will wait {_when(left_s)}"
-    return f"{waiting} {verb} for {label}, up to {contention.wait_s:.0f} s; {len(contention.robots)} robots need it"
+    waiting = "1 robot waits" if count == 1 else f"{count} robots wait"
+    up_to = f"up to {contention.wait_s:.0f} s"
+    return f"{waiting} for {label} {_when(left_s)}, {up_to}; {len(contention.robots)} robots need it"
 
 
-def _named(names: Sequence[str]) -> str:
-    """At most `MOST_NAMED` names, as a list in a sentence."""
-    more = len(names) - MOST_NAMED
+def _stood(stood_s: float) -> str:
+    """How long a robot has stood at least."""
+    longest_s = max((step_s for step_s in STOOD_S if step_s <= stood_s), default=0)
+    if not longest_s:
+        return "for some seconds"
+    return f"for over {longest_s} s" if longest_s < LONG_S else f"for over {longest_s // 60} min"
+
+
+def _named(names: Sequence[str], left_out: int = 0) -> str:
+    """At most `MOST_NAMED` names, as a list in a sentence. `left_out` are more robots that have no names here."""
+    more = max(len(names) - MOST_NAMED, 0) + left_out
     shown = [*names[:MOST_NAMED], f"{more} more"] if more > 0 else list(names)
     return " and ".join([", ".join(shown[:-1]), shown[-1]]) if len(shown) > 1 else "".join(shown)
 

@@ -30,11 +30,15 @@ class ActionSet(NamedTuple):
     """What one advisory advises."""
 
     actions: tuple[Action, ...]
-    predicted_s: float
-    """When the event begins that it prevents."""
+    advisory: AnyAdvisory
     waits: frozenset[tuple[str, str]]
     """Robots that wait, each with the robot that passes."""
     for_people: bool
+
+    @property
+    def predicted_s(self) -> float:
+        """When the event begins that it prevents."""
+        return self.advisory.predicted_at.timestamp()
 
 
 @dataclass(slots=True)
@@ -42,25 +46,28 @@ class Proposal:
     """The actions that agree, the first to do first."""
 
     actions: tuple[Action, ...] = ()
-    predicted_s: float = 0.0
-    """When the event begins that the first action prevents."""
     for_people: bool = False
-    asked_s: Mapping[Key, float] = field(default_factory=dict)
-    """By key of every action that any advisory asks for: when the event begins that it prevents."""
+    asked: Mapping[Key, ActionSet] = field(default_factory=dict)
+    """By key of every action that any advisory asks for: the set that it is in, first of all one for people."""
+
+    @property
+    def first(self) -> ActionSet:
+        """The set of the first action."""
+        return self.asked[key_of(self.actions[0])]
 
 
 def proposal_of(advisories: Sequence[AnyAdvisory], robots: Collection[str], now_s: float) -> Proposal:
     """The actions for `robots`: those that a situation lists, and that have nothing to do in another situation."""
     sets = sorted(_sets_of(advisories, robots, now_s), key=_rank)
-    asked_s: dict[Key, float] = {}
-    for each in sets:
+    asked: dict[Key, ActionSet] = {}
+    for each in sorted(sets, key=lambda each: not each.for_people):
         for action in each.actions:
-            asked_s.setdefault(key_of(action), each.predicted_s)
-    asked_s = {key: at_s for key, at_s in asked_s.items() if not key[2] or (*key[:2], False) not in asked_s}
+            asked.setdefault(key_of(action), each)
+    asked = {key: each for key, each in asked.items() if not key[2] or (*key[:2], False) not in asked}
     for for_people in (True, False):
         if actions := _agreed([each for each in sets if each.for_people is for_people], _unsolved(advisories)):
-            return Proposal(actions, asked_s[key_of(actions[0])], for_people, asked_s)
-    return Proposal(asked_s=asked_s)
+            return Proposal(actions, for_people, asked)
+    return Proposal(asked=asked)
 
 
 def key_of(action: Action) -> Key:
@@ -85,7 +92,7 @@ def _sets_of(advisories: Iterable[AnyAdvisory], robots: Collection[str], now_s: 
         is_for_them = all(action.robot in robots for action in actions)
         if actions and is_for_them and _is_worth_waiting(advisory, actions, now_s):
             for_people = _is_for_people(advisory, actions, now_s)
-            yield ActionSet(actions, advisory.predicted_at.timestamp(), _waits(advisory, actions), for_people)
+            yield ActionSet(actions, advisory, _waits(advisory, actions), for_people)
 
 
 def _is_for_people(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:

@@ -11,13 +11,23 @@ from collections.abc import Collection, Sequence
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.situations.advice.action_sets import GO_FIRST, PEOPLE_STAND_S, Proposal, key_of
+from deconflict.advisories.situations.advice.stakes import cost_of
 from deconflict.advisories.situations.situation import SituationAdvice
-from deconflict.advisory import Action, moment
+from deconflict.advisory import Action, ActionKind, moment
 
 STANDS_S = 4.0
 """Advice for programs stands for so long at least, unless its robot has left or its time is over."""
 SOONER_S = 3.0
 """Other advice takes its place if that is for an event sooner by more than this."""
+NO_LONGER: dict[ActionKind, str] = {
+    "wait": "{name} does not have to wait any more",
+    "slow_down": "{name} does not have to slow down any more",
+    "take_another_route": "{name} does not need another route any more",
+    "back_out": "{name} does not have to back out any more",
+    "go_first": "it does not matter any more that {name} goes first",
+    "look": "nobody has to go to {name} any more",
+}
+"""Why other advice takes its place if no advisory asks for it any more."""
 
 
 def revised_advice(
@@ -41,16 +51,21 @@ def _reason_to_change(
     if impossible := _why_impossible(before, robots, busy, stood_s):
         return impossible
     if proposal.for_people and not before.for_people:
-        return "there is something that people can do"
+        return f"robots would lose about {_round_s(cost_of(proposal.first.advisory))} s otherwise"
     first = before.actions[0]
-    asked_s = proposal.asked_s.get(key_of(first))
-    is_beaten = asked_s is None and proposal.for_people
+    asked = proposal.asked.get(key_of(first))
+    is_beaten = asked is None and proposal.for_people
     if not is_beaten and 0.0 <= stood_s < (PEOPLE_STAND_S if before.for_people else STANDS_S):
         return None
-    if asked_s is None:
-        return f"earlier advice to {first.name} does not help any more"
-    sooner = proposal.actions[0] if proposal.actions and proposal.predicted_s < asked_s - SOONER_S else first
+    if asked is None:
+        return NO_LONGER[first.action].format(name=first.name)
+    is_sooner = bool(proposal.actions) and proposal.first.predicted_s < asked.predicted_s - SOONER_S
+    sooner = proposal.actions[0] if is_sooner else first
     return None if sooner.robot == first.robot else f"there is less time for {sooner.name}"
+
+
+def _round_s(seconds: float) -> int:
+    return max(10 * round(seconds / 10), 10)
 
 
 def _why_impossible(

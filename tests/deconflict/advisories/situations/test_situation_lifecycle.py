@@ -66,10 +66,7 @@ def test_a_situation_is_cleared_once_nothing_is_left_of_it() -> None:
     situations.revise(NOW_S + 6, [first.cleared_revision(NOW_S + 6, "they passed")])
     assert situations.revise(NOW_S + 4 + LINGERS_S, []) == []
     (cleared,) = situations.revise(NOW_S + 5 + LINGERS_S, [])
-    assert (cleared.state, cleared.cleared_because) == (
-        AdvisoryState.CLEARED,
-        "nothing is foreseen there any more",
-    )
+    assert (cleared.state, cleared.cleared_because) == (AdvisoryState.CLEARED, "they passed")
     assert situations.open() == []
 
 

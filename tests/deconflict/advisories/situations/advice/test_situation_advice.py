@@ -53,7 +53,7 @@ def test_a_change_says_why() -> None:
     assert after is not None
     assert (after.actions[0].robot, after.changed_because) == (
         "b",
-        "earlier advice to Robot a does not help any more",
+        "Robot a does not have to slow down any more",
     )
 
 
@@ -195,7 +195,7 @@ def test_what_people_can_do_takes_the_place_of_what_programs_do() -> None:
     blocked = blockage("xcd", recommendation=advice(action("x", "look")))
     after = revised(before, NOW_S + 1, crossing, blocked)
     assert after is not None
-    assert (after.for_people, after.changed_because) == (True, "there is something that people can do")
+    assert (after.for_people, after.changed_because) == (True, "robots would lose about 30 s otherwise")
 
 
 def test_advice_for_people_stands_for_longer() -> None:
@@ -209,7 +209,7 @@ def test_advice_for_people_makes_way_at_once_for_what_helps_instead() -> None:
     before = revised(None, NOW_S, deadlock("ab", recommendation=advice(action("a", seconds=20.0))))
     after = revised(before, NOW_S + 1, deadlock("ab", recommendation=advice(action("b", "back_out"))))
     assert after is not None
-    assert (after.actions[0].robot, after.changed_because) == ("b", "earlier advice to Robot a does not help any more")
+    assert (after.actions[0].robot, after.changed_because) == ("b", "Robot a does not have to wait any more")
 
 
 def test_a_robot_that_is_busy_elsewhere_gets_no_advice() -> None:

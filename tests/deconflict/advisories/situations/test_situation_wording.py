@@ -1,0 +1,71 @@
+"""What situations say: about what, in which tense, and where."""
+
+import pytest
+
+from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
+from deconflict.advisory import AnyAdvisory, moment
+from tests.deconflict.advisories.situations.made_situations import (
+    NOW_S,
+    action,
+    advice,
+    blockage,
+    conflict,
+    deadlock,
+    lifecycle,
+    queue,
+    raised,
+)
+
+
+def test_a_situation_is_about_what_people_are_asked_to_end() -> None:
+    """The queue costs more; without the order of the deadlock it is the title."""
+    busy, robots = queue("abcdefgh", wait_s=100.0), "ab"
+    assert raised([busy, deadlock(robots)]).situation_kind == "queue"
+    locked = deadlock(robots, recommendation=advice(action("a", "look")))
+    situation = raised([busy, locked])
+    assert situation.situation_kind == "deadlock"
+    assert situation.summary.startswith("Robot a and Robot b lock each other")
+
+
+def test_the_sentence_stays_as_long_as_its_order() -> None:
+    situations = lifecycle()
+    locked = deadlock("ab", recommendation=advice(action("a", "look")))
+    (before,) = situations.revise(NOW_S, [locked])
+    blocked = blockage("cabde")
+    situations.revise(NOW_S + UPDATE_GAP_S, [blocked, locked.cleared_revision(NOW_S + UPDATE_GAP_S, "they drive")])
+    (after,) = situations.open()
+    assert after.advice == before.advice
+    assert (after.situation_kind, after.summary) == (before.situation_kind, before.summary)
+    situations.revise(NOW_S + 3 * UPDATE_GAP_S, [])
+    assert [each.situation_kind for each in situations.open()] == ["blocked_aisle"]
+
+
+def test_the_time_of_a_situation_is_that_of_its_sentence() -> None:
+    """A conflict that has begun is no reason to say that the deadlock is now."""
+    locked = deadlock("ab", predicted_at=moment(NOW_S + 9), recommendation=advice(action("a", "look")))
+    situation = raised([conflict("bc", left_s=0.0), locked])
+    assert situation.summary.startswith("Robot a and Robot b lock each other in 9 s")
+    assert situation.time_to_conflict_s == 9.0
+
+
+def test_how_long_a_robot_has_stood_stays_true() -> None:
+    assert "Robot x has stood for over 30 s, in Aisle 3, in the way of" in raised([blockage("xab")]).summary
+
+
+@pytest.mark.parametrize(
+    ("advisory", "past"),
+    [
+        (conflict("ab"), "Robot a and Robot b were about to get in each other's way, in Aisle 3"),
+        (blockage("xabc"), "Robot x stood in the way of Robot a, Robot b and Robot c, in Aisle 3"),
+        (deadlock("ab"), "Robot a and Robot b waited for each other, or were about to, in Aisle 3"),
+        (queue("abc"), "3 robots needed the same place, in Aisle 3"),
+    ],
+)
+def test_what_has_ended_is_in_the_past_and_says_how_it_ended(advisory: AnyAdvisory, past: str) -> None:
+    situations = lifecycle()
+    situations.revise(NOW_S, [advisory])
+    (over,) = situations.revise(NOW_S + 6, [advisory.cleared_revision(NOW_S + 6, "they drive on")])
+    assert over.summary == past
+    assert over.time_to_conflict_s == 0.0
+    (cleared,) = situations.revise(NOW_S + 6 + LINGERS_S, [])
+    assert (cleared.summary, cleared.cleared_because) == (past, "they drive on")
