@@ -32,6 +32,7 @@ from deconflict.sweep.narrowphase import (
 )
 from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import FloorState, Limits, ShapeDecisions, is_shaped
+from deconflict.sweep.shapes.shape_places import set_places
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.trains import Meetings, Trains, of_trains, pairs_of_bodies, pulled_by
 from deconflict.sweep.slot_table import SlotTable
@@ -165,7 +166,10 @@ class Sweeper:
         slots = np.fromiter(
             map(self._slot_table.slots.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
         )
-        return encounters(self._slot_table.robots, self._slot_table.knots, self._slot_table.widened_m, slots, at_s)
+        floor_state = self._slot_table.robots, self._slot_table.knots, self._slot_table.widened_m
+        met = encounters(*floor_state, slots, at_s)
+        set_places(met, *floor_state, slots.reshape(-1, 2), at_s)
+        return met
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
         """Copies of the robots of `keys`, of their trailers after them, and of their knots; a robot that is not on the

@@ -191,7 +191,7 @@ def _met(columns_a: Columns, columns_b: Columns, at_s: float) -> tuple[float, fl
 
 
 @inner
-def _moving_there(robot: Any, knots: Knots, at_s: float) -> Moving:
+def moving_there(robot: Any, knots: Knots, at_s: float) -> Moving:
     """A robot of a slot table at `at_s`, as `moving`."""
     knot, last = robot.first, robot.first + robot.count - 1
     while knot < last and knots[knot + 1].t <= at_s:
@@ -210,16 +210,16 @@ def _box_of(at: Moving, robot: Any, widened_m: float) -> Box:
 
 @kernel(numba.from_dtype(ENCOUNTER)[::1](*_KNOWN, numba.int64[::1], numba.float64[::1]))
 def encounters(robots: Robots, knots: Knots, widened_m: Floats, slots: Ints, at_s: Floats) -> Encounters:
-    """(n,) of `ENCOUNTER`: the encounters of n pairs at the times `at_s` (n,), equal to `encounter` up to rounding.
-    `slots` (2 n,) are those of the pairs one after the other, -1 for an unknown robot. The place is unknown if a robot
-    is unknown, or if the two overlap and neither has a corner in the other."""
+    """(n,) of `ENCOUNTER`: the encounters of n pairs of rectangles at the times `at_s` (n,), equal to `encounter` up to
+    rounding. `slots` (2 n,) are those of the pairs one after the other, -1 for an unknown robot. The place is unknown
+    if a robot is unknown, or if the two overlap and neither has a corner in the other."""
     met = np.empty(len(at_s), ENCOUNTER)
     for row in range(len(at_s)):
         slot_a, slot_b, found = slots[2 * row], slots[2 * row + 1], met[row]
         found.x, found.y, found.kind, found.floor = nan, nan, -1, -1
         if slot_a >= 0 and slot_b >= 0:
             robot_a, robot_b = robots[slot_a], robots[slot_b]
-            a, b = _moving_there(robot_a, knots, at_s[row]), _moving_there(robot_b, knots, at_s[row])
+            a, b = moving_there(robot_a, knots, at_s[row]), moving_there(robot_b, knots, at_s[row])
             box_a, box_b = _box_of(a, robot_a, widened_m[slot_a]), _box_of(b, robot_b, widened_m[slot_b])
             _, found.x, found.y = _nearest(box_a, box_b)
             found.kind, found.floor = _class_of(a, b), a[5]

@@ -2,17 +2,18 @@
 
 from dataclasses import replace
 from itertools import product
-from math import cos, inf, sin
+from math import cos, inf, isnan, sin
 from typing import NamedTuple
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
-from shapely.ops import nearest_points
 
 from deconflict.sweep.geometry import encounter as of_rectangles
 from deconflict.sweep.geometry.encounter import Encounter, Row
 from deconflict.sweep.geometry.heights import at_one_height
 from deconflict.sweep.geometry.pose import Pose, pose_at
+from deconflict.sweep.shapes.shape_places import places_of
 from deconflict.sweep.shapes.trailers import trailer_forecasts
 from ingest.batch import Forecasts
 from ingest.shapes import ShapePart
@@ -40,12 +41,12 @@ def encounter(a: Row, b: Row, contact_s: float) -> Encounter:
     met = of_rectangles.encounter(a, b, contact_s)
     if _are_rectangles(a, b):
         return met
-    (_, part, other) = _nearest_parts(a, b, contact_s)
-    if part.outline.intersects(other.outline):
+    x_m, y_m = _place_between(a, b, contact_s)
+    if isnan(x_m):
+        _, part, other = _nearest_parts(a, b, contact_s)
         place = part.outline.intersection(other.outline).centroid
-    else:
-        place = shapely.LineString(nearest_points(part.outline, other.outline)).centroid
-    return replace(met, x_m=place.x, y_m=place.y)
+        x_m, y_m = place.x, place.y
+    return replace(met, x_m=x_m, y_m=y_m)
 
 
 def separation_m(a: Row, b: Row, t_s: float) -> float | None:
@@ -83,6 +84,16 @@ def _placed(part: ShapePart, pose: Pose, bottom_m: float, top_m: float) -> Place
     if part.bottom_m > -inf and bottom_m > -inf:
         bottom_m, top_m = bottom_m + part.bottom_m, bottom_m + part.top_m
     return PlacedPart(core, part.radius_m, bottom_m, top_m)
+
+
+def _place_between(a: Row, b: Row, t_s: float) -> tuple[float, float]:
+    """The place midway between the nearest bodies of two robots; nan if these overlap, or pass above each other."""
+    all_bodies = [bodies(forecasts.single(row)) for forecasts, row in (a, b)]
+    of_a, of_b = map(len, all_bodies)
+    each_a, each_b = np.repeat(np.arange(of_a), of_b), of_a + np.tile(np.arange(of_b), of_a)
+    found = places_of(Forecasts.joined([*all_bodies[0], *all_bodies[1]]), each_a, each_b, t_s)
+    _, x_m, y_m = found[found[:, 0].argmin()].tolist()
+    return x_m, y_m
 
 
 def _are_rectangles(a: Row, b: Row) -> bool:

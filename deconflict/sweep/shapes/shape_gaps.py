@@ -67,7 +67,7 @@ def body_of(robot: Any, table: Table, solid: int) -> Body:
 
 
 @inner
-def _heights(piece: Any, body: Body) -> tuple[float, float]:
+def heights(piece: Any, body: Body) -> tuple[float, float]:
     """Bottom and top of a piece of a body."""
     _, _, _, bottom, top = body
     if piece.bottom == -inf or bottom == -inf:
@@ -76,7 +76,7 @@ def _heights(piece: Any, body: Body) -> tuple[float, float]:
 
 
 @inner
-def _place(piece: Any, corners: NDArray[Any], x: float, y: float, c: float, s: float, placed: Floats) -> None:
+def place(piece: Any, corners: NDArray[Any], x: float, y: float, c: float, s: float, placed: Floats) -> None:
     """Write the corners of a piece, turned by (c, s) and moved to (x, y)."""
     for at in range(piece.count):
         corner = corners[piece.first + at]
@@ -118,13 +118,13 @@ def _from_sides(
 
 
 @inner
-def _between(
+def between(
     piece_a: Any, piece_b: Any, table: Table, x: float, y: float, c: float, s: float
 ) -> tuple[float, float, float]:
     """The distance of two pieces without their roundings, and the unit vector between the closest features in A's
     frame; all 0 if they overlap. B is at (x, y), turned by (c, s), in A's frame."""
     _, _, corners, placed_b, placed_a = table
-    _place(piece_b, corners, x, y, c, s, placed_b)
+    place(piece_b, corners, x, y, c, s, placed_b)
     if piece_a.count == 1 and piece_b.count == 1:
         dx, dy = placed_b[0, 0] - corners[piece_a.first].x, placed_b[0, 1] - corners[piece_a.first].y
         distance = sqrt(dx * dx + dy * dy)
@@ -132,7 +132,7 @@ def _between(
     mx, my = x + c * piece_b.x - s * piece_b.y, y + s * piece_b.x + c * piece_b.y
     a_separates, of_b, px, py = _from_sides(piece_a, corners, placed_b, piece_b.count, mx, my, piece_b.around)
     x, y = -c * x - s * y, s * x - c * y
-    _place(piece_a, corners, x, y, c, -s, placed_a)
+    place(piece_a, corners, x, y, c, -s, placed_a)
     mx, my = x + c * piece_a.x + s * piece_a.y, y - s * piece_a.x + c * piece_a.y
     b_separates, of_a, qx, qy = _from_sides(piece_b, corners, placed_a, piece_a.count, mx, my, piece_a.around)
     if not (a_separates or b_separates):
@@ -157,8 +157,8 @@ def gap(m: Any, t: float, a: Body, b: Body, table: Table, limit_m: float, span_s
     for i in range(a[0], a[1]):
         for j in range(b[0], b[1]):
             piece_a, piece_b = pieces[i], pieces[j]
-            bottom_a, top_a = _heights(piece_a, a)
-            bottom_b, top_b = _heights(piece_b, b)
+            bottom_a, top_a = heights(piece_a, a)
+            bottom_b, top_b = heights(piece_b, b)
             if not _heights_overlap(bottom_a, top_a, bottom_b, top_b):
                 continue
             swing = abs(m.turn_a) * piece_a.reach + abs(m.turn_b) * piece_b.reach
@@ -167,7 +167,7 @@ def gap(m: Any, t: float, a: Body, b: Body, table: Table, limit_m: float, span_s
             low = least - (speed + swing) * span_s
             if least > nearest and low > after and low > before and least - limit_m > lasts * (speed + swing):
                 continue
-            core, nx, ny = _between(piece_a, piece_b, table, x, y, c, s)
+            core, nx, ny = between(piece_a, piece_b, table, x, y, c, s)
             apart, opening = core - piece_a.rounding - piece_b.rounding - grown, vx * nx + vy * ny
             if apart < nearest:
                 nearest, bridge = apart, (nx * max(apart + grown, 0.0), ny * max(apart + grown, 0.0))

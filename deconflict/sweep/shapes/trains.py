@@ -1,6 +1,7 @@
 """Tugger trains in a sweep: each trailer is swept like a robot, and what is found of it counts for its train."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,9 @@ class Trains:
     def bodies(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None) -> Bodies:
         """New forecasts of robots, with those of their trailers. Trailers of an invalid forecast are left out."""
         trailers, pulled_by = trailer_forecasts(forecasts, faults(forecasts))
+        if widened_m is not None:
+            by_m = widened_m[pulled_by]
+            trailers = replace(trailers, length_m=trailers.length_m + by_m, width_m=trailers.width_m + by_m)
         number = np.arange(len(pulled_by)) - np.searchsorted(pulled_by, pulled_by)
         named = [_key(keys[row], at) for row, at in zip(pulled_by.tolist(), number.tolist(), strict=True)]
         rows = {keys[row]: int(count) for row, count in zip(*np.unique(pulled_by, return_counts=True), strict=True)}

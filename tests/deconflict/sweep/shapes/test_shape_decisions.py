@@ -5,50 +5,19 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-from numpy.random import Generator
 
 from deconflict.sweep import incremental
 from deconflict.sweep.shapes import fcl_shapes, shape_decisions
 from deconflict.sweep.sweep_once import Conflicts, sweep
 from ingest.batch import Forecasts
-from ingest.shapes import Shape, ShapePart, shapes_of
+from ingest.shapes import Shape, shapes_of
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, encounters, robot, rows_of_pairs
+from tests.helpers.made_shapes import KINDS
 from tests.helpers.shape_oracle import ShapedTrack, approach, distances
 
 DISTANCE_M, LATE_S, SEPARATION_M = 1e-3, 1e-3, 2e-3
 FAMILIES = ("random", "spinning", "near_miss", "heights")
 CLEARANCE_M = 0.25
-
-
-def octagon(rng: Generator) -> Shape:
-    angle, (long, wide) = np.arange(8) * np.pi / 4, rng.uniform(0.3, 1.2, 2)
-    return Shape.polygon(zip(long * np.cos(angle), wide * np.sin(angle), strict=True))
-
-
-def star(rng: Generator) -> Shape:
-    """A polygon with corners that point inward."""
-    corners = int(rng.integers(3, 8)) * 2
-    angle, reach = np.arange(corners) * 2 * np.pi / corners, rng.uniform(0.6, 1.2, corners)
-    reach[::2] *= rng.uniform(0.2, 0.6)
-    return Shape.polygon(zip(reach * np.cos(angle), reach * np.sin(angle), strict=True))
-
-
-def truck(rng: Generator) -> Shape:
-    """A body with a mast ahead and a load above."""
-    body = ((0.8, 0.4), (-0.8, 0.4), (-0.8, -0.4), (0.8, -0.4))
-    load = ((1.5, 0.6), (0.5, 0.6), (0.5, -0.6), (1.5, -0.6))
-    return Shape(
-        (ShapePart(body, 0.0, 0.0, 0.5), ShapePart(((0.9, 0.0),), 0.2, 0.0, 2.0), ShapePart(load, 0.0, 1.2, 2.0))
-    )
-
-
-KINDS = {
-    "rectangle": lambda _: None,
-    "circle": lambda rng: Shape.circle(rng.uniform(0.4, 2.0)),
-    "polygon": octagon,
-    "star": star,
-    "parts": truck,
-}
 
 
 def mixed(family: str, kinds: tuple[str, str], pairs: int, seed: int) -> Forecasts:

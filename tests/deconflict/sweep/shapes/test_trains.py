@@ -151,3 +151,13 @@ def test_advice_sees_the_trailers() -> None:
     look = partial(first_contacts, robots[rows], knots, a, b, now_s=NOW_S, until_s=until_s, clearance_m=0.2)
     assert look(trailers=trailers)[0].tolist() == [NOW_S]
     assert look()[0].tolist() == [np.inf]
+
+
+@pytest.mark.parametrize(("widened_m", "conflicts"), [(0.0, 0), (0.6, 1)])
+def test_trailers_are_as_uncertain_as_the_robot_that_pulls_them(widened_m: float, conflicts: int) -> None:
+    """The other stands 0.35 m beside a trailer."""
+    sweeper, train = Sweeper(clearance_m=0.2), tug(0.0)
+    wide = replace(train, length_m=train.length_m + widened_m, width_m=train.width_m + widened_m)
+    sweeper.update(["train"], wide, np.array([widened_m]))
+    sweeper.update(["b"], robot([0], [-5.0], [1.0], 0.0, (0.5, 0.5)))
+    assert len(sweeper.find_conflicts(NOW_S).pairs) == conflicts
