@@ -1,10 +1,15 @@
-// The dialog in which a person acknowledges a situation.
+// Acknowledges situations: at once, and in a dialog for who it is and what is done about it.
 
-const SEEN = "Seen, is looked after"; // what the key says is done about it
+const SEEN = "Seen, is looked after"; // what is done about it, if nobody says more
+const SOMEBODY = "Somebody at the operator's page"; // who it is, until the page knows a name
 const dialog = document.getElementById("acknowledge");
 const [about, refused, who, why] = ["acknowledge-what", "refused", "who", "why"].map((id) => document.getElementById(id));
 
-export function askAndAcknowledge({ id, summary }, signedIn) {
+export function acknowledge(situation, signedIn) {
+  return situation.acknowledgement ? ask(situation, signedIn) : acknowledgeAtOnce(situation, signedIn);
+}
+
+function ask({ id, summary }, signedIn) {
   about.textContent = summary;
   refused.textContent = why.value = "";
   who.required = !signedIn;
@@ -19,14 +24,12 @@ export function askAndAcknowledge({ id, summary }, signedIn) {
   dialog.showModal();
 }
 
-// Acknowledges at once, if it is known who does it; else asks.
-export async function acknowledgeAtOnce(situation, signedIn) {
-  const name = remembered("name") ?? "";
-  if (!name && !signedIn) return askAndAcknowledge(situation, signedIn);
+// Orders stand for seconds, so nobody has to fill in anything first.
+async function acknowledgeAtOnce(situation, signedIn) {
   try {
-    await post(situation.id, name, SEEN);
+    await post(situation.id, remembered("name") ?? SOMEBODY, SEEN);
   } catch (error) {
-    askAndAcknowledge(situation, signedIn);
+    ask(situation, signedIn);
     refused.textContent = `Not stored: ${error.message}`;
   }
 }

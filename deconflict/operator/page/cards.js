@@ -65,7 +65,7 @@ export class Cards {
     parts.show.type = parts.take.type = "button";
     parts.show.textContent = "Show on the map";
     parts.take.textContent = "Acknowledge";
-    parts.take.title = "Key A acknowledges at once";
+    parts.take.title = "Or key A. Who it is and what is done can be said afterwards";
     parts.show.onclick = () => acts.choose(id);
     parts.take.onclick = () => acts.acknowledge(id);
     card.onclick = ({ target }) => { if (card.classList.contains("calm") && !target.closest("button, summary")) acts.choose(id); };
@@ -83,7 +83,7 @@ export class Cards {
   }
 
   fill(card, situation, { nowS, chosen, flashed, floorName, floorShown, past, behind, situations, colour }) {
-    const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
+    const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation, nowS), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
     const floor = situation.location ? floorName(situation.location.datum) : "", text = gist(situation);
     card.classList.remove("critical", "warning", "caution");
     card.classList.add(situation.severity);
@@ -104,7 +104,7 @@ export class Cards {
     this.chips(parts.robots, situation, colour);
     setText(parts.since, [situation.location && situation.location.datum !== floorShown && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
     showText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
-    setText(parts.take, answer ? "Acknowledge again" : "Acknowledge");
+    setText(parts.take, answer ? "Say who, and what is done" : "Acknowledge");
     parts.show.setAttribute("aria-label", `Show on the map: ${what(situation)}`);
     parts.take.setAttribute("aria-label", `Acknowledge: ${what(situation)}`);
     parts.take.disabled = past || ended;

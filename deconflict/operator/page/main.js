@@ -1,6 +1,6 @@
 // Puts the page together: shows the live floor, or the recorded floor if the slider is at a time in the past.
 
-import { acknowledgeAtOnce, askAndAcknowledge, remember, remembered } from "./acknowledge.js";
+import { acknowledge, remember, remembered } from "./acknowledge.js";
 import { Alarm } from "./alarm.js";
 import { Camera } from "./camera.js";
 import { Cards, lines, setText } from "./cards.js";
@@ -11,7 +11,7 @@ import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
 import { Shift } from "./shift.js";
 import { Vendors } from "./vendors.js";
-import { KINDS, ago, clock, isCalm, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
+import { KINDS, ago, clock, isCalm, leftOf, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
 
 const STALE_S = 4;
 const LISTED = 200;
@@ -36,7 +36,7 @@ const alarm = new Alarm();
 const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRobot(null, uuid) });
 const camera = new Camera($("map"), (byHand) => { moved ||= byHand === true; }, press);
 const map = new FloorMap($("map"), camera, vendors);
-const cards = new Cards($("situations"), $("more"), { choose, acknowledge, point, showRobot, changed: () => list() });
+const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(allOpen().find((each) => each.id === id)), point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
 let floor = null, chosen = null, robotShown = null, heat = null, exits = [], framesDrawn = 0, drawn = 0;
 let pointed = { situation: null, robot: null }; // what the pointer or the focus is on in the list
@@ -106,7 +106,7 @@ function scene() {
     for (const uuid of robots) involved.set(uuid, severity);
     const actions = advice?.for_people || picked.has(id) ? advice?.actions ?? [] : [];
     if (actions.length) first.add(actions[0].robot);
-    for (const each of actions) advised.set(each.robot, each);
+    for (const each of actions) advised.set(each.robot, leftOf(each, advice, atS));
     for (const advisory of grouped.get(id) ?? []) if (advisory.resource) contended.set(advisory.resource, { ...advisory, severity });
   }
   const known = floors().find((each) => each.id === floor);
@@ -255,7 +255,7 @@ function detail() {
 function announce(situation, before) {
   if (situation?.state === "cleared") ends(situation);
   else if (situation && past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !situation.acknowledgement) {
-    const { first, then } = toDo(situation), isCritical = situation.severity === "critical";
+    const { first, then } = toDo(situation, live.nowS()), isCritical = situation.severity === "critical";
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
     if (isCritical && before?.severity !== "critical") {
       $("say").textContent = text;
@@ -314,7 +314,7 @@ function press(px, py) {
   document.querySelector("#situations .chosen")?.scrollIntoView({ block: "nearest" });
 }
 
-function acknowledge(id) { askAndAcknowledge(allOpen().find((each) => each.id === id), site.sign_in); }
+function acknowledgeOpen(situation) { if (situation && past.atS === null) acknowledge(situation, site.sign_in); }
 
 function fit() {
   moved = false;
@@ -325,7 +325,7 @@ function fit() {
 function acknowledgeByKey() {
   const focused = document.activeElement?.closest(".card")?.dataset.id, listed = open().sort(urgency);
   const situation = listed.find(({ id }) => id === focused) ?? listed.find(({ id }) => id === chosen) ?? listed.find(({ acknowledgement }) => !acknowledgement);
-  if (situation && past.atS === null) acknowledgeAtOnce(situation, site.sign_in);
+  acknowledgeOpen(situation);
 }
 
 function setTheme(theme) {

@@ -32,15 +32,20 @@ export function ago(s) {
 }
 
 export function countdown(situation, nowS) {
+  if (isOver(situation)) return "over";
   const left = seconds(situation.predicted_at) - nowS;
   return left < 0.5 ? "now" : `in ${span(Math.ceil(left))}`;
 }
 
 export function seconds(at) { return Date.parse(at) / 1000; }
 
-// The summary, without its number of seconds, which only was right when it was written (the countdown beside it is current).
+// Whether every advisory of a situation has ended. It stays for some seconds, in case others follow.
+function isOver({ kind, advisories }) { return kind === "situation" && !advisories.length; }
+
+// The summary, without its time, which only was right when it was written (the countdown beside it is current), and without the
+// advice on an advisory: people follow that of its situation.
 export function what(revision) {
-  return revision.summary.replace(/,? in \d+ s\b/, "");
+  return (revision.kind === "situation" ? revision.summary : revision.summary.split(";")[0]).replace(/,? (?:in \d+ (?:s|min)|now)(?![\w-])/, "");
 }
 
 // The same without a list of its robots after a colon, for where they are listed beside it.
@@ -56,14 +61,24 @@ export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEV
 export function isCalm({ severity, advice }) { return severity === "caution" && !advice?.for_people; }
 
 // What people do: the first thing, and the other things after it. If there is nothing, how it ends, and what programs do.
-export function toDo({ advice, ends }) {
+export function toDo({ advice, ends }, nowS) {
   if (advice?.for_people) {
-    const [first, ...then] = advice.text.split("; ");
+    const [first, ...then] = steps(advice, nowS);
     return { first: sentence(first), then: then.length ? `Then: ${then.join("; ")}` : "" };
   }
   const found = ENDINGS.find(([start]) => ends.startsWith(start));
-  const programs = advice ? ` Programs that move robots are advised: ${advice.text}.` : "";
+  const programs = advice ? ` Programs that move robots are advised: ${steps(advice, nowS).join("; ")}.` : "";
   return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.${programs}` };
+}
+
+// An action as far as it is still to do: of a time that runs since it was advised, what is left.
+export function leftOf(action, { since_at: since }, nowS) {
+  return action.seconds && !action.start_at ? { ...action, seconds: Math.max(Math.round(action.seconds - (nowS - seconds(since))), 1) } : action;
+}
+
+function steps(advice, nowS) {
+  const actions = advice.actions.filter(({ action }) => action !== "go_first");
+  return advice.text.split("; ").map((step, i) => (actions[i]?.seconds ? step.replace(`${actions[i].seconds} s`, `${leftOf(actions[i], advice, nowS).seconds} s`) : step));
 }
 
 // Why the advice for people has changed, as long as that is news.

@@ -1,5 +1,7 @@
 // Each vendor's colour and sign, and the table with the state of the vendors.
 
+import { plural } from "./texts.js";
+
 // Distinguishable with any of the common colour blindnesses (after Okabe and Ito), on light and on dark ground.
 const COLOURS = {
   light: ["#0072b2", "#008a63", "#b3589a", "#8a6d00", "#3d4fb8", "#5c6670"],
@@ -81,14 +83,13 @@ export class Vendors {
   }
 }
 
-// What a shift leader needs to know of a vendor.
+// What a shift leader needs to know of a vendor, and what to pass on to the integrator.
 function inWords(vendor, rate) {
-  const notes = flags(vendor);
-  if (rate === 0) notes.unshift("no messages arrive");
-  if (vendor.rejected) notes.push("some messages can't be read");
-  if (clock(vendor) !== "right") notes.push(`its clock is ${clock(vendor)}`);
+  const notes = [...(rate === 0 ? ["no messages arrive: call the integrator"] : []), ...distrust(vendor)], passed = changes(vendor);
+  if (vendor.rejected) passed.push("some messages can't be read");
+  if (clock(vendor) !== "right") passed.push(`clock ${clock(vendor)}`);
   const heard = vendor.silent ? `${vendor.robots - vendor.silent} heard, ${vendor.silent} silent` : `${vendor.robots}, all heard`;
-  return [[heard, vendor.silent > 0], [TRUST[vendor.grade] ?? "not yet known", vendor.grade >= "D"], [notes.join("; ") || "nothing", notes.length > 0]];
+  return [[heard, vendor.silent > 0], [TRUST[vendor.grade] ?? "not yet known", vendor.grade >= "D"], [notes.join("; ") || "nothing", notes.length > 0, passed.length ? `For the integrator: ${passed.join("; ")}` : ""]];
 }
 
 function inFigures(vendor, rate) {
@@ -98,7 +99,7 @@ function inFigures(vendor, rate) {
     [clock(vendor), clock(vendor) !== "right"],
     [vendor.forecast_age_s === null ? "–" : `${vendor.forecast_age_s.toFixed(1)} s`, vendor.forecast_age_s > 3],
     [vendor.grade === null ? "not yet known" : `${vendor.grade}: ${ACCURACY[vendor.grade]}`, vendor.grade >= "D"],
-    [flags(vendor).join("; ") || "nothing", flags(vendor).length > 0],
+    [[...changes(vendor), ...distrust(vendor)].join("; ") || "nothing", vendor.flags.length + vendor.distrusted > 0],
   ];
 }
 
@@ -107,16 +108,23 @@ function clock(vendor) {
   return Math.abs(offset) < CLOCK_OFF_S ? "right" : `${Math.abs(offset).toFixed(1)} s ${offset > 0 ? "fast" : "slow"}`;
 }
 
-function flags(vendor) {
-  const found = vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
-  if (vendor.distrusted) found.push(`${vendor.distrusted} robots whose motion contradicts their forecasts`);
-  return found;
+// What has changed of a vendor's messages.
+function changes(vendor) {
+  return vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
+}
+
+function distrust({ distrusted: count }) {
+  return count ? [`${plural(count, "robot")} ${count === 1 ? "drives otherwise than it announces: warnings of it" : "drive otherwise than they announce: warnings of them"} may be wrong`] : [];
 }
 
 function row(name, cells) {
   const made = document.createElement("tr"), head = document.createElement("th");
   head.scope = "row";
   head.textContent = name;
-  made.append(head, ...cells.map(([text, isBad]) => Object.assign(document.createElement("td"), { textContent: text, className: isBad ? "bad" : "" })));
+  made.append(head, ...cells.map(([text, isBad, note]) => {
+    const cell = Object.assign(document.createElement("td"), { textContent: text, className: isBad ? "bad" : "" });
+    if (note) cell.append(Object.assign(document.createElement("p"), { className: "note", textContent: note }));
+    return cell;
+  }));
   return made;
 }

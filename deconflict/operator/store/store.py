@@ -22,6 +22,7 @@ from threading import RLock
 
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Listing, Location
+from deconflict.operator.store.joined_answers import JoinedAnswers
 from deconflict.operator.store.listing_filter import ListingFilter, StateFilter
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
@@ -42,7 +43,6 @@ from deconflict.operator.store.tables import (
     insert,
     last_seq,
     latest,
-    numbered,
     open_after,
     open_at,
     position,
@@ -71,7 +71,7 @@ class Store:
         """Open or create the file in `directory`. Raises `StoreError`."""
         self._connections = SqliteConnections(directory)
         self.path = self._connections.path
-        self._number_lock = RLock()
+        self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []
         """Numbered revisions that are not in the file yet, ascending by number."""
         self._positions: dict[str, int] = {}
@@ -114,7 +114,7 @@ class Store:
                     try:
                         known = known_pending.get((advisory.id, advisory.revision))
                         known = known or stored_revision(db, advisory.id, advisory.revision)
-                        known = known or numbered(db, advisory, seq + 1)
+                        known = known or self._answers.numbered(db, advisory, seq + 1)
                     except UNWRITABLE as error:
                         unwritable.append((advisory, error))
                         continue
@@ -160,7 +160,7 @@ class Store:
             for advisory in advisories:
                 known = stored_revision(db, advisory.id, advisory.revision)
                 if known is None:
-                    known = numbered(db, advisory, seq + 1)
+                    known = self._answers.numbered(db, advisory, seq + 1)
                     seq = known.seq
                     write_revision(db, known)
                 stored.append(known)

@@ -176,8 +176,12 @@ def numbered(db: sqlite3.Connection, advisory: AnyRevision, seq: int) -> AnyRevi
 
 
 def write_revision(db: sqlite3.Connection, revision: AnyRevision) -> None:
-    """Write a numbered revision, and what it adds to the burdens of vendors."""
-    insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
+    """Write a numbered revision, its answer if that is the first, and what it adds to the burdens of vendors."""
+    count, answer = answers_of(db, revision.id)
+    insert(db, revision, count, revision.updated_at)
+    if answer is None and revision.acknowledgement:
+        passed_on = revision.acknowledgement.model_dump_json()
+        db.execute("UPDATE advisories SET acknowledgement = ? WHERE id = ?", (passed_on, revision.id))
     add_burdens(db, revision)
 
 

@@ -138,7 +138,15 @@ def cleared(before: Situation, because: str, **fields: Any) -> Situation:
 def warning(number: int, situation_id: str | None = None) -> ConflictAdvisory:
     now = moment(time.time())
     place = Location(datum=HALL, x=0.0, y=0.0)
-    return made(number, raised_at=now, updated_at=now, predicted_at=now, location=place, situation_id=situation_id)
+    summary = "Tug 1 and Lift 2 cross in 4 s; Tug 1 should wait 3 s"
+    fields: dict[str, Any] = {
+        "raised_at": now,
+        "updated_at": now,
+        "predicted_at": now,
+        "location": place,
+        "summary": summary,
+    }
+    return made(number, situation_id=situation_id, **fields)
 
 
 async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: "Browser", face: Served) -> None:
@@ -152,7 +160,7 @@ async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: 
         assert "Head-on in a lane" in card
         assert f"{name(6)} and others meet, at Column 3" in card, "the countdown beside it says when"
         assert f"{name(7)}" not in card, "its robots are listed beside the sentence"
-        assert await text(page, "#situations .first") == f"{name(6)} should wait 4 s"
+        assert (await text(page, "#situations .first")).startswith(f"{name(6)} should wait ")
         assert await text(page, "#situations .then") == f"Then: {name(6)} should go first"
         first = await text(page, "#situations .when")
         assert first.startswith("in ")
@@ -170,6 +178,7 @@ async def test_advisories_are_behind_their_situation_and_the_others_are_only_cou
         assert (await text(page, "#machines-count")).startswith("1 warning for machines")
         await page.click("#situations .count")
         await until(page, "document.querySelectorAll('#situations .lines li').length === 3")
+        assert "should wait" not in await text(page, "#situations .lines"), "a robot has one advice: that of the card"
         await page.click("#machines-count")
         await until(page, "document.querySelectorAll('#machines-lines li').length === 1")
 
@@ -180,9 +189,9 @@ async def test_when_nothing_is_open_the_page_says_so(browser: "Browser", face: S
         await until(page, "document.getElementById('none').textContent === 'Nothing needs you.'")
         await face.publish(only)
         await page.wait_for_selector("#none", state="hidden")
-        await face.publish(cleared(only, "nothing is foreseen there any more"))
+        await face.publish(cleared(only, "they have passed each other"))
         await until(page, "document.getElementById('none').offsetParent !== null")
-        assert "Nothing is foreseen there any more" in await text(page, "#situations .ended .then")
+        assert "They have passed each other" in await text(page, "#situations .ended .then")
         await page.wait_for_selector("#situations .ended", state="detached")
 
 
@@ -210,6 +219,20 @@ async def test_a_situation_that_needs_nobody_is_a_line_until_it_is_chosen(browse
         assert not await page.locator("#situations .robots").is_visible()
         await page.locator("#situations .card").click()
         await page.locator("#situations .robots").wait_for(state="visible")
+
+
+async def test_the_time_of_advice_that_is_shown_is_what_is_left_of_it(browser: "Browser", face: Served) -> None:
+    given = advice(0, 60.0)
+    await face.publish(shown(1, 0, 1, advice=given.model_copy(update={"since_at": moment(time.time() - 20)})))
+    async with opened(browser, face) as page:
+        shown_s = int((await text(page, "#situations .first")).split()[-2])
+        assert 30 <= shown_s <= 40
+
+
+async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, advice=None, advisories=(), ends="by itself: nothing is foreseen there any more"))
+    async with opened(browser, face) as page:
+        assert await text(page, "#situations .when") == "over"
 
 
 async def test_changed_advice_says_why(browser: "Browser", face: Served) -> None:
@@ -274,9 +297,14 @@ async def test_a_situation_without_a_place_has_no_map_button(browser: "Browser",
         assert not await page.is_visible("#situations .show")
 
 
-async def test_a_situation_is_acknowledged_by_its_id(browser: "Browser", face: Served) -> None:
+async def test_one_press_acknowledges_a_situation_and_a_second_says_who_and_what(
+    browser: "Browser", face: Served
+) -> None:
     await face.publish(shown(1, 0, 1))
     async with opened(browser, face) as page:
+        await page.click("#situations .take")
+        await page.wait_for_selector(".answered")
+        assert "Somebody at the operator's page: Seen, is looked after" in await text(page, "#situations .answer")
         await page.click("#situations .take")
         await page.fill("#who", "Kim <b>Lee</b>")
         await page.fill("#why", "both called back")
@@ -288,10 +316,12 @@ async def test_a_situation_is_acknowledged_by_its_id(browser: "Browser", face: S
         assert answer.name == "Kim <b>Lee</b>"
 
 
-async def test_one_key_acknowledges_what_has_the_focus_once_the_name_is_known(browser: "Browser", face: Served) -> None:
+async def test_one_key_acknowledges_what_has_the_focus(browser: "Browser", face: Served) -> None:
     await face.publish(shown(1, 0, 1, left_s=40), shown(2, 4, 5, left_s=60))
     async with opened(browser, face) as page:
         await page.focus('[data-id="situation-2"] .chip >> nth=0')
+        await page.keyboard.press("a")
+        await page.wait_for_selector('[data-id="situation-2"].answered')
         await page.keyboard.press("a")
         await page.fill("#who", "Kim")
         await page.fill("#why", "called back")
