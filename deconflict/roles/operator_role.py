@@ -44,7 +44,7 @@ class OperatorRole:
         """Set once its port is open."""
         self.port = 0
         self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
-        self._store = Store(data)
+        self._store = Store(data, follows_stream=bool(site.cluster))
         engine = EngineReport()
         self.sources = OperatorSources(site, runtime, data, engine)
         self._app = create_app(self._store, self.sources, exposition, site)
@@ -119,6 +119,7 @@ class OperatorRole:
             return
         self._publisher.measures.count(PRUNED, reason, by=removed)
         self._publisher.measures.level("deconflict_store_bytes", {(): used_bytes})
+        self._publisher.measures.level("deconflict_store_renewed", {(): float(self._store.renewal is not None)})
         if removed:
             log.info("%s advisories %s are removed", removed, text)
 

@@ -224,6 +224,14 @@ ALERTING_RULES = (
         "store.advisories_bytes. They are younger than store.keep_days.",
     ),
     AlertingRule(
+        "DeconflictStoreRenewed",
+        f"{level('deconflict_store_renewed')} > 0",
+        "0s",
+        "ticket",
+        "The database of advisories was damaged",
+        "It was set aside, and a new one begun with what could be read. GET /healthz names the old file.",
+    ),
+    AlertingRule(
         "DeconflictSituationCritical",
         f"{level('deconflict_situations_open', where={'severity': 'critical'})} > 0",
         "2m",

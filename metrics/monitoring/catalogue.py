@@ -230,6 +230,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "(store.advisories_bytes).",
     ),
     "deconflict_store_bytes": CatalogueEntry("gauge", (), "Size of the advisory database without its free pages."),
+    "deconflict_store_renewed": gauge(
+        "1 if the database of advisories was damaged, set aside and begun anew since the operator face has started."
+    ),
     "deconflict_store_failures_total": counter("Attempts to store advisories that failed."),
     "deconflict_learning_failures_total": counter(
         "Failed attempts to read or write what was learned about vendors. Learning continues without it.", "what"

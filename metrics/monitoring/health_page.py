@@ -86,6 +86,11 @@ ENGINE = Dashboard(
                 measured("deconflict_delivery_delay_seconds", legend="delay", over="max"),
             ),
             panel("Advisory database", "bytes", measured("deconflict_store_bytes", legend="size", over="max")),
+            panel(
+                "Database begun anew after damage",
+                "short",
+                measured("deconflict_store_renewed", legend="begun anew", over="max"),
+            ),
             panel("Advisories removed", "ops", rated("deconflict_advisories_pruned_total", ["reason"])),
             panel(
                 "Revisions set aside, which nobody receives",

@@ -1,7 +1,7 @@
 """The handlers of the HTTP API: situations, advisories, robots, vendors, black boxes, health and metrics."""
 
 import asyncio
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Annotated
 
 from fastapi import HTTPException, Query, Request, Response
@@ -29,6 +29,8 @@ from deconflict.operator.vendor_models import VendorList
 from ingest.measures.measures import Measures
 
 MOST_LISTED = 1000
+RENEWAL_SHOWN = timedelta(minutes=1)
+"""A database that was begun anew is reported as degraded for this long."""
 
 
 class ApiRoutes:
@@ -148,6 +150,10 @@ class ApiRoutes:
             stored = {"status": "ok", "seq": self._store.last_seq(), "bytes": self._store.used_bytes()}
             if pruned := self._publisher.measures.values[PRUNED].get(("size",)):
                 stored["pruned_for_size"] = int(pruned)
+            if renewal := self._store.renewal:
+                stored |= {"set_aside": renewal.file, "copied": renewal.salvage.copied, "lost": renewal.salvage.lost}
+                if datetime.now(UTC) - renewal.at < RENEWAL_SHOWN:
+                    stored |= {"status": "begun anew", "reason": str(renewal)}
             if self._publisher.failing:
                 unstored = {"reason": self._publisher.failing, "unstored": self._store.unstored}
                 stored |= {"status": "failing", **unstored}

@@ -1,71 +1,132 @@
 """The connections to the database file: one that writes, one that reads, and one for long reads."""
 
+import logging
 import sqlite3
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
-from datetime import datetime
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Lock
+from typing import NamedTuple
 
 from deconflict.operator.store.migrations import UPGRADES
-from deconflict.operator.store.tables import StoreError
+from deconflict.operator.store.reserved_numbers import ReservedNumbers
+from deconflict.operator.store.salvage import Salvage, salvage
+from deconflict.operator.store.tables import StoreError, last_seq, use_up_number
+
+log = logging.getLogger(__name__)
 
 FILE_NAME = "advisories.db"
 BUSY_TIMEOUT_S = 5.0
+RENEW_EVERY_S = 60.0
+"""A file that is damaged again within this time is not replaced again: the disk is at fault."""
+DAMAGE = ("SQLITE_NOTADB", "SQLITE_CORRUPT")
+
+
+class DamagedStoreError(StoreError):
+    """The file is damaged. The next transaction sets it aside and begins a new one."""
+
+
+class Renewal(NamedTuple):
+    """A damaged file was set aside, and a new one was begun."""
+
+    at: datetime
+    file: str
+    """Name of the damaged file."""
+    salvage: Salvage
+
+    def __str__(self) -> str:
+        parts = [f"{self.salvage.copied} revisions were copied"]
+        if self.salvage.lost:
+            parts.append(f"up to {self.salvage.lost} could not be read")
+        if not self.salvage.is_complete:
+            parts.append("others were left in it")
+        return f"{FILE_NAME} was damaged and is kept as {self.file}; {', '.join(parts)}"
 
 
 class SqliteConnections:
-    """Transactions on the file of one directory. Errors become `StoreError`."""
+    """Transactions on the file of one directory. Errors become `StoreError`.
 
-    def __init__(self, directory: Path) -> None:
-        """Open or create the file in `directory`. Raises `StoreError`."""
-        self.path = directory / FILE_NAME
+    A damaged file is set aside. A new one begins with what can be read of it, and with a number beyond the last.
+    """
+
+    def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
+        """Open or create the file in `directory`. Raises `StoreError`.
+
+        `follows_stream` is whether a stream gives the numbers: then a new file continues after what it holds.
+        """
+        self.path, self._follows_stream = directory / FILE_NAME, follows_stream
+        self._write_lock, self._read_lock, self._long_read_lock = Lock(), Lock(), Lock()
+        self._is_damaged, self._renewed_s = False, float("-inf")
+        self.renewal: Renewal | None = None
+        """The last one since the start."""
         with self._explained_errors():
             directory.mkdir(parents=True, exist_ok=True)
-            self._writer = self._connect()
-            self._reader = self._connect()
-            self._long_reader = self._connect()
-        self._write_lock, self._read_lock, self._long_read_lock = Lock(), Lock(), Lock()
+        self._reserved = ReservedNumbers(directory)
+        self._known_seq = 0 if follows_stream else self._reserved.last
+        """Every number up to this may be in use; those of revisions that wait for the disk are above it."""
         try:
-            self._upgrade()
-            for reader in (self._reader, self._long_reader):
-                reader.execute("PRAGMA query_only = ON")
-        except BaseException:
-            self.close()
-            raise
+            self._open()
+        except DamagedStoreError:
+            self._begin_anew()
 
-    def writing(self) -> AbstractContextManager[sqlite3.Connection]:
-        return self._transaction(self._writer, self._write_lock, "BEGIN IMMEDIATE")
+    @contextmanager
+    def writing(self) -> Iterator[sqlite3.Connection]:
+        with self._transaction(lambda: self._writer, self._write_lock, "BEGIN IMMEDIATE") as db:
+            yield db
+            last = last_seq(db)
+            if not self._follows_stream:
+                self._reserved.reserve(last)
+        self._known_seq = last
 
     def reading(self) -> AbstractContextManager[sqlite3.Connection]:
-        return self._transaction(self._reader, self._read_lock, "BEGIN")
+        return self._transaction(lambda: self._reader, self._read_lock, "BEGIN")
 
     def long_reading(self) -> AbstractContextManager[sqlite3.Connection]:
         """For a read that takes long, such as an hour of revisions: other readers and writers do not wait for it."""
-        return self._transaction(self._long_reader, self._long_read_lock, "BEGIN")
+        return self._transaction(lambda: self._long_reader, self._long_read_lock, "BEGIN")
 
     def close(self) -> None:
         with self._write_lock, self._read_lock, self._long_read_lock:
-            for db in (self._long_reader, self._reader, self._writer):
-                db.close()
+            self._close()
+
+    def _close(self) -> None:
+        for db in (self._long_reader, self._reader, self._writer):
+            db.close()
 
     def set_aside(self, at: datetime) -> Path:
         """Rename the closed file so that no store opens it; returns its new path. Raises `StoreError`."""
-        aside = self.path.with_name(f"{self.path.stem}-{at:%Y%m%dT%H%M%S}{self.path.suffix}")
+        while (aside := self.path.with_name(f"{self.path.stem}-{at:%Y%m%dT%H%M%S}{self.path.suffix}")).exists():
+            at += timedelta(seconds=1)
         with self._explained_errors():
             for suffix in ("-wal", "-shm", ""):
                 if (part := self.path.with_name(self.path.name + suffix)).exists():
                     part.replace(aside.with_name(aside.name + suffix))
         return aside
 
+    def _open(self) -> None:
+        """Open the file, and create or upgrade its tables. Closes it again if that fails."""
+        with ExitStack() as opened, self._explained_errors():
+            connections = [opened.enter_context(closing(self._connect())) for _ in range(3)]
+            self._writer, self._reader, self._long_reader = connections
+            self._upgrade(self._writer)
+            for reader in connections[1:]:
+                reader.execute("PRAGMA query_only = ON")
+            opened.pop_all()
+
     def _connect(self) -> sqlite3.Connection:
         db = sqlite3.connect(self.path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False)
-        db.execute("PRAGMA journal_mode = WAL")
-        db.execute("PRAGMA synchronous = FULL")
+        try:
+            db.execute("PRAGMA journal_mode = WAL")
+            db.execute("PRAGMA synchronous = FULL")
+        except BaseException:
+            db.close()
+            raise
         return db
 
-    def _upgrade(self) -> None:
-        with self.writing() as db:
+    def _upgrade(self, db: sqlite3.Connection) -> None:
+        with _begun(db, "BEGIN IMMEDIATE"):
             (version,) = db.execute("PRAGMA user_version").fetchone()
             if version > len(UPGRADES):
                 raise StoreError(
@@ -76,33 +137,69 @@ class SqliteConnections:
                 db.execute(statement)
             if version < len(UPGRADES):
                 db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
+            if version == 0 and self._known_seq:
+                log.warning("%s is new; its numbers continue after %d", self.path, self._known_seq)
+                use_up_number(db, self._known_seq)
+            self._known_seq = last_seq(db)
+
+    def _begin_anew(self) -> None:
+        """Replace the closed, damaged file by one with what can be read of it. Raises `StoreError`."""
+        at = datetime.now(UTC)
+        aside = self.set_aside(at)
+        self._open()
+        try:
+            salvaged = salvage(aside, self.path, self._known_seq)
+        except sqlite3.Error as error:
+            log.warning("nothing is copied from %s: %s", aside, error)
+            salvaged = Salvage(copied=0, lost=0, is_complete=False)
+        with self._explained_errors():
+            self._known_seq = last_seq(self._writer)
+        self.renewal = Renewal(at, aside.name, salvaged)
+        self._is_damaged, self._renewed_s = False, time.monotonic()
+        log.error("%s", self.renewal)
+
+    def _renew_if_damaged(self) -> None:
+        if self._is_damaged and time.monotonic() - self._renewed_s > RENEW_EVERY_S:
+            with self._write_lock, self._read_lock, self._long_read_lock:
+                if self._is_damaged:
+                    self._close()
+                    self._begin_anew()
 
     @contextmanager
-    def _transaction(self, db: sqlite3.Connection, lock: Lock, begin: str) -> Iterator[sqlite3.Connection]:
-        with lock, self._explained_errors():
-            db.execute(begin)
-            try:
-                yield db
-                db.execute("COMMIT")
-            except BaseException:
-                if db.in_transaction:
-                    db.execute("ROLLBACK")
-                raise
+    def _transaction(
+        self, connection: Callable[[], sqlite3.Connection], lock: Lock, begin: str
+    ) -> Iterator[sqlite3.Connection]:
+        self._renew_if_damaged()
+        with lock, self._explained_errors(), _begun(connection(), begin) as db:
+            yield db
 
     @contextmanager
     def _explained_errors(self) -> Iterator[None]:
         try:
             yield
         except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorname", "").startswith(DAMAGE):
+                self._is_damaged = True
+                raise DamagedStoreError(f"{self.path}: {error}: it is set aside, and a new one is begun") from error
             raise StoreError(f"{self.path}: {error}: {_remedy(error)}") from error
         except OSError as error:
             raise StoreError(f"{self.path}: {error}: choose a directory this user can write to") from error
 
 
+@contextmanager
+def _begun(db: sqlite3.Connection, begin: str) -> Iterator[sqlite3.Connection]:
+    db.execute(begin)
+    try:
+        yield db
+        db.execute("COMMIT")
+    except BaseException:
+        if db.in_transaction:
+            db.execute("ROLLBACK")
+        raise
+
+
 def _remedy(error: sqlite3.Error) -> str:
     name = getattr(error, "sqlite_errorname", "")
-    if name.startswith(("SQLITE_NOTADB", "SQLITE_CORRUPT")):
-        return f"move it aside together with {FILE_NAME}-wal and {FILE_NAME}-shm, or restore a copy"
     if name.startswith("SQLITE_FULL"):
         return "free some space on its disk"
     if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):

@@ -33,7 +33,7 @@ from deconflict.operator.store.pending_writes import (
     open_at_time,
 )
 from deconflict.operator.store.revision_pages import Page, first_page
-from deconflict.operator.store.sqlite_connections import SqliteConnections
+from deconflict.operator.store.sqlite_connections import Renewal, SqliteConnections
 from deconflict.operator.store.tables import (
     UNWRITABLE,
     StoredDocument,
@@ -48,6 +48,7 @@ from deconflict.operator.store.tables import (
     position,
     put_positions,
     raised_between,
+    readable,
     remove_oldest,
     revision_of,
     situations_since,
@@ -67,9 +68,9 @@ MOST_PAST = 2_000
 class Store:
     """The advisories of one directory. Every method may be called from any thread, and may block on the disk."""
 
-    def __init__(self, directory: Path) -> None:
-        """Open or create the file in `directory`. Raises `StoreError`."""
-        self._connections = SqliteConnections(directory)
+    def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
+        """Open or create the file in `directory`. Raises `StoreError`. `follows_stream`: as of `SqliteConnections`."""
+        self._connections = SqliteConnections(directory, follows_stream=follows_stream)
         self.path = self._connections.path
         self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []
@@ -85,6 +86,11 @@ class Store:
     def set_aside(self, at: datetime) -> Path:
         """Rename the closed file so that no store opens it; returns its new path. Raises `StoreError`."""
         return self._connections.set_aside(at)
+
+    @property
+    def renewal(self) -> Renewal | None:
+        """The last time that a damaged file was replaced since the start."""
+        return self._connections.renewal
 
     @property
     def unstored(self) -> int:
@@ -197,8 +203,7 @@ class Store:
             rows = db.execute(
                 "SELECT document FROM revisions WHERE seq > ? ORDER BY seq LIMIT ?", (seq, limit)
             ).fetchall()
-        stored = [revision_of(document) for (document,) in rows]
-        found = [*stored, *(revision for revision in pending if revision.seq > seq)]
+        found = [*readable(rows), *(revision for revision in pending if revision.seq > seq)]
         return found if limit < 0 else found[:limit]
 
     def page_after(self, seq: int, kinds: Set[str], limit: int) -> Page:
@@ -264,7 +269,7 @@ class Store:
                 "SELECT document FROM revisions WHERE id = ? ORDER BY revision, answers", (advisory_id,)
             ).fetchall()
         unstored = (revision for revision in pending if revision.id == advisory_id)
-        return [*(revision_of(document) for (document,) in rows), *unstored]
+        return [*readable(rows), *unstored]
 
     def last_seq(self) -> int:
         """The highest number given so far; 0 before the first."""
@@ -282,7 +287,7 @@ class Store:
             self._positions[outlet] = seq
 
     def burdens_s(self) -> dict[str, float]:
-        """How long the robots of each vendor were advised to yield, seconds. Pruning does not change it."""
+        """How long the robots of each vendor were advised to yield, seconds, also of what was removed."""
         with self._file_and_pending() as (db, pending):
             burdens_s: dict[str, float] = dict(db.execute("SELECT vendor, yielded_s FROM burdens").fetchall())
         for vendor, more_s in (item for revision in pending for item in revision.advised_wait_s.items()):
@@ -290,10 +295,8 @@ class Store:
         return burdens_s
 
     def encounters_after(self, pair: Pair, limit: int) -> list[tuple[Pair, int]]:
-        """The highest encounter number of up to `limit` pairs of robots that follow `pair`, ascending by pair.
-
-        Pruning does not change it.
-        """
+        """The highest encounter number of up to `limit` pairs of robots that follow `pair`, ascending, also of what was
+        removed."""
         with self._file_and_pending() as (db, pending):
             ordinals = dict(encounters_after(db, pair, limit))
             is_last = len(ordinals) < limit

@@ -1,8 +1,9 @@
 """Reads and writes of the tables in the advisory database."""
 
 import json
+import logging
 import sqlite3
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import AbstractContextManager, closing
 from dataclasses import asdict
 from datetime import datetime
@@ -14,6 +15,8 @@ from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, Confl
 from deconflict.operator.store.listing_filter import OPEN_VALUES, ListingFilter
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
 from ingest.batch import Pair
+
+log = logging.getLogger(__name__)
 
 
 class StoreError(Exception):
@@ -66,7 +69,7 @@ def open_at(db: sqlite3.Connection, now_s: float, limit: int = -1) -> list[AnyRe
         "(SELECT max(seq) FROM revisions WHERE updated_s BETWEEN ? AND ? GROUP BY id) ORDER BY seq DESC LIMIT ?",
         (AdvisoryState.CLEARED, now_s - LOOK_BACK_S, now_s, limit),
     )
-    return [revision_of(document) for (document,) in rows][::-1]
+    return readable(rows)[::-1]
 
 
 def latest(db: sqlite3.Connection, wanted: ListingFilter, limit: int) -> list[AnyRevision]:
@@ -83,7 +86,7 @@ def latest(db: sqlite3.Connection, wanted: ListingFilter, limit: int) -> list[An
         ORDER BY a.seq DESC LIMIT :limit""",  # noqa: S608 - the condition is one of three constants
         {**asdict(wanted), "low": low, "high": high, "limit": limit},
     ).fetchall()
-    return [revision_of(document) for (document,) in rows]
+    return readable(rows)
 
 
 def situations_since(db: sqlite3.Connection, since_s: float, limit: int) -> list[tuple[str, str, float]]:
@@ -106,7 +109,7 @@ def after(db: sqlite3.Connection, seq: int, kinds: Set[str]) -> Iterator[tuple[i
         "FROM revisions AS r CROSS JOIN advisories AS a WHERE r.seq > ? AND a.id = r.id ORDER BY r.seq",
         (json.dumps(sorted(kinds)), seq),
     )
-    return ((number, revision_of(document) if document else None) for number, document in rows)
+    return ((number, next(iter(readable([(document,)])), None) if document else None) for number, document in rows)
 
 
 class StoredDocument(NamedTuple):
@@ -155,11 +158,11 @@ def between(db: sqlite3.Connection, since_s: float, until_s: float) -> list[AnyR
         "SELECT document FROM revisions WHERE answers = 0 AND updated_s > ? AND updated_s <= ? ORDER BY seq",
         (since_s, until_s),
     )
-    return [revision_of(document) for (document,) in rows]
+    return readable(rows)
 
 
 def read_only(path: Path) -> AbstractContextManager[sqlite3.Connection]:
-    """A connection for a process other than the store's. Raises `sqlite3.Error`."""
+    """A connection that can't write. Raises `sqlite3.Error`."""
     return closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True))
 
 
@@ -276,6 +279,17 @@ def put_positions(db: sqlite3.Connection, positions: Mapping[str, int]) -> None:
         "INSERT INTO positions VALUES (?, ?) ON CONFLICT (outlet) DO UPDATE SET seq = max(seq, excluded.seq)",
         list(positions.items()),
     )
+
+
+def readable(rows: Iterable[tuple[str]]) -> list[AnyRevision]:
+    """The revisions of documents, without those that can't be read, which are logged: they hold up no other."""
+    revisions = []
+    for (document,) in rows:
+        try:
+            revisions.append(revision_of(document))
+        except UnreadableAdvisoryError as error:
+            log.error("a stored revision is left out: %s; it begins with %.80s", error, document)
+    return revisions
 
 
 def revision_of(document: str) -> AnyRevision:

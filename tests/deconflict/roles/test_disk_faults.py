@@ -5,6 +5,7 @@ import sqlite3
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,13 @@ from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
 from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import LogReader, Tick
+from tests.deconflict.operator.store.made_damage import damage, page
 from tests.deconflict.roles.made_disks import disk_of, fill, mount
-from tests.deconflict.roles.made_service import CROSSING, Running, drive, running
+from tests.deconflict.roles.made_service import CROSSING, Course, Running, drive, running
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S
 
@@ -206,3 +209,28 @@ async def test_a_log_on_a_read_only_disk_shows_and_recording_resumes(
         assert "recording again" in caplog.text
     finally:
         subprocess.run(["umount", "-l", str(log)], check=True)
+
+
+async def test_a_service_whose_database_is_damaged_continues_its_advisories_and_says_so(tmp_path: Path) -> None:
+    meeting: dict[str, Course] = {"A-1": lambda t: (-20.0 + t, 0.0, 0.0), "B-1": lambda t: (20.0 - t, 0.0, pi)}
+    start_s = time.time() - 13.0
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, meeting, 60, start_s))
+        before = (await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1))["advisories"][0]
+        driving.cancel()
+    damage(tmp_path / FILE_NAME, page(1))
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(drive(service.robots_url, meeting, 60, start_s))
+        (after,) = (
+            await service.until(
+                "/advisories", lambda answer: answer["advisories"] and answer["advisories"][0]["seq"] > before["seq"]
+            )
+        )["advisories"]
+        driving.cancel()
+        health = await service.get("/healthz")
+        assert "deconflict_store_renewed 1" in (await service.metrics_with("deconflict_store_renewed"))
+    assert after["id"] == before["id"]
+    assert after["revision"] > before["revision"]
+    assert (health.status_code, health.json()["store"]["status"]) == (503, "begun anew")
+    assert (tmp_path / health.json()["store"]["set_aside"]).exists()
+    assert health.json()["store"]["copied"] >= before["seq"]

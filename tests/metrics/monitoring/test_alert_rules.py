@@ -89,6 +89,8 @@ CASES = [
     Case("DeconflictBrokerGone", 20, None, {BROKER: "1x10 0x1 1x20"}),
     Case("DeconflictRevisionSetAside", 20, {"reason": "invalid"}, {ASIDE: "0x15 1x10"}),
     Case("DeconflictRevisionSetAside", 40, None, {ASIDE: "0x15 1x30"}),
+    Case("DeconflictStoreRenewed", 10, {}, {"deconflict_store_renewed": "0x5 1x10"}),
+    Case("DeconflictStoreRenewed", 4, None, {"deconflict_store_renewed": "0x5 1x10"}),
     Case("DeconflictAdvisoriesPrunedForSize", 90, {}, {PRUNED.format("size"): "0x60 0+500x40"}),
     Case(
         "DeconflictAdvisoriesPrunedForSize", 90, None, {PRUNED.format("size"): "0x100", PRUNED.format("age"): "0+9x100"}

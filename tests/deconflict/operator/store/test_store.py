@@ -276,23 +276,6 @@ def test_an_upgrade_that_fails_leaves_the_file_as_it_was(store: Store, monkeypat
     again.close()
 
 
-def test_a_file_that_is_no_database_says_to_move_it_aside(tmp_path: Path) -> None:
-    (tmp_path / FILE_NAME).write_bytes(b"not a database at all " * 100)
-    with pytest.raises(StoreError, match="move it aside"):
-        Store(tmp_path)
-
-
-def test_a_damaged_page_is_an_explained_error_when_it_is_read(store: Store) -> None:
-    store.append([made(number) for number in range(200)])
-    store.close()
-    size = store.path.stat().st_size
-    with store.path.open("r+b") as file:
-        file.seek(4096)
-        file.write(b"\xa5" * (size - 4096))
-    with pytest.raises(StoreError, match="move it aside"):
-        Store(store.path.parent).after(0)
-
-
 def test_a_directory_that_cannot_be_made_is_an_explained_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="choose a directory this user can write to"):

@@ -1,0 +1,42 @@
+"""A number beyond every number of a revision, in a file beside the database: it survives damage to the database."""
+
+import logging
+import os
+from pathlib import Path
+
+from deconflict.operator.store.pending_writes import MOST_PENDING
+
+log = logging.getLogger(__name__)
+
+FILE_NAME = "advisories.reserved"
+BLOCK = 100_000
+"""The file is written once for so many numbers. More than may wait for the disk."""
+
+
+class ReservedNumbers:
+    """Numbers up to `last` may be in use. A database that begins anew continues beyond it."""
+
+    def __init__(self, directory: Path) -> None:
+        self._path = directory / FILE_NAME
+        self.last = self._read()
+
+    def reserve(self, seq: int) -> None:
+        """Reserve well beyond a number that is about to be stored. Raises `OSError`."""
+        if seq + MOST_PENDING <= self.last:
+            return
+        last, new = seq + BLOCK, self._path.with_suffix(".new")
+        with new.open("w") as file:
+            file.write(f"{last}\n")
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(self._path)
+        self.last = last
+
+    def _read(self) -> int:
+        try:
+            return max(int(self._path.read_text()), 0)
+        except FileNotFoundError:
+            return 0
+        except (OSError, ValueError) as error:
+            log.warning("%s can't be read and is written anew: %s", self._path, error)
+            return 0
