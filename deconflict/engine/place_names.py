@@ -9,15 +9,17 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from deconflict.settings.shared_places import Place, Resource, outlines
+from deconflict.settings.shared_places import Obstacle, Place, Resource, outlines
 from deconflict.settings.site import Site
-from ingest.batch import FloorPoint
+from ingest.batch import Bools, FloorPoint
 from ingest.settings import Datum
 
 FARTHEST_M = 15.0
 """A mark that is farther away helps less than coordinates."""
 AT_M = 1.5
 """Nearer than this a person says "at"."""
+TOUCHES_M = 0.1
+"""An obstacle that is nearer to a mark does not hide it: the mark is on it."""
 
 
 class NamedShapes(NamedTuple):
@@ -32,9 +34,9 @@ class NamedShapes(NamedTuple):
 
 
 class PlaceNames:
-    """Describes points by the named places and reference points of a site."""
+    """Describes points by the named places, obstacles and reference points of a site."""
 
-    def __init__(self, datums: Iterable[Datum], places: Iterable[Place]) -> None:
+    def __init__(self, datums: Iterable[Datum], places: Iterable[Place], obstacles: Iterable[Obstacle] = ()) -> None:
         datums = tuple(datums)
         self._floor_names = {datum.id: datum.name for datum in datums}
         marks = {datum.id: _marks(datum) for datum in datums}
@@ -45,6 +47,14 @@ class PlaceNames:
                 shape = shapely.Polygon(outline)
                 inside.setdefault(datum_id, []).append((shape.area, f"{preposition} {place.label}", shape))
                 marks.setdefault(datum_id, []).append((place.label, shape))
+        hiding: dict[str, list[tuple[str, shapely.Polygon]]] = {}
+        for obstacle in obstacles:
+            datum_id, shape = obstacle.floor or datums[0].id, shapely.Polygon(obstacle.outline_m)
+            hiding.setdefault(datum_id, []).append((obstacle.name, shape))
+            if obstacle.name:
+                marks.setdefault(datum_id, []).append((obstacle.name, shape))
+        self._obstacles = {datum_id: NamedShapes.of(named) for datum_id, named in hiding.items()}
+        """By floor, what may hide a mark."""
         self._marks = {datum_id: NamedShapes.of(named) for datum_id, named in marks.items()}
         """By floor, what a point can be near to."""
         self._inside = {
@@ -55,13 +65,13 @@ class PlaceNames:
 
     @classmethod
     def of(cls, site: Site) -> Self:
-        return cls(site.datums, (*site.resources, *site.zones))
+        return cls(site.datums, (*site.resources, *site.zones), site.obstacles)
 
     def describe(self, points: Sequence[FloorPoint]) -> list[str]:
         """Where each point is, such as "3 m from Column C3 on Ground hall".
 
-        The smallest place that holds the point, or else the nearest mark or place and its distance, or else the
-        coordinates; and the floor.
+        The smallest place that holds the point, or else the nearest mark or place in sight and its distance, or else
+        the coordinates; and the floor.
         """
         described = [""] * len(points)
         for datum_id in {point.datum for point in points}:
@@ -78,7 +88,7 @@ class PlaceNames:
         if marks is None:
             return phrases
         points = shapely.points(at_m)
-        for row, (distance_m, name) in _nearest(marks, points).items():
+        for row, (distance_m, name) in _nearest(marks, points, self._obstacles.get(datum_id)).items():
             phrases[row] = f"at {name}" if distance_m < AT_M else f"{distance_m:.0f} m from {name}"
         if inside := self._inside.get(datum_id):
             found = zip(*inside.shapes.query(points, predicate="covered_by").tolist(), strict=True)
@@ -87,16 +97,31 @@ class PlaceNames:
         return phrases
 
 
-def _nearest(marks: NamedShapes, points: NDArray[np.object_]) -> dict[int, tuple[float, str]]:
-    """By row of `points`, the distance and the name of the nearest mark or place; only if one is near enough.
+def _nearest(
+    marks: NamedShapes, points: NDArray[np.object_], obstacles: NamedShapes | None
+) -> dict[int, tuple[float, str]]:
+    """By row of `points`, the distance and the name of the nearest mark or place in sight; only if one is near enough.
 
     Of several at the same distance, the first by name.
     """
-    found, distance_m = marks.shapes.query_nearest(points, max_distance=FARTHEST_M, return_distance=True)
+    rows, found = marks.shapes.query(points, predicate="dwithin", distance=FARTHEST_M)
+    shapes = marks.shapes.geometries[found]
+    distance_m = shapely.distance(points[rows], shapes)
+    hidden = _hidden(points[rows], shapes, obstacles) if obstacles else np.zeros(len(rows), np.bool_)
     nearest: dict[int, tuple[float, str]] = {}
-    for row, mark, metres in zip(*found.tolist(), distance_m.tolist(), strict=True):
+    for row, mark, metres in zip(*(each[~hidden].tolist() for each in (rows, found, distance_m)), strict=True):
         nearest[row] = min((metres, marks.names[mark]), nearest.get(row, (inf, "")))
     return nearest
+
+
+def _hidden(points: NDArray[np.object_], shapes: NDArray[np.object_], obstacles: NamedShapes) -> Bools:
+    """Whether an obstacle is between each of `points` and its shape."""
+    sights = shapely.shortest_line(points, shapes)
+    rows, found = obstacles.shapes.query(sights, predicate="crosses")
+    is_other = shapely.distance(obstacles.shapes.geometries[found], shapely.get_point(sights[rows], -1)) > TOUCHES_M
+    hidden = np.zeros(len(points), np.bool_)
+    hidden[rows[is_other]] = True
+    return hidden
 
 
 def _marks(datum: Datum) -> list[tuple[str, shapely.Geometry]]:

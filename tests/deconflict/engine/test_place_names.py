@@ -1,7 +1,7 @@
 import pytest
 
 from deconflict.engine.place_names import PlaceNames
-from deconflict.settings.shared_places import Resource, Zone
+from deconflict.settings.shared_places import Obstacle, Resource, Zone
 from ingest.batch import FloorPoint
 from ingest.settings import Datum, ReferencePoint
 
@@ -44,6 +44,17 @@ DESCRIBED = [
 @pytest.mark.parametrize(("point", "phrase"), DESCRIBED)
 def test_a_point_is_described_by_the_place_around_it_or_the_nearest_mark(point: FloorPoint, phrase: str) -> None:
     assert PLACE_NAMES.describe([point]) == [phrase]
+
+
+def test_a_mark_behind_a_wall_names_no_place() -> None:
+    wall = Obstacle(kind="wall", outline_m=((1, 1), (9, 1), (9, 1.2), (1, 1.2)))
+    rack = Obstacle(kind="rack", name="Rack B", floor="hall", outline_m=((2, 8), (9, 8), (9, 9), (2, 9)))
+    names = PlaceNames((HALL,), (), (wall, rack))
+    assert names.describe([FloorPoint("hall", 4.0, 3.0)]) == ["5 m from Rack B on Ground hall"], "the column is hidden"
+    assert names.describe([FloorPoint("hall", 0.5, 3.0)]) == ["3 m from Column A1 on Ground hall"]
+    assert names.describe([FloorPoint("hall", 4.0, 10.0)]) == ["at Rack B on Ground hall"], (
+        "an obstacle hides not itself"
+    )
 
 
 def test_many_points_are_described_as_each_is_alone() -> None:
