@@ -300,6 +300,10 @@ class ReceiverSettings(Section):
     """Most connections from one address, for senders that never close theirs."""
     max_messages_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5000.0
     """Most messages a second of one vendor. Connections of unknown vendors are limited by address."""
+    max_bytes_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 10e6
+    """Most bytes of messages a second of one vendor."""
+    max_processor_share: Annotated[float, Field(gt=0, le=1)] = 0.4
+    """Largest part of a processor core that reading the messages of one vendor may take."""
     tls: Tls | None = None
     """Certificates for `wss://`. If absent, the port serves plain `ws://`."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)

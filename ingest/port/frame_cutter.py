@@ -5,7 +5,8 @@ Nearly all messages are one plain frame, and those are cut from the bytes here. 
 pings, closes, errors) is left to websockets. Bytes are cut only while websockets is between two frames.
 
 All sockets are read into one buffer. By default asyncio allocates a new one of 256 KiB for each read, which costs more
-than the read.
+than the read. What is left to websockets is read in smaller pieces, because thousands of pings or fragments fit into
+the whole buffer.
 """
 
 import asyncio
@@ -35,6 +36,8 @@ MOST_EARLY = 16
 """Messages that are kept before there is a listener. After that, reading pauses."""
 _BUFFER = memoryview(bytearray(1 << 16))
 """Holds the bytes of one read. They are cut before the next read, since a process has one event loop."""
+_SMALL_BUFFER = _BUFFER[: 1 << 12]
+"""For a connection of whose last bytes some were left to websockets, which takes 8 us for each frame."""
 
 
 class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
@@ -50,27 +53,41 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
         """The beginning of a plain frame whose end has not arrived."""
         self._fragments = bytearray()
         """The fragments of a message so far."""
+        self.is_unread = False
+        """Whether the peer was cut off because it did not read."""
+        self._buffer = _SMALL_BUFFER
+        self._read: Callable[[bytes], None] = self.data_received
 
-    def listen(self, listener: Callable[[bytes], None]) -> None:
-        """Pass on the messages so far, and those that arrive from now on."""
+    def listen(self, listener: Callable[[bytes], None], read: Callable[[bytes], None] | None = None) -> None:
+        """Pass on the messages so far, and those that arrive from now on.
+
+        `read` gets the bytes of each read, and has to pass them to `data_received`.
+        """
         early, self._early = self._early, []
-        self._listener = listener
+        self._listener, self._read = listener, read or self.data_received
         for message in early:
             listener(message)
         if len(early) >= MOST_EARLY:
             self.transport.resume_reading()
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - the most that asyncio would ask for
-        return _BUFFER
+        return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        self.data_received(bytes(_BUFFER[:nbytes]))
+        self._read(bytes(_BUFFER[:nbytes]))
+
+    def pause_writing(self) -> None:
+        """Cut off a peer that leaves thousands of pongs unread: it would wait for them even when it is closed."""
+        super().pause_writing()
+        self.is_unread = True
+        self.transport.abort()
 
     def data_received(self, data: bytes) -> None:
         if self._incomplete:
             data, self._incomplete = self._incomplete + data, b""
         if self._between_frames and self._listener and self.protocol.state is State.OPEN:
             data = self._cut(data, self._listener)
+        self._buffer = _SMALL_BUFFER if data else _BUFFER
         if data:
             super().data_received(data)
             self._between_frames = stands_between_frames(self.protocol)

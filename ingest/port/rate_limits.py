@@ -1,18 +1,20 @@
-"""Rate limits: each vendor may send a limited number of messages per second.
+"""Rate limits: each vendor may send a limited number of messages and bytes, and cause limited work, per second.
 
-Each vendor has a token bucket (Turner 1986, "leaky bucket as a meter"). Messages beyond the rate wait, one for each
+Each vendor has token buckets (Turner 1986, "leaky bucket as a meter"). Messages beyond the rates wait, one for each
 robot. A newer message of a robot replaces its waiting one, so that only outdated messages are dropped.
 """
 
 import re
 from collections import OrderedDict
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from ingest.port.connection import Connection
 
 BURST_S = 1.0
 """A vendor may send this many seconds' worth of messages at once."""
+READING_SHARE = 0.2
+"""The part of a core that may be spent on the sockets of one vendor, without the reading of messages."""
 MOST_WAITING = 10_000
 """Robots of one vendor with a waiting message. Beyond it, the message that has waited longest is dropped."""
 MOST_WAITING_BYTES = 32 << 20
@@ -30,17 +32,64 @@ class ArrivedMessage(NamedTuple):
     connection: Connection
 
 
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """What each vendor may use in a second."""
+
+    messages: float
+    message_bytes: float = 10e6
+    processor_s: float = 0.4
+    """Processor time for reading messages."""
+    reading_s: float = READING_SHARE
+    """Processor time for sockets."""
+
+
 @dataclass(slots=True, eq=False)
 class TokenBucket:
-    """The messages that one vendor may still send, and those that wait."""
+    """What one vendor may still use, and the messages that wait. All but `messages` may become negative."""
 
-    tokens: float
-    """Messages that may be delivered now."""
+    messages: float
+    message_bytes: float
+    processor_s: float
+    reading_s: float
     filled_s: float
-    """When tokens were last added."""
+    """When the vendor was last given anything."""
     waiting: OrderedDict[bytes, ArrivedMessage] = field(default_factory=OrderedDict)
     """By robot and kind of report, oldest first."""
     waiting_bytes: int = 0
+
+    @classmethod
+    def full(cls, rates: Rates, now_s: float) -> Self:
+        """The bucket of a vendor that has used nothing."""
+        bucket = cls(0.0, 0.0, 0.0, 0.0, now_s - BURST_S)
+        bucket.fill(now_s, rates)
+        return bucket
+
+    def fill(self, now_s: float, rates: Rates) -> None:
+        """Add what the vendor may use in the time since the last call."""
+        passed_s, self.filled_s = max(now_s - self.filled_s, 0.0), now_s
+        self.messages = min(self.messages + passed_s * rates.messages, rates.messages * BURST_S)
+        self.message_bytes = min(self.message_bytes + passed_s * rates.message_bytes, rates.message_bytes * BURST_S)
+        self.processor_s = min(self.processor_s + passed_s * rates.processor_s, rates.processor_s * BURST_S)
+        self.reading_s = min(self.reading_s + passed_s * rates.reading_s, rates.reading_s * BURST_S)
+
+    def grants_message(self) -> bool:
+        """Whether a message may be delivered now."""
+        return self.messages >= 1 and self.message_bytes > 0 and self.processor_s > 0
+
+    def charge_message(self, message: ArrivedMessage) -> None:
+        """Take off what a message costs that is delivered now. Its processor time is not known yet."""
+        self.messages -= 1
+        self.message_bytes -= len(message.raw)
+
+    def is_idle(self, rates: Rates) -> bool:
+        """Whether nothing waits and the bucket is full: as good as new."""
+        return not self.waiting and (
+            self.messages >= rates.messages * BURST_S
+            and self.message_bytes >= rates.message_bytes * BURST_S
+            and self.processor_s >= rates.processor_s * BURST_S
+            and self.reading_s >= rates.reading_s * BURST_S
+        )
 
     def pop_oldest(self) -> ArrivedMessage:
         """Remove the message that has waited longest."""
@@ -48,54 +97,66 @@ class TokenBucket:
         self.waiting_bytes -= len(message.raw)
         return message
 
-    def fill(self, now_s: float, rate: float) -> None:
-        """Add the tokens for the time since the last call."""
-        self.tokens = min(self.tokens + max(now_s - self.filled_s, 0.0) * rate, rate * BURST_S)
-        self.filled_s = now_s
-
 
 class RateLimits:
     """The buckets of all vendors. `now_s` is of a monotonic clock."""
 
-    def __init__(self, messages_a_second: float) -> None:
-        self.rate = messages_a_second
+    def __init__(self, rates: Rates) -> None:
+        self.rates = rates
         self._buckets: dict[str, TokenBucket] = {}
 
     def admit(self, vendor: str, message: ArrivedMessage, now_s: float) -> tuple[bool, list[ArrivedMessage]]:
         """Whether the message may be delivered at once; if not, it waits. With it the messages dropped for it."""
-        bucket = self._buckets.get(vendor)
-        if bucket is None:
-            if len(self._buckets) >= MOST_BUCKETS:
-                self._remove_idle(now_s)
-            bucket = self._buckets[vendor] = TokenBucket(self.rate * BURST_S, now_s)
-        bucket.fill(now_s, self.rate)
-        if bucket.tokens >= 1 and not bucket.waiting:
-            bucket.tokens -= 1
+        bucket = self._filled(vendor, now_s)
+        if not bucket.waiting and bucket.grants_message():
+            bucket.charge_message(message)
             return True, []
         return False, _enqueue(bucket, message)
 
     def due(self, now_s: float) -> list[ArrivedMessage]:
         """Remove and return the messages that may be delivered now, oldest first for each vendor.
 
-        Call it many times a second.
+        Call it many times a second. A vendor with little processor time left gets one message a call, since it is not
+        known what a message costs.
         """
         due = []
         for bucket in self._buckets.values():
-            bucket.fill(now_s, self.rate)
-            while bucket.waiting and bucket.tokens >= 1:
-                bucket.tokens -= 1
-                due.append(bucket.pop_oldest())
+            bucket.fill(now_s, self.rates)
+            is_scarce = bucket.processor_s < self.rates.processor_s * BURST_S / 2
+            while bucket.waiting and bucket.grants_message():
+                message = bucket.pop_oldest()
+                bucket.charge_message(message)
+                due.append(message)
+                if is_scarce:
+                    break
         self._remove_idle(now_s)
         return due
 
+    def charge_processor(self, vendor: str, spent_s: float, now_s: float) -> None:
+        """Take off processor time that reading messages took."""
+        bucket = self._filled(vendor, now_s)
+        bucket.processor_s = max(bucket.processor_s - spent_s, -self.rates.processor_s * BURST_S)
+
+    def charge_reading(self, vendor: str, spent_s: float, now_s: float) -> float:
+        """Take off processor time that a socket took. Returns for how long the socket should not be read."""
+        bucket = self._filled(vendor, now_s)
+        bucket.reading_s = max(bucket.reading_s - spent_s, -self.rates.reading_s * BURST_S)
+        return max(-bucket.reading_s / self.rates.reading_s, 0.0)
+
+    def _filled(self, vendor: str, now_s: float) -> TokenBucket:
+        bucket = self._buckets.get(vendor)
+        if bucket is None:
+            if len(self._buckets) >= MOST_BUCKETS:
+                self._remove_idle(now_s)
+            bucket = self._buckets[vendor] = TokenBucket.full(self.rates, now_s)
+        else:
+            bucket.fill(now_s, self.rates)
+        return bucket
+
     def _remove_idle(self, now_s: float) -> None:
-        """Remove full buckets in which nothing waits. They are as good as new."""
         for bucket in self._buckets.values():
-            bucket.fill(now_s, self.rate)
-        full = self.rate * BURST_S
-        self._buckets = {
-            name: bucket for name, bucket in self._buckets.items() if bucket.waiting or bucket.tokens < full
-        }
+            bucket.fill(now_s, self.rates)
+        self._buckets = {name: bucket for name, bucket in self._buckets.items() if not bucket.is_idle(self.rates)}
 
     def __len__(self) -> int:
         return len(self._buckets)

@@ -22,24 +22,21 @@ from websockets.http11 import Request, Response
 from websockets.protocol import State
 
 from ingest.measures.measures import Measures
-from ingest.port.backlog import Backlog
 from ingest.port.connection import Connection
 from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit
+from ingest.port.fair_delivery import Deliver, FairDelivery
 from ingest.port.frame_cutter import FrameCuttingConnection
-from ingest.port.rate_limits import ArrivedMessage, RateLimits
-from ingest.port.time_slices import TimeSlices
+from ingest.port.rate_limits import ArrivedMessage
 from ingest.security.certificates import Certificates, names
 from ingest.security.origin_check import is_page_elsewhere
 from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.security.vendor_credentials import Refusal, VendorCredentials
 from ingest.settings import UNKNOWN, ReceiverSettings
 
-Deliver = Callable[[bytes, float, Connection], None]
 Refuse = Callable[[str, str, float, Connection], None]
 """Gets rule, reason, arrival and connection of a message that could not be received whole."""
 
 IDLE_CHECK_S = 5.0
-DRAIN_EVERY_S = 0.02
 CLOSE_TIMEOUT_S = 2.0
 """How long a peer may take to answer a close frame."""
 KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}
@@ -67,7 +64,8 @@ class Receiver:
 
     `deconflict_connections_refused_total` counts by reason: `full` (answered with 503, or aborted if even the answer
     would take too many files), `unauthorised`, `another-vendor`, `another-site`, `replaced`, `idle`, `vendor-removed`,
-    `protocol-error`, and `tls-failed` (a TLS handshake failed or took longer than `open_timeout_s`).
+    `protocol-error`, `unread` (it read nothing of what it was sent), and `tls-failed` (a TLS handshake failed or took
+    longer than `open_timeout_s`).
     """
 
     def __init__(
@@ -100,10 +98,8 @@ class Receiver:
         self._reaper: asyncio.Task[None] | None = None
         self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
-        self._rate_limits = RateLimits(settings.max_messages_per_s)
-        self._slices = TimeSlices()
-        self._backlog = Backlog(self._slices, deliver, overtaken)
-        self._draining: asyncio.Task[None] | None = None
+        self._delivery = FairDelivery(settings, deliver, overtaken, measures)
+        self._slices = self._delivery.slices
 
     async def start(self) -> None:
         """Open the port. Raises `OSError` if that fails."""
@@ -142,9 +138,7 @@ class Receiver:
         if self._reaper:
             self._reaper.cancel()
             await asyncio.gather(self._reaper, return_exceptions=True)
-        if self._draining:
-            self._draining.cancel()
-            await asyncio.gather(self._draining, return_exceptions=True)
+        await self._delivery.close()
         if self._handshakes:
             self._handshakes.close()
         if self._server:
@@ -155,7 +149,8 @@ class Receiver:
 
     def use_limits(self, settings: ReceiverSettings) -> None:
         """Use other limits from now on. The address, the certificate files and the longest message stay the same."""
-        self.settings, self._rate_limits.rate = settings, settings.max_messages_per_s
+        self.settings = settings
+        self._delivery.use_limits(settings)
         self._limit = connection_limit(settings.max_connections)
 
     def use_credentials(self, credentials: VendorCredentials) -> None:
@@ -176,7 +171,7 @@ class Receiver:
             self._measures.count("deconflict_messages_shed_total", connection.vendor or UNKNOWN)
         else:
             message = ArrivedMessage(raw, self._clock(), connection)
-            self._deliver_in_turn(message, asyncio.get_running_loop().time())
+            self._delivery.add(message, asyncio.get_running_loop().time())
 
     def refuse(self, rule: str, reason: str, connection: Connection) -> None:
         """Pass on that a message is not taken."""
@@ -192,37 +187,27 @@ class Receiver:
         session = Session(socket, connection, now_s, now_s())
         self._add(session)
         try:
-            socket.listen(partial(self._receive, session))
+            socket.listen(partial(self._receive, session), partial(self._read, session))
             await socket.wait_closed()
             self._count_close(socket, connection)
         finally:
             self._remove(connection)
             self.forget(connection)
 
+    def _read(self, session: Session, data: bytes) -> None:
+        socket = session.socket
+        pause_s = self._delivery.timed(session.connection, partial(socket.data_received, data), session.now_s())
+        if pause_s:
+            socket.transport.pause_reading()
+            asyncio.get_running_loop().call_later(pause_s, socket.transport.resume_reading)
+
     def _receive(self, session: Session, raw: bytes) -> None:
         session.heard_s = session.now_s()
-        self._deliver_in_turn(ArrivedMessage(raw, self._clock(), session.connection), session.heard_s)
+        self._delivery.add(ArrivedMessage(raw, self._clock(), session.connection), session.heard_s)
         transport = session.socket.transport
         if self._slices.full and transport.is_reading():
             transport.pause_reading()
             self._slices.when_room(transport.resume_reading)
-
-    def _deliver_in_turn(self, message: ArrivedMessage, now_s: float) -> None:
-        """Deliver a message now, or when the rate limit of its sender allows it."""
-        sender = message.connection
-        at_once, dropped = self._rate_limits.admit(sender.vendor or sender.peer, message, now_s)
-        if at_once:
-            self._backlog.add(message)
-        elif self._draining is None or self._draining.done():
-            self._draining = asyncio.create_task(self._drain())
-        if dropped:
-            self._measures.count("deconflict_messages_shed_total", sender.vendor or UNKNOWN, by=len(dropped))
-
-    async def _drain(self) -> None:
-        while self._rate_limits.waiting:
-            await asyncio.sleep(DRAIN_EVERY_S)
-            for message in self._rate_limits.due(asyncio.get_running_loop().time()):
-                self._backlog.add(message)
 
     def _add(self, session: Session) -> None:
         _keep_alive(session.socket)
@@ -252,6 +237,8 @@ class Receiver:
             most = self.settings.max_message_bytes
             reason = f"larger than {most} bytes; send a shorter path"
             self.refuse("message-too-large", reason, connection)
+        elif socket.is_unread:
+            self._count_refused("unread")
         elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
             self._count_refused("protocol-error")
 

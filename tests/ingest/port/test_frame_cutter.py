@@ -133,6 +133,17 @@ async def test_a_protocol_error_is_left_to_websockets_and_ends_the_connection(wr
     assert connection.protocol.close_sent
 
 
+async def test_a_connection_is_read_in_small_pieces_while_websockets_has_to_parse_it() -> None:
+    connection, _ = opened()
+    connection.listen(lambda _: None)
+    pings, plain = (Frame(opcode, b"").serialize(mask=True) for opcode in (Opcode.PING, Opcode.TEXT))
+    sizes = []
+    for data in (pings, plain, plain + pings, plain):
+        sizes.append(len(connection.get_buffer(0)))
+        connection.data_received(data)
+    assert [size <= 4096 for size in sizes] == [True, True, False, True]
+
+
 def test_websockets_parser_waits_for_a_frame_at_one_place_only() -> None:
     protocol = ServerProtocol(max_size=MOST)
     request = (

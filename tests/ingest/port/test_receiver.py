@@ -4,6 +4,8 @@ import os
 import socket
 import subprocess
 import sys
+import threading
+import time
 from contextlib import ExitStack, suppress
 
 import httpx
@@ -13,6 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.typing import Origin
 
+from ingest.port.rate_limits import READING_SHARE
 from ingest.settings import Vendor
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import status
@@ -337,3 +340,58 @@ async def test_a_flood_delays_only_its_own_vendor_and_what_is_shed_is_counted() 
         assert shed[0] == ("Alder",)
         assert shed[1] + len(served_floor.delivered) == 2001
         assert len(served_floor.delivered) < 200
+
+
+PONG, EMPTY = Frame(Opcode.PONG, b""), Frame(Opcode.TEXT, b"")
+BEGUN, MORE = Frame(Opcode.TEXT, b"", fin=False), Frame(Opcode.CONT, b"", fin=False)
+
+
+@pytest.mark.parametrize(
+    ("first", "flood"),
+    [(EMPTY, PONG), (EMPTY, EMPTY), (BEGUN, MORE)],
+    ids=["pongs", "empty messages", "empty fragments"],
+)
+async def test_the_sockets_of_a_sender_take_a_bounded_part_of_a_core_and_of_memory(first: Frame, flood: Frame) -> None:
+    async with floor((Vendor(name="Alder"),), max_messages_per_s=20) as served_floor:
+        _, writer = await raw_client(served_floor.receiver.port)
+        raw = writer.get_extra_info("socket").dup()
+        writer.write(first.serialize(mask=True))
+        data, stop = flood.serialize(mask=True) * 5000, threading.Event()
+        flooding = threading.Thread(target=_send_until, args=(stop, raw, data))
+        flooding.start()
+        try:
+            await asyncio.sleep(1.0)  # the burst
+            used_s = time.thread_time()
+            await asyncio.sleep(2.0)
+            used_s = time.thread_time() - used_s
+        finally:
+            stop.set()
+            flooding.join()
+            raw.close()
+            writer.close()
+        assert used_s < 2.0 * 3 * READING_SHARE
+        assert served_floor.count("protocol-error") == 0
+
+
+async def test_a_peer_that_reads_no_pong_is_cut_off_and_counted() -> None:
+    async with floor() as served_floor:
+        reader, writer = await raw_client(served_floor.receiver.port)
+        reader._transport.pause_reading()  # type: ignore[attr-defined]
+        raw, pings = writer.get_extra_info("socket").dup(), Frame(Opcode.PING, bytes(125)).serialize(mask=True) * 500
+        raw.setblocking(False)
+        with suppress(ConnectionError):
+            async with asyncio.timeout(PATIENCE_S):
+                while True:
+                    await asyncio.get_running_loop().sock_sendall(raw, pings)
+        await until(lambda: served_floor.count("unread") == 1)
+        assert served_floor.connections == 0
+        raw.close()
+        writer.close()
+
+
+def _send_until(stop: threading.Event, raw: socket.socket, data: bytes) -> None:
+    raw.settimeout(0.1)
+    at = 0
+    while not stop.is_set():
+        with suppress(TimeoutError):
+            at = (at + raw.send(data[at:])) % len(data)

@@ -254,7 +254,7 @@ async def test_an_unknown_advisory_can_not_be_acknowledged(client: httpx.AsyncCl
 async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.IDLE_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("deconflict.operator.http.server_protocols.IDLE_TIMEOUT_S", 0.5)
     begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     async with served(tmp_path) as face, connect(face.stream()) as following:
         host, port = face.address.split(":")

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
+from websockets.frames import Frame, Opcode
 
 from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, BAD_KINDS, STORE_FAILED
+from deconflict.operator.http.server_protocols import WebSocketProtocol
 from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
 from tests.helpers.made_advisories import deadlock, made, situation
 
@@ -172,6 +174,32 @@ async def test_messages_of_a_subscriber_are_ignored_unless_they_are_too_long(fac
         with pytest.raises(ConnectionClosedError):
             await subscriber.recv()
     await until(lambda: face.measured("deconflict_stream_subscribers") == 0)
+
+
+async def test_a_subscriber_that_floods_is_ended_with_the_reason_and_one_that_pings_now_and_then_is_not(
+    face: Served,
+) -> None:
+    async with connect(face.stream()) as subscriber, connect(face.stream()) as flooding:
+        flooding.transport.write(Frame(Opcode.PING, b"").serialize(mask=True) * 10_000)
+        with pytest.raises(ConnectionClosedError) as ended:
+            await flooding.recv()
+        assert ended.value.rcvd is None or ended.value.rcvd.reason == "a subscriber has nothing to send but a few pings"
+        for _ in range(20):
+            await (await subscriber.ping())
+        await face.publish(made(1))
+        assert json.loads(await subscriber.recv())["seq"] == 1
+
+
+async def test_pings_of_a_subscriber_that_reads_nothing_are_not_answered(face: Served) -> None:
+    stuck = await stuck_subscriber(face)
+    (connection,) = face.server.server_state.connections
+    assert isinstance(connection, WebSocketProtocol)
+    connection.pause_writing()
+    before = connection.transport.get_write_buffer_size()
+    connection.data_received(Frame(Opcode.PING, b"there?").serialize(mask=True))
+    assert connection.transport.get_write_buffer_size() == before
+    assert connection.conn.data_to_send() == []
+    stuck.close()
 
 
 async def test_a_stuck_subscriber_is_dropped_and_the_others_go_on(tmp_path: Path) -> None:

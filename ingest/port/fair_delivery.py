@@ -1,0 +1,86 @@
+"""Delivers messages so that no vendor delays those of others: by rate limits, then newest first, in time slices."""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from ingest.measures.measures import Measures
+from ingest.port.backlog import Backlog
+from ingest.port.connection import Connection
+from ingest.port.rate_limits import ArrivedMessage, RateLimits, Rates
+from ingest.port.time_slices import TimeSlices
+from ingest.settings import UNKNOWN, ReceiverSettings
+
+Deliver = Callable[[bytes, float, Connection], None]
+DRAIN_EVERY_S = 0.02
+
+
+class FairDelivery:
+    """The way of every message from its socket to `deliver`. Belongs to one event loop."""
+
+    def __init__(
+        self,
+        settings: ReceiverSettings,
+        deliver: Deliver,
+        overtaken: Callable[[ArrivedMessage, str], None],
+        measures: Measures,
+    ) -> None:
+        self.slices = TimeSlices()
+        self._rate_limits = RateLimits(_rates(settings))
+        self._backlog = Backlog(self.slices, self._deliver_timed, overtaken)
+        self._deliver, self._measures = deliver, measures
+        self._delivering_s = 0.0
+        """Processor time spent on deliveries so far."""
+        self._draining: asyncio.Task[None] | None = None
+
+    def use_limits(self, settings: ReceiverSettings) -> None:
+        self._rate_limits.rates = _rates(settings)
+
+    def add(self, message: ArrivedMessage, now_s: float) -> None:
+        """Deliver a message now, or when the rate limits of its sender allow it."""
+        at_once, dropped = self._rate_limits.admit(_sender(message.connection), message, now_s)
+        if at_once:
+            self._backlog.add(message)
+        elif self._draining is None or self._draining.done():
+            self._draining = asyncio.create_task(self._drain())
+        if dropped:
+            vendor = message.connection.vendor or UNKNOWN
+            self._measures.count("deconflict_messages_shed_total", vendor, by=len(dropped))
+
+    def timed(self, connection: Connection, read: Callable[[], None], now_s: float) -> float:
+        """Read from a socket. Returns for how long it should not be read, because its sender's take too much time."""
+        delivering_s, began_s = self._delivering_s, time.thread_time()
+        read()
+        spent_s = time.thread_time() - began_s - (self._delivering_s - delivering_s)
+        return self._rate_limits.charge_reading(_sender(connection), spent_s, now_s)
+
+    async def close(self) -> None:
+        """Let nothing more wait for rate limits."""
+        if self._draining:
+            self._draining.cancel()
+            await asyncio.gather(self._draining, return_exceptions=True)
+
+    def _deliver_timed(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
+        """Deliver a message, and charge its sender for the time that it takes."""
+        began_s = time.thread_time()
+        try:
+            self._deliver(raw, arrival_s, connection)
+        finally:
+            spent_s = time.thread_time() - began_s
+            self._delivering_s += spent_s
+            self._rate_limits.charge_processor(_sender(connection), spent_s, time.monotonic())
+
+    async def _drain(self) -> None:
+        while self._rate_limits.waiting:
+            await asyncio.sleep(DRAIN_EVERY_S)
+            for message in self._rate_limits.due(asyncio.get_running_loop().time()):
+                self._backlog.add(message)
+
+
+def _sender(connection: Connection) -> str:
+    """By whom rates are limited."""
+    return connection.vendor or connection.peer
+
+
+def _rates(settings: ReceiverSettings) -> Rates:
+    return Rates(settings.max_messages_per_s, settings.max_bytes_per_s, settings.max_processor_share)
