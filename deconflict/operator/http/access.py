@@ -4,7 +4,7 @@ A program sends its token as `Authorization: Bearer TOKEN`. A browser signs in o
 """
 
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from html import escape
 from http.cookies import CookieError, SimpleCookie
 from typing import NamedTuple
@@ -101,8 +101,15 @@ class People:
 class AccessMiddleware:
     """Passes a request on with the person's name in its state, or refuses it."""
 
-    def __init__(self, app: ASGIApp, settings: Operator, people: People) -> None:
-        self._app, self._people = app, people
+    def __init__(
+        self,
+        app: ASGIApp,
+        settings: Operator,
+        people: People,
+        signed_in: Callable[[tuple[str, int] | None, str], None],
+    ) -> None:
+        """`signed_in` gets the client's address and port, and the person, with each request of one who may make it."""
+        self._app, self._people, self._signed_in = app, people, signed_in
         self._secure, self._is_local = settings.tls is not None, is_loopback(settings.host)
         self._sessions: dict[str, SignIn] = {}
 
@@ -144,6 +151,7 @@ class AccessMiddleware:
         needed = role_needed(method, scope["path"])
         if RANK[role] < RANK[needed]:
             return _refused(403, f"{person} has the role {role}; this takes the role {needed}")
+        self._signed_in(scope.get("client"), person)
         scope.setdefault("state", {})["person"] = person
         scope["state"]["signed_in"] = signed_in
         return None

@@ -29,6 +29,7 @@ from deconflict.operator.http.api_routes import ApiRoutes, source_unavailable, s
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.page_routes import add_page_routes
 from deconflict.operator.http.request_limits import RequestLimitsMiddleware, invalid_request
+from deconflict.operator.http.server_protocols import Places
 from deconflict.operator.live.advisory_stream import AdvisoryStream
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
@@ -68,8 +69,8 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
     )
     publisher = Publisher(store, measures)
     app.state.publisher, app.state.measures = publisher, measures
-    app.state.site, app.state.people = site, People(settings.people)
-    app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people)
+    app.state.site, app.state.people, app.state.places = site, People(settings.people), Places()
+    app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people, signed_in=app.state.places.sign_in)
     app.add_middleware(RequestLimitsMiddleware)
     _add_routes(app, ApiRoutes(publisher, store, sources, exposition))
     _add_sockets(app, publisher, store, sources)

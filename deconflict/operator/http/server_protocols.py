@@ -10,12 +10,63 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import CloseCode
 
+from ingest.port.connection_shares import ConnectionShares, site_of
 from ingest.security.tls_handshakes import TlsHandshakes, abort_without_handshake
 
 IDLE_TIMEOUT_S = 10.0
 """A connection without a request for this long is ended."""
+WRITE_TIMEOUT_S = 10.0
+LEAST_READ_BYTES = 1 << 16
+"""A client that reads less than this of a waiting answer in `WRITE_TIMEOUT_S` is ended."""
 SUBSCRIBER_BYTES, SUBSCRIBER_BYTES_PER_S = 8192, 256
 """What a subscriber may send at once, and then in a second. No message is expected."""
+MOST_HANDSHAKES = 100
+"""TLS handshakes at once."""
+
+
+class Places:
+    """The connections that the port holds at most: half of them for one address, or for one signed-in person.
+
+    Beyond that the oldest connection goes: of the same address or person, or of the one with most. A newcomer is
+    always let in, so that it can sign in.
+    """
+
+    def __init__(self) -> None:
+        self.most = 1 << 16
+        self._shares: ConnectionShares[Transport] = ConnectionShares()
+        self._by_client: dict[tuple[str, int], Transport] = {}
+        self._clients: dict[Transport, tuple[str, int]] = {}
+
+    def add(self, transport: Transport, client: tuple[str, int] | None) -> list[Transport]:
+        """Give a place to a new connection. Returns the connections that lose theirs."""
+        if client is not None:
+            self._by_client[client], self._clients[transport] = transport, client
+        return self._give(transport, site_of(client[0]) if client else "")
+
+    def sign_in(self, client: tuple[str, int] | None, person: str) -> None:
+        """Count a connection to the person who has signed in over it, and no longer to its address."""
+        transport = self._by_client.get(client) if client else None
+        holder = f"person {person}"
+        if transport is not None and self._shares.holder(transport) != holder:
+            for replaced in self._give(transport, holder):
+                replaced.abort()
+
+    def remove(self, transport: Transport) -> None:
+        self._shares.remove(transport)
+        client = self._clients.pop(transport, None)
+        if client is not None:
+            self._by_client.pop(client, None)
+
+    def _give(self, transport: Transport, holder: str) -> list[Transport]:
+        shares, replaced = self._shares, []
+        if shares.held(holder) >= max(self.most // 2, 1):
+            replaced.append(shares.oldest(holder))
+        elif len(shares) >= self.most and shares.holder(transport) is None:
+            replaced.append(shares.oldest(shares.largest_holder()))
+        for gone in replaced:
+            shares.remove(gone)
+        shares.add(transport, holder)
+        return replaced
 
 
 class WebSocketProtocol(WebSocketsSansIOProtocol):
@@ -51,6 +102,10 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         self._allowed_bytes, self._allowed_at_s = allowed - data_bytes, now_s
         return self._allowed_bytes >= 0
 
+    def connection_lost(self, exc: Exception | None) -> None:
+        cast(FastAPI, self.config.app).state.places.remove(self.transport)
+        super().connection_lost(exc)
+
     def handle_ping(self) -> None:
         """Answer, unless the subscriber does not read."""
         if self.writable.is_set():
@@ -69,13 +124,15 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
 
 
 class HttpProtocol(H11Protocol):
-    """uvicorn's HTTP protocol, which ends idle connections and limits their number to the file descriptors.
+    """uvicorn's HTTP protocol, which ends idle and unread connections and limits their number.
 
-    uvicorn itself waits without limit for the first request, and for the rest of a request.
-    `deconflict_connections_refused_total` counts by reason: `face-full`, `face-idle`, `face-tls-failed`.
+    uvicorn itself waits without limit for the first request, for the rest of a request, and for a client that does not
+    read its answer. `deconflict_connections_refused_total` counts by reason: `face-full`, `face-replaced`, `face-idle`,
+    `face-unread`, `face-tls-failed`.
     """
 
     _timer: TimerHandle | None = None
+    _write_timer: TimerHandle | None = None
     _last_check: tuple[object, bool] = None, True
     """The request at the last check, and whether it was answered."""
 
@@ -83,25 +140,45 @@ class HttpProtocol(H11Protocol):
         """Called when the connection is accepted, and with TLS once more after the handshake."""
         handshakes: TlsHandshakes | None = self._state.handshakes
         if handshakes is not None and handshakes.awaited(transport):
-            if len(self.connections) + len(handshakes) >= self._state.most_connections:
+            if len(handshakes) >= min(self._state.places.most, MOST_HANDSHAKES):
                 count_refused(self._state, "face-full")
                 abort_without_handshake(transport)
             else:
                 handshakes.begin(transport, self)
             return
         super().connection_made(transport)
-        if len(self.connections) > self._state.most_connections:
-            self._refuse("face-full")
-        else:
-            self._timer = self.loop.call_later(IDLE_TIMEOUT_S, self._check_idle)
+        self._timer = self.loop.call_later(IDLE_TIMEOUT_S, self._check_idle)
+        for replaced in self._state.places.add(transport, self.client):
+            count_refused(self._state, "face-replaced")
+            replaced.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._stop_timer()
+        self._stop_timers()
+        self._state.places.remove(self.transport)
         super().connection_lost(exc)
 
     def handle_websocket_upgrade(self, event: Request) -> None:
-        self._stop_timer()
+        self._stop_timers()
         super().handle_websocket_upgrade(event)
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        self._await_reading()
+
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        if self._write_timer:
+            self._write_timer.cancel()
+
+    def _await_reading(self) -> None:
+        unread_bytes = self.transport.get_write_buffer_size()
+        self._write_timer = self.loop.call_later(WRITE_TIMEOUT_S, self._check_read, unread_bytes)
+
+    def _check_read(self, unread_bytes: int) -> None:
+        if self.transport.get_write_buffer_size() > unread_bytes - LEAST_READ_BYTES:
+            self._refuse("face-unread")
+        else:
+            self._await_reading()
 
     @property
     def _state(self) -> Any:
@@ -117,9 +194,10 @@ class HttpProtocol(H11Protocol):
             return
         self._timer = self.loop.call_later(IDLE_TIMEOUT_S, self._check_idle)
 
-    def _stop_timer(self) -> None:
-        if self._timer:
-            self._timer.cancel()
+    def _stop_timers(self) -> None:
+        for timer in (self._timer, self._write_timer):
+            if timer:
+                timer.cancel()
 
     def _refuse(self, reason: str) -> None:
         count_refused(self._state, reason)

@@ -50,7 +50,7 @@ def create_server(app: FastAPI, certificates: Certificates | None = None) -> Ope
     slow subscriber answers only after it has read everything before the ping. Messages are not compressed: advisories
     are small, and each would be compressed once for each reader.
     """
-    app.state.most_connections = max(max_open_files() - SPARE_FILES, 1)
+    app.state.places.most = max(max_open_files() - SPARE_FILES, 1)
     handshakes = None
     if certificates:
         handshakes = TlsHandshakes(certificates, HANDSHAKE_S, partial(count_refused, app.state, "face-tls-failed"))

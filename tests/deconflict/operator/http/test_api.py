@@ -1,23 +1,17 @@
-import asyncio
 import json
 from collections.abc import AsyncIterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
-import trustme
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
-from websockets.asyncio.client import connect
 
 from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, BAD_KINDS, STORE_FAILED
-from ingest.settings import Tls
-from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served, until
+from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served
 from tests.helpers.made_advisories import ROBOTS, cleared, made
 from tests.helpers.patience import PATIENCE_S
-from tests.ingest.security.made_tls import trusting, write
 
 API_PAGE = Path(__file__).parents[4] / "docs" / "api.md"
 
@@ -249,69 +243,3 @@ async def test_an_acknowledgement_needs_a_name_and_a_reason(face: Served, client
 async def test_an_unknown_advisory_can_not_be_acknowledged(client: httpx.AsyncClient) -> None:
     answered = await client.post("/advisories/none/acknowledgement", json={"name": "Kim", "reason": "called back"})
     assert answered.status_code == 404
-
-
-async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("deconflict.operator.http.server_protocols.IDLE_TIMEOUT_S", 0.5)
-    begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
-    async with served(tmp_path) as face, connect(face.stream()) as following:
-        host, port = face.address.split(":")
-        torn = b"POST /advisories/none/acknowledgement HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n\r\n{"
-        for message in (b"", b"GET /heal", begun, begun + b"\r\n" + begun, torn):
-            reader, writer = await asyncio.open_connection(host, int(port))
-            writer.write(message)
-            async with asyncio.timeout(PATIENCE_S):
-                with suppress(ConnectionResetError):
-                    await reader.read()
-            writer.close()
-        assert refused(face, "face-idle") == 5
-        await face.publish(made(1))
-        assert '"advisory-1"' in str(await following.recv())
-
-
-async def test_no_more_connections_are_accepted_than_files_may_be_open(tmp_path: Path) -> None:
-    async with served(tmp_path) as face:
-        face.app.state.most_connections = 3
-        async with connect(face.stream()), connect(face.stream()):
-            host, port = face.address.split(":")
-            _, idle = await asyncio.open_connection(host, int(port))
-            await until(lambda: face.connections() == 3)
-            reader, writer = await asyncio.open_connection(host, int(port))
-            async with asyncio.timeout(PATIENCE_S):
-                with suppress(ConnectionResetError):
-                    assert await reader.read() == b""
-            assert refused(face, "face-full") == 1
-            for stream_writer in (writer, idle):
-                stream_writer.close()
-            await until(lambda: face.connections() == 2)
-            async with httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
-                assert (await client.get(f"{face.http}/healthz")).status_code == 200
-
-
-async def test_a_tls_handshake_that_hangs_is_ended_and_counts_as_a_connection(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.HANDSHAKE_S", 3.0)
-    authority = trustme.CA()
-    write(authority, tmp_path)
-    async with served(tmp_path, tls=Tls(certificate=str(tmp_path / "site.pem"))) as face:
-        host, port = face.address.split(":")
-        face.app.state.most_connections = 2
-        silent = [await asyncio.open_connection(host, int(port)) for _ in range(4)]
-        for reader, _ in silent:
-            async with asyncio.timeout(60):
-                with suppress(ConnectionResetError):
-                    assert await reader.read() == b""
-        await until(lambda: refused(face, "face-tls-failed") == 2, 60)
-        assert refused(face, "face-full") == 2
-        async with httpx.AsyncClient(trust_env=False, verify=trusting(authority), timeout=60) as client:
-            assert (await client.get(f"https://{face.address}/healthz")).status_code == 200
-        for _, writer in silent:
-            writer.close()
-
-
-def refused(face: Served, reason: str) -> float:
-    counted: dict[tuple[str, ...], float] = face.app.state.measures.values["deconflict_connections_refused_total"]
-    return counted.get((reason,), 0)

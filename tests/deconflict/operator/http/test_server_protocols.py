@@ -1,0 +1,162 @@
+"""Connections of the operators' port: idle, unread, too many, or without a handshake."""
+
+import asyncio
+import socket
+from contextlib import suppress
+from pathlib import Path
+
+import httpx
+import pytest
+import trustme
+from websockets.asyncio.client import connect
+
+from deconflict.operator.http.server_protocols import Places
+from deconflict.settings.site import Person
+from ingest.settings import Tls
+from tests.deconflict.operator.http.served_face import Served, served, until
+from tests.helpers.made_advisories import made
+from tests.helpers.patience import PATIENCE_S
+from tests.ingest.security.made_tls import trusting, write
+
+
+async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.http.server_protocols.IDLE_TIMEOUT_S", 0.5)
+    begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    async with served(tmp_path) as face, connect(face.stream()) as following:
+        host, port = face.address.split(":")
+        torn = b"POST /advisories/none/acknowledgement HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n\r\n{"
+        for message in (b"", b"GET /heal", begun, begun + b"\r\n" + begun, torn):
+            reader, writer = await asyncio.open_connection(host, int(port))
+            writer.write(message)
+            async with asyncio.timeout(PATIENCE_S):
+                with suppress(ConnectionResetError):
+                    await reader.read()
+            writer.close()
+        assert refused(face, "face-idle") == 5
+        await face.publish(made(1))
+        assert '"advisory-1"' in str(await following.recv())
+
+
+async def test_a_tls_handshake_that_hangs_is_ended_and_counts_as_a_connection(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.HANDSHAKE_S", 3.0)
+    authority = trustme.CA()
+    write(authority, tmp_path)
+    async with served(tmp_path, tls=Tls(certificate=str(tmp_path / "site.pem"))) as face:
+        host, port = face.address.split(":")
+        face.app.state.places.most = 2
+        silent = [await asyncio.open_connection(host, int(port)) for _ in range(4)]
+        for reader, _ in silent:
+            async with asyncio.timeout(60):
+                with suppress(ConnectionResetError):
+                    assert await reader.read() == b""
+        await until(lambda: refused(face, "face-tls-failed") == 2, 60)
+        assert refused(face, "face-full") == 2
+        async with httpx.AsyncClient(trust_env=False, verify=trusting(authority), timeout=60) as client:
+            assert (await client.get(f"https://{face.address}/healthz")).status_code == 200
+        for _, writer in silent:
+            writer.close()
+
+
+def refused(face: Served, reason: str) -> float:
+    counted: dict[tuple[str, ...], float] = face.app.state.measures.values["deconflict_connections_refused_total"]
+    return counted.get((reason,), 0)
+
+
+class MadeTransport(asyncio.Transport):
+    """Tells whether it was aborted."""
+
+    is_aborted = False
+
+    def abort(self) -> None:
+        self.is_aborted = True
+
+
+def places(most: int) -> Places:
+    made_places = Places()
+    made_places.most = most
+    return made_places
+
+
+def test_a_newcomer_takes_the_place_of_the_oldest_connection_of_the_address_with_most() -> None:
+    held = places(6)
+    greedy = [MadeTransport() for _ in range(3)]
+    for port, transport in enumerate(greedy):
+        assert held.add(transport, ("10.0.0.1", port)) == []
+    assert [held.add(MadeTransport(), (f"10.0.0.{n}", 1)) for n in (2, 3, 4)] == [[], [], []]
+    assert held.add(MadeTransport(), ("10.0.0.5", 1)) == [greedy[0]]
+
+
+def test_one_address_has_half_of_the_places_and_then_its_own_oldest_goes() -> None:
+    held = places(4)
+    own = [MadeTransport() for _ in range(3)]
+    gone = [held.add(transport, ("2001:db8::1", port)) for port, transport in enumerate(own[:2])]
+    assert [*gone, held.add(own[2], ("2001:db8::2", 1))] == [[], [], [own[0]]]
+
+
+def test_a_connection_of_a_signed_in_person_is_not_its_addresss() -> None:
+    held = places(4)
+    signed_in, other = MadeTransport(), MadeTransport()
+    held.add(signed_in, ("10.0.0.1", 1))
+    held.sign_in(("10.0.0.1", 1), "Kim")
+    assert held.add(other, ("10.0.0.1", 2)) == []
+    replaced = [gone for port in range(3, 50) for gone in held.add(MadeTransport(), ("10.0.0.1", port))]
+    assert signed_in not in replaced
+    assert other in replaced
+
+
+def test_a_connection_that_ends_leaves_its_place() -> None:
+    held = places(4)
+    for port in range(100):
+        transport = MadeTransport()
+        assert held.add(transport, ("10.0.0.1", port)) == []
+        held.remove(transport)
+
+
+async def test_who_keeps_many_connections_keeps_nobody_out(tmp_path: Path) -> None:
+    async with served(tmp_path) as face:
+        face.app.state.places.most = 8
+        host, port = face.address.split(":")
+        held = [await asyncio.open_connection(host, int(port)) for _ in range(20)]
+        async with httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
+            assert (await client.get(f"{face.http}/healthz")).status_code == 200
+        await until(lambda: face.connections() <= 8)
+        assert refused(face, "face-replaced") >= 12
+        for _, writer in held:
+            writer.close()
+
+
+async def test_a_stream_of_a_signed_in_person_stays_while_others_take_every_place(tmp_path: Path) -> None:
+    token = tmp_path / "token"
+    token.write_text("a-token-of-some-length")
+    people = (Person(name="Kim", token=f"file:{token}"),)
+    async with served(tmp_path, people=people) as face:
+        face.app.state.places.most = 8
+        host, port = face.address.split(":")
+        headers = {"Authorization": "Bearer a-token-of-some-length"}
+        async with connect(face.stream(), additional_headers=headers) as following:
+            held = [await asyncio.open_connection(host, int(port)) for _ in range(20)]
+            await face.publish(made(1))
+            assert '"advisory-1"' in str(await following.recv())
+            for _, writer in held:
+                writer.close()
+
+
+async def test_who_reads_no_answer_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.operator.http.server_protocols.WRITE_TIMEOUT_S", 0.3)
+    async with served(tmp_path) as face:
+        host, port = face.address.split(":")
+        raw = socket.socket()
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        raw.setblocking(False)
+        loop = asyncio.get_running_loop()
+        await loop.sock_connect(raw, (host, int(port)))
+        request = f"GET /openapi.json HTTP/1.1\r\nHost: {face.address}\r\n\r\n".encode()
+        sending = asyncio.create_task(loop.sock_sendall(raw, request * 2000))
+        await until(lambda: refused(face, "face-unread") == 1)
+        assert face.connections() == 0
+        sending.cancel()
+        raw.close()
