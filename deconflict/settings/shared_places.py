@@ -66,7 +66,7 @@ class Zone(Place):
 
 
 class Obstacle(Section):
-    """A rack, a wall or a machine that stands on a floor. The map draws it, texts name places by it; predictions do not."""
+    """A rack, a wall or a machine on a floor. The map draws it, texts name places by it; predictions do not."""
 
     name: str = ""
     """Name for people."""

@@ -70,7 +70,7 @@ def assessed(
 ) -> Assessment:
     """What at least one advisory comes to, after the revision `before`. `busy` robots have more urgent things to do."""
     robots = listed_robots(advisories)
-    proposal = proposal_of(advisories, [robot for robot in robots if robot not in busy], now_s)
+    proposal = proposal_of(advisories, [robot for robot in robots if robot not in busy], now_s, stakes.passing)
     advice = revised_advice(before.advice if before else None, proposal, robots, busy, now_s)
     asking = _asking(proposal, advice)
     matter = matter_of(advisories, before.situation_kind if before else None, asking)
@@ -141,7 +141,7 @@ def _fields(group: Group, assessment: Assessment, place: str, now_s: float) -> d
         "location": matter.principal.location,
         "outline": outline(group),
         "culprit": matter.culprit if matter.culprit in listed else None,
-        "summary": sentence(matter, now_s, place),
+        "summary": sentence(matter, now_s, place, stakes.recurring.get(matter.principal.id)),
         "ends": ending(matter, names),
         "cost_s": round(stakes.cost_s, 1),
         "preventable_s": None if stakes.preventable_s is None else round(stakes.preventable_s, 3),

@@ -14,6 +14,7 @@ from math import hypot
 from deconflict.advisories.severity import rises
 from deconflict.advisories.situations import situation_fields
 from deconflict.advisories.situations.advice.advised_robots import AdvisedRobots
+from deconflict.advisories.situations.advice.recurrences import Recurrences
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
 from deconflict.advisories.situations.situation import AnyRevision, Situation
@@ -63,6 +64,7 @@ class SituationLifecycle:
     def __init__(self, describe: Describe) -> None:
         self.describe = describe
         """Renewed when the site changes."""
+        self._recurrences = Recurrences()
         self._advisories: dict[str, AnyAdvisory] = {}
         """The newest revision of each open advisory, by id."""
         self._grouping, self._advised = Grouping(), AdvisedRobots()
@@ -133,6 +135,7 @@ class SituationLifecycle:
         self._now_s = now_s
 
     def _take(self, revision: AnyAdvisory) -> Member | None:
+        self._recurrences.take(revision)
         if revision.state is AdvisoryState.CLEARED:
             self._advisories.pop(revision.id, None)
             group = self._grouping.group_of(revision.id)
@@ -160,7 +163,7 @@ class SituationLifecycle:
     def _revision(self, watched: _Watched, now_s: float) -> Situation | None:
         group, before = watched.group, watched.situation
         advisories = [self._advisories[name] for name in group.members]
-        stakes = stakes_of(advisories, now_s)
+        stakes = stakes_of(advisories, now_s, self._recurrences.of(advisories, now_s))
         if before is None:
             return self._raised(watched, advisories, stakes, now_s)
         if is_worth(stakes):

@@ -1,15 +1,18 @@
 """The sentences of a situation: what is going on, how it ends, and what it was. Pure."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import ceil
 
 from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
+from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S, Recurrence
 from deconflict.advisories.situations.situation import Situation, SituationKind
 from deconflict.advisories.situations.situation_kinds import Matter
 from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory, DeadlockAdvisory
 
 MOST_NAMED = 4
 """Robots that a sentence names."""
+ORDINALS = {3: "third", 4: "fourth", 5: "fifth", 6: "sixth", 7: "seventh", 8: "eighth", 9: "ninth", 10: "tenth"}
 LONG_S = 100.0
 """From here on times are given in minutes."""
 STOOD_S = (10, 20, 30, 60, 120, 300, 600, 1800, 3600)
@@ -36,9 +39,18 @@ def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
     return dict(sorted(names.items()))
 
 
-def sentence(matter: Matter, now_s: float, place: str) -> str:
+def sentence(matter: Matter, now_s: float, place: str, recurrence: Recurrence | None) -> str:
     """What is going on, for a person. `place` is a phrase such as "in Aisle 3 on Ground hall"."""
-    return short_text(_sentence(matter, now_s, place), MOST_SUMMARY_BYTES)
+    text = _sentence(matter, now_s, place) + (f"; {_again(recurrence)}" if recurrence else "")
+    return short_text(text, MOST_SUMMARY_BYTES)
+
+
+def _again(recurrence: Recurrence) -> str:
+    """How often it has been there."""
+    times = f"{ORDINALS.get(recurrence.times, f'{recurrence.times}th')} time in {WITHIN_S / 60:.0f} min"
+    if recurrence.longest_s > BY_ITSELF_S:
+        return times
+    return f"{times}, ended by itself within {max(ceil(recurrence.longest_s), 1)} s each time before"
 
 
 def ending(matter: Matter, names: Mapping[str, str]) -> str:
@@ -50,12 +62,12 @@ PAST: dict[SituationKind, str] = {
     "meeting": "{names} were about to get in each other's way",
     "head_on": "{names} were about to meet head-on",
     "knot": "{count} robots got in each other's way",
-    "queue": "{count} robots needed the same place",
+    "queue": "robots needed the same place",
     "crowd": "{count} robots reported from one point",
-    "blocked_aisle": "{culprit} stood in the way of {names}",
+    "blocked_aisle": "{culprit} stood in the way of others",
     "obstacle": "{culprit} stood in the way of {names}",
     "silent_robot": "{culprit} was silent in the way of {names}",
-    "deadlock": "{names} waited for each other, or were about to",
+    "deadlock": "robots waited for each other, or were about to",
     "identity": "{count} robots were reported by another vendor, or from two places",
 }
 

@@ -56,9 +56,14 @@ class Proposal:
         return self.asked[key_of(self.actions[0])]
 
 
-def proposal_of(advisories: Sequence[AnyAdvisory], robots: Collection[str], now_s: float) -> Proposal:
-    """The actions for `robots`: those that a situation lists, and that have nothing to do in another situation."""
-    sets = sorted(_sets_of(advisories, robots, now_s), key=_rank)
+def proposal_of(
+    advisories: Sequence[AnyAdvisory], robots: Collection[str], now_s: float, passing: Collection[str] = ()
+) -> Proposal:
+    """The actions for `robots`: those that a situation lists, and that have nothing to do in another situation.
+
+    `passing` are ids of advisories on what will probably end by itself: people are asked for nothing.
+    """
+    sets = sorted(_sets_of(advisories, robots, passing, now_s), key=_rank)
     asked: dict[Key, ActionSet] = {}
     for each in sorted(sets, key=lambda each: not each.for_people):
         for action in each.actions:
@@ -83,7 +88,9 @@ def _rank(actions: ActionSet) -> tuple[bool, float, str]:
     return any(map(_is_vague, actions.actions)), actions.predicted_s, actions.actions[0].robot
 
 
-def _sets_of(advisories: Iterable[AnyAdvisory], robots: Collection[str], now_s: float) -> Iterable[ActionSet]:
+def _sets_of(
+    advisories: Iterable[AnyAdvisory], robots: Collection[str], passing: Collection[str], now_s: float
+) -> Iterable[ActionSet]:
     for advisory in advisories:
         advice = advisory.recommendation
         if advice is None:
@@ -91,8 +98,9 @@ def _sets_of(advisories: Iterable[AnyAdvisory], robots: Collection[str], now_s: 
         actions = tuple(action for each in advice.actions if (action := _left_of(each, advice, advisory, now_s)))
         is_for_them = all(action.robot in robots for action in actions)
         if actions and is_for_them and _is_worth_waiting(advisory, actions, now_s):
-            for_people = _is_for_people(advisory, actions, now_s)
-            yield ActionSet(actions, advisory, _waits(advisory, actions), for_people)
+            for_people = advisory.id not in passing and _is_for_people(advisory, actions, now_s)
+            if for_people or all(action.action != "look" for action in actions):
+                yield ActionSet(actions, advisory, _waits(advisory, actions), for_people)
 
 
 def _is_for_people(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:

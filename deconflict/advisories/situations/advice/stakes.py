@@ -3,12 +3,14 @@
 The costs are rough amounts of time that robots lose: they order situations, and are no forecast of each.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from deconflict.advice.actions.waiting import PERSON_REACTION_S
 from deconflict.advice.expected_loss import expected_loss_s
 from deconflict.advisories.severity import SEVERITIES
+from deconflict.advisories.situations.advice.recurrences import Recurrence
 from deconflict.advisory import (
     AnyAdvisory,
     BlockageAdvisory,
@@ -50,6 +52,13 @@ class Stakes(NamedTuple):
     """Time left until the next event that a person can still prevent; None if there is none."""
     claim_severity: Severity
     """The severity of the claims among them, which cost no time."""
+    recurring: Mapping[str, Recurrence]
+    """Those that recur, by id."""
+
+    @property
+    def passing(self) -> set[str]:
+        """Ids of those that will probably end by themselves."""
+        return {name for name, recurrence in self.recurring.items() if recurrence.is_short}
 
 
 def cost_of(advisory: AnyAdvisory) -> float:
@@ -71,20 +80,24 @@ def cost_of(advisory: AnyAdvisory) -> float:
             return CROWD_COST_S
 
 
-def stakes_of(advisories: Iterable[AnyAdvisory], now_s: float) -> Stakes:
-    """What is at stake in all of them together."""
+def stakes_of(
+    advisories: Iterable[AnyAdvisory], now_s: float, recurring: Mapping[str, Recurrence] = MappingProxyType({})
+) -> Stakes:
+    """What is at stake in all of them together. People need not prevent what ends by itself each time."""
     cost_s = service_prevents_s = person_prevents_s = 0.0
     times_s = []
     claim_severity = Severity.CAUTION
     for advisory in advisories:
         cost_s += cost_of(advisory)
         service_prevents_s += preventable_cost_of(advisory, now_s, SERVICE_REACTION_S)
-        if prevented_s := preventable_cost_of(advisory, now_s, PERSON_REACTION_S):
+        is_passing = advisory.id in recurring and recurring[advisory.id].is_short
+        if not is_passing and (prevented_s := preventable_cost_of(advisory, now_s, PERSON_REACTION_S)):
             person_prevents_s += prevented_s
             times_s.append(advisory.time_left_s(now_s))
         if isinstance(advisory, ClaimAdvisory):
             claim_severity = max(claim_severity, advisory.severity, key=SEVERITIES.index)
-    return Stakes(cost_s, service_prevents_s, person_prevents_s, min(times_s, default=None), claim_severity)
+    soonest_s = min(times_s, default=None)
+    return Stakes(cost_s, service_prevents_s, person_prevents_s, soonest_s, claim_severity, recurring)
 
 
 def preventable_cost_of(advisory: AnyAdvisory, now_s: float, reaction_s: float) -> float:

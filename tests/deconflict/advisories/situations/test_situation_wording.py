@@ -56,9 +56,9 @@ def test_how_long_a_robot_has_stood_stays_true() -> None:
     ("advisory", "past"),
     [
         (conflict("ab"), "Robot a and Robot b were about to get in each other's way, in Aisle 3"),
-        (blockage("xabc"), "Robot x stood in the way of Robot a, Robot b and Robot c, in Aisle 3"),
-        (deadlock("ab"), "Robot a and Robot b waited for each other, or were about to, in Aisle 3"),
-        (queue("abc"), "3 robots needed the same place, in Aisle 3"),
+        (blockage("xabc"), "Robot x stood in the way of others, in Aisle 3"),
+        (deadlock("ab"), "robots waited for each other, or were about to, in Aisle 3"),
+        (queue("abc"), "robots needed the same place, in Aisle 3"),
     ],
 )
 def test_what_has_ended_is_in_the_past_and_says_how_it_ended(advisory: AnyAdvisory, past: str) -> None:

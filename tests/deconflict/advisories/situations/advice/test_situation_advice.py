@@ -128,7 +128,7 @@ def test_robots_of_a_ring_do_not_all_wait() -> None:
 
 def test_the_actions_of_one_plan_are_taken_whole_or_not_at_all() -> None:
     first, other = (
-        conflict(pair, recommendation=advice(*(action(robot, "look") for robot in pair))) for pair in ("ab", "cd")
+        conflict(pair, recommendation=advice(*(action(robot, "back_out") for robot in pair))) for pair in ("ab", "cd")
     )
     found = revised(None, NOW_S, first, other)
     assert found is not None
