@@ -24,6 +24,7 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[resources]]`": shared_places.Resource,
     "`[[resources.floors]]`": shared_places.Landing,
     "`[[zones]]`": shared_places.Zone,
+    "`[[areas]]`": shared_places.NamedArea,
     "`[[obstacles]]`": shared_places.Obstacle,
     "`[[operator.people]]`": site.Person,
     "`[receiver.tls]`": settings.Tls,

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from deconflict.settings.shared_places import Obstacle, Place, Resource, outlines
+from deconflict.settings.shared_places import NamedArea, Obstacle, Place, Resource, outlines
 from deconflict.settings.site import Site
 from ingest.batch import Bools, FloorPoint
 from ingest.settings import Datum
@@ -36,7 +36,13 @@ class NamedShapes(NamedTuple):
 class PlaceNames:
     """Describes points by the named places, obstacles and reference points of a site."""
 
-    def __init__(self, datums: Iterable[Datum], places: Iterable[Place], obstacles: Iterable[Obstacle] = ()) -> None:
+    def __init__(
+        self,
+        datums: Iterable[Datum],
+        places: Iterable[Place],
+        obstacles: Iterable[Obstacle] = (),
+        areas: Iterable[NamedArea] = (),
+    ) -> None:
         datums = tuple(datums)
         self._floor_names = {datum.id: datum.name for datum in datums}
         marks = {datum.id: _marks(datum) for datum in datums}
@@ -62,16 +68,22 @@ class PlaceNames:
             for datum_id, named in inside.items()
         }
         """By floor, what a point can be inside of, the smallest first."""
+        within: dict[str, list[tuple[str, shapely.Geometry]]] = {}
+        for area in areas:
+            floor = area.floor or datums[0].id
+            within.setdefault(floor, []).append((area.name, shapely.Polygon(area.outline_m)))
+        self._areas = {datum_id: NamedShapes.of(named) for datum_id, named in within.items()}
+        """By floor, the areas in which a point can be, in the order of the site file."""
 
     @classmethod
     def of(cls, site: Site) -> Self:
-        return cls(site.datums, (*site.resources, *site.zones), site.obstacles)
+        return cls(site.datums, (*site.resources, *site.zones), site.obstacles, site.areas)
 
     def describe(self, points: Sequence[FloorPoint]) -> list[str]:
         """Where each point is, such as "3 m from Column C3 on Ground hall".
 
-        The smallest place that holds the point, or else the nearest mark or place in sight and its distance, or else
-        the coordinates; and the floor.
+        The smallest place that holds the point, or else the areas that do, or else the nearest mark or place in sight
+        and its distance, or else the coordinates; and the floor.
         """
         described = [""] * len(points)
         for datum_id in {point.datum for point in points}:
@@ -84,17 +96,24 @@ class PlaceNames:
     def _phrases(self, datum_id: str, at_m: Sequence[tuple[float, float]]) -> list[str]:
         """Where each of some points of one floor is, without the floor."""
         phrases = [f"near ({x_m:.1f}, {y_m:.1f})" for x_m, y_m in at_m]
-        marks = self._marks.get(datum_id)
-        if marks is None:
-            return phrases
         points = shapely.points(at_m)
-        for row, (distance_m, name) in _nearest(marks, points, self._obstacles.get(datum_id)).items():
-            phrases[row] = f"at {name}" if distance_m < AT_M else f"{distance_m:.0f} m from {name}"
-        if inside := self._inside.get(datum_id):
-            found = zip(*inside.shapes.query(points, predicate="covered_by").tolist(), strict=True)
-            for row, place in sorted(found, reverse=True):
-                phrases[row] = inside.names[place]
+        if marks := self._marks.get(datum_id):
+            for row, (distance_m, name) in _nearest(marks, points, self._obstacles.get(datum_id)).items():
+                phrases[row] = f"at {name}" if distance_m < AT_M else f"{distance_m:.0f} m from {name}"
+        for row, names in _holding(self._areas.get(datum_id), points).items():
+            phrases[row] = f"where {names[0]} meets {names[1]}" if len(names) > 1 else f"in {names[0]}"
+        for row, names in _holding(self._inside.get(datum_id), points).items():
+            phrases[row] = names[0]
         return phrases
+
+
+def _holding(named: NamedShapes | None, points: NDArray[np.object_]) -> dict[int, list[str]]:
+    """By row of `points`, the names of the shapes that hold the point, in their order."""
+    found: dict[int, list[str]] = {}
+    if named:
+        for row, shape in sorted(zip(*named.shapes.query(points, predicate="covered_by").tolist(), strict=True)):
+            found.setdefault(row, []).append(named.names[shape])
+    return found
 
 
 def _nearest(

@@ -65,17 +65,29 @@ class Zone(Place):
     """The two ends of an aisle."""
 
 
-class Obstacle(Section):
-    """A rack, a wall or a machine on a floor. The map draws it, texts name places by it; predictions do not."""
+class FloorPart(Section):
+    """A part of a floor of which predictions know nothing."""
 
     name: str = ""
     """Name for people."""
-    kind: Literal["rack", "wall", "machine"]
-    """What it is."""
     floor: DatumId = ""
-    """Id of the datum that it stands on; may be absent if there is only one."""
+    """Id of the datum that it is on; may be absent if there is only one."""
     outline_m: Polygon
     """Outline, metres in the floor's frame."""
+
+
+class NamedArea(FloorPart):
+    """A part of a floor that people have a name for. Texts name places by it, and the map shows it."""
+
+    name: str
+    """Name for people."""
+
+
+class Obstacle(FloorPart):
+    """A rack, a wall or a machine that stands on a floor. The map draws it, and texts name places by it."""
+
+    kind: Literal["rack", "wall", "machine"]
+    """What it is."""
 
 
 class ContentionSettings(Section):
@@ -126,16 +138,20 @@ def place_problems(resources: Iterable[Resource], zones: Iterable[Zone], datums:
             yield f"{key}.axis: both ends are at {list(zone.axis[0])}; expected the two ends of the aisle"
 
 
-def obstacle_problems(obstacles: Sequence[Obstacle], datums: Sequence[Datum]) -> Iterator[str]:
-    """A sentence for each obstacle whose floor is unknown, or whose outline encloses nothing."""
+def floor_part_problems(
+    areas: Sequence[NamedArea], obstacles: Sequence[Obstacle], datums: Sequence[Datum]
+) -> Iterator[str]:
+    """A sentence for each area or obstacle whose floor is unknown, or whose outline encloses nothing."""
     choices = ", ".join(datum.id for datum in datums) or "none"
-    for row, obstacle in enumerate(obstacles):
-        if not obstacle.floor and len(datums) != 1:
-            yield f"obstacles[{row}].floor: is missing; expected one of {choices}"
-        elif obstacle.floor and all(datum.id != obstacle.floor for datum in datums):
-            yield f"obstacles[{row}].floor: no datum has the id {obstacle.floor!r}; expected one of {choices}"
-        if problem := _outline_problem(obstacle.outline_m):
-            yield f"obstacles[{row}].outline_m: {problem}"
+    keyed: list[tuple[str, FloorPart]] = [(f"areas[{row}]", area) for row, area in enumerate(areas)]
+    keyed += [(f"obstacles[{row}]", obstacle) for row, obstacle in enumerate(obstacles)]
+    for key, part in keyed:
+        if not part.floor and len(datums) != 1:
+            yield f"{key}.floor: is missing; expected one of {choices}"
+        elif part.floor and all(datum.id != part.floor for datum in datums):
+            yield f"{key}.floor: no datum has the id {part.floor!r}; expected one of {choices}"
+        if problem := _outline_problem(part.outline_m):
+            yield f"{key}.outline_m: {problem}"
 
 
 def _outline_problem(outline: Sequence[Point]) -> str:

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.outlet_settings import Mqtt, Webhook
-from deconflict.settings.shared_places import ContentionSettings, Obstacle, Resource, Zone
+from deconflict.settings.shared_places import ContentionSettings, NamedArea, Obstacle, Resource, Zone
 from ingest.settings import (
     Datum,
     Metres,
@@ -148,6 +148,8 @@ class Site(Section):
     """Docks, chargers, stations, lifts and parking that robots share."""
     zones: tuple[Zone, ...] = ()
     """Crossings, single-lane aisles and doors that robots share."""
+    areas: tuple[NamedArea, ...] = ()
+    """Parts of the floors that people have a name for."""
     obstacles: tuple[Obstacle, ...] = ()
     """Racks, walls and machines, which the map draws."""
     mqtt_sources: tuple[MqttSource, ...] = ()

@@ -15,7 +15,7 @@ from deconflict.settings.cluster_settings import cluster_contradictions
 from deconflict.settings.floor_plan import plan_problems
 from deconflict.settings.map_checks import datum_problems, map_problems
 from deconflict.settings.outlet_settings import outlet_problems
-from deconflict.settings.shared_places import obstacle_problems, place_problems
+from deconflict.settings.shared_places import floor_part_problems, place_problems
 from deconflict.settings.site import Site
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
 
@@ -130,7 +130,7 @@ def _contradictions(site: Site) -> Iterator[str]:
     yield from _datum_contradictions(site)
     yield from _vendor_contradictions(site)
     yield from place_problems(site.resources, site.zones, (datum.id for datum in site.datums))
-    yield from obstacle_problems(site.obstacles, site.datums)
+    yield from floor_part_problems(site.areas, site.obstacles, site.datums)
     yield from outlet_problems(site.webhooks, site.mqtt)
     yield from cluster_contradictions(site.cluster)
     yield from _source_contradictions(site)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-ROBOTS = 24
+ROBOTS = 40
 
 
 def demo_site() -> Path:

@@ -1,22 +1,20 @@
-"""Two floors of aisles that cross at right angles, with bays beside them where robots and people stop.
+"""A warehouse on two floors: aisles between racks, and bays beside the aisles where robots and people stop.
 
-A floor consists of equal tiles, so that the floor grows with the number of robots and the density stays the same.
+A larger number of robots gets further halls of the same pattern, so that the density stays the same.
 """
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
-from math import atan2, ceil, inf
+from math import atan2, ceil, inf, isclose
 
 from ingest.batch import Floats
 
-ROBOTS_PER_TILE = 24
+ROBOTS_PER_HALL = 80
 BAY_DEPTH_M = 2.5
 """Distance from the middle of the aisle to the middle of the bay."""
-LONG_AISLE_M = 7.8
-"""Aisles between two crossings that are at least this long have bays."""
 
 GROUND, MEZZANINE = 0, 1
 
@@ -25,6 +23,9 @@ Place = tuple[float, float]
 
 
 class BayKind(StrEnum):
+    RACK = "rack"
+    PICK = "pick"
+    """A rack of the pick zone, where people work."""
     DOCK = "dock"
     CHARGER = "charger"
     PARKING = "parking"
@@ -32,23 +33,69 @@ class BayKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class FloorTile:
-    """The pattern that a floor repeats: its size, and the positions of its aisles, in metres."""
+class BayRow:
+    """Equal bays in a row beside an aisle."""
 
-    size_m: Place
+    kind: BayKind
+    x_m: tuple[float, ...]
+    """In the pattern's frame, as `y_m`. There is a bay at each x and each y."""
+    y_m: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPattern:
+    """One hall of a floor, or its part of the mezzanine."""
+
+    width_m: float
     across_m: tuple[float, ...]
     """x of the aisles that run along y."""
     along_m: tuple[float, ...]
     """y of the aisles that run along x."""
-    cross_bays: bool
-    """Whether aisles along y have bays too."""
+    rows: tuple[BayRow, ...]
 
 
-TILES = (
-    FloorTile((40.0, 25.0), (5.0, 15.0, 25.0, 35.0), (4.0, 12.5, 21.0), cross_bays=True),
-    FloorTile((25.0, 15.0), (4.0, 12.5, 21.0), (4.0, 11.0), cross_bays=False),
+def _sides(*aisles_m: float) -> tuple[float, ...]:
+    """The middle of the bays on both sides of each aisle."""
+    return tuple(aisle_m + side_m for aisle_m in aisles_m for side_m in (-BAY_DEPTH_M, BAY_DEPTH_M))
+
+
+AISLES_M = tuple(5.5 + 11.0 * rank for rank in range(9))
+"""x of the aisles between the racks of a hall."""
+SOUTH_M, LOWER_M, UPPER_M, NORTH_M = 6.0, 23.0, 31.0, 48.0
+"""y of the aisles along the docks, and of the two in the middle."""
+RACK_BAYS_M = (10.5, 13.4, 16.3, 19.2, 34.8, 37.7, 40.6, 43.5)
+_BETWEEN_M = tuple((west + east) / 2 for west, east in pairwise(AISLES_M))
+_WEST_M, _EAST_M = tuple(x - 1.5 for x in _BETWEEN_M), tuple(x + 1.5 for x in _BETWEEN_M)
+HALL = FloorPattern(
+    99.0,
+    AISLES_M,
+    (SOUTH_M, LOWER_M, UPPER_M, NORTH_M),
+    (
+        BayRow(BayKind.RACK, _sides(*AISLES_M[:7]), RACK_BAYS_M),
+        BayRow(BayKind.PICK, _sides(*AISLES_M[7:]), RACK_BAYS_M),
+        BayRow(BayKind.DOCK, _WEST_M + _EAST_M, (SOUTH_M - BAY_DEPTH_M,)),
+        BayRow(BayKind.LIFT, _WEST_M[:1], (NORTH_M + BAY_DEPTH_M,)),
+        BayRow(BayKind.DOCK, _WEST_M[1:] + _EAST_M, (NORTH_M + BAY_DEPTH_M,)),
+        BayRow(BayKind.CHARGER, _EAST_M, (LOWER_M + BAY_DEPTH_M,)),
+        BayRow(BayKind.PARKING, _WEST_M, (LOWER_M + BAY_DEPTH_M,)),
+        BayRow(BayKind.PARKING, _WEST_M + _EAST_M, (UPPER_M - BAY_DEPTH_M,)),
+    ),
 )
-"""The ground hall and the mezzanine."""
+"""Docks in the south and north, racks, the pick zone in the east, chargers and parking places in the middle, a lift."""
+MEZZANINE_PART = FloorPattern(
+    43.0,
+    (5.0, 16.0, 27.0, 38.0),
+    (4.5, 15.5),
+    (
+        BayRow(BayKind.LIFT, (9.0,), (18.0,)),
+        BayRow(BayKind.RACK, (12.0, 20.0, 23.0, 31.0, 34.0), (18.0,)),
+        BayRow(BayKind.RACK, (9.0, 12.0, 20.0, 23.0, 31.0, 34.0), (2.0, 7.0, 13.0)),
+        BayRow(BayKind.CHARGER, (2.5, 7.5), (10.0,)),
+        BayRow(BayKind.PARKING, (13.5, 18.5, 24.5, 29.5, 35.5, 40.5), (10.0,)),
+    ),
+)
+PATTERNS = (HALL, MEZZANINE_PART)
+"""By floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,13 +183,10 @@ def _back(came: dict[_Lane, _Lane], lane: _Lane) -> Iterator[_Lane]:
 
 def layout_for(robots: int) -> Layout:
     """Two floors that are large enough for this number of robots."""
-    columns, rows = _tiles(ceil(robots / ROBOTS_PER_TILE))
+    halls = max(1, ceil(robots / ROBOTS_PER_HALL))
     layout, bays = Layout([], [], []), list[Bay]()
-    for floor, tile in enumerate(TILES):
-        xs = [column * tile.size_m[0] + x for column in range(columns) for x in tile.across_m]
-        ys = [row * tile.size_m[1] + y for row in range(rows) for y in tile.along_m]
-        nodes = list(_add_floor(layout, floor, xs, ys, tile.cross_bays))
-        bays += _named(layout, nodes, lifts=columns * rows)
+    for floor, pattern in enumerate(PATTERNS):
+        bays += _add_floor(layout, floor, pattern, [hall * pattern.width_m for hall in range(halls)])
     lifts = [
         [index for index, bay in enumerate(bays) if bay.kind is BayKind.LIFT and bay.floor == floor]
         for floor in (GROUND, MEZZANINE)
@@ -152,51 +196,39 @@ def layout_for(robots: int) -> Layout:
     return layout
 
 
-def _tiles(count: int) -> tuple[int, int]:
-    """Columns and rows of the hall that is nearest to a square and has at least `count` tiles."""
-    width_m, depth_m = TILES[GROUND].size_m
-    columns = max(1, round((count * depth_m / width_m) ** 0.5))
-    return columns, ceil(count / columns)
-
-
-def _add_floor(layout: Layout, floor: int, xs: list[float], ys: list[float], cross_bays: bool) -> Iterator[int]:
-    """Add crossings and the aisles between them. Yields the nodes of the bays."""
-    crossings = {(x, y): layout.add(floor, (x, y)) for x in xs for y in ys}
+def _add_floor(layout: Layout, floor: int, pattern: FloorPattern, halls_m: list[float]) -> Iterator[Bay]:
+    """Add crossings, the aisles between them and their bays. `halls_m` are the western ends of the halls."""
+    xs, ys = [(rank, west_m + x) for rank, west_m in enumerate(halls_m) for x in pattern.across_m], pattern.along_m
+    crossings = {(x, y): layout.add(floor, (x, y)) for _, x in xs for y in ys}
     layout.crossings |= set(crossings.values())
-    for y in ys:
-        for left, right in pairwise(xs):
-            middle, wide = (left + right) / 2, right - left >= LONG_AISLE_M
-            gates = [(x, y) for x in (middle - 1.5, middle + 1.5) if wide]
-            yield from _add_aisle(layout, crossings[left, y], crossings[right, y], gates)
-    for x in xs:
-        for low, high in pairwise(ys):
-            gates = [(x, (low + high) / 2)] if cross_bays and high - low >= LONG_AISLE_M else []
-            yield from _add_aisle(layout, crossings[x, low], crossings[x, high], gates)
+    kinds = [
+        {(west_m + x, y): row.kind for row in pattern.rows for x in row.x_m for y in row.y_m} for west_m in halls_m
+    ]
+    ends = [(rank, (west, y), (east, y)) for y in ys for (rank, west), (_, east) in pairwise(xs)]
+    ends += [(rank, (x, south), (x, north)) for rank, x in xs for south, north in pairwise(ys)]
+    for rank, start, end in ends:
+        for a, b in ((start, end), (end, start)):
+            for node in _add_lane(layout, crossings[a], crossings[b], kinds[rank]):
+                yield Bay(node, floor, layout.places[node], kinds[rank][layout.places[node]])
 
 
-def _add_aisle(layout: Layout, start: int, end: int, gates: list[Place]) -> Iterator[int]:
-    """Add two lanes between two crossings, one in each direction, with a bay to the right of each at every gate."""
-    for a, b, way in ((start, end, gates), (end, start, gates[::-1])):
-        (ax, ay), (bx, by) = layout.places[a], layout.places[b]
-        length_m = abs(bx - ax) + abs(by - ay)
-        right = ((by - ay) / length_m * BAY_DEPTH_M, -(bx - ax) / length_m * BAY_DEPTH_M)
-        nodes = [layout.add(layout.floors[a], gate) for gate in way]
-        layout.join(a, *nodes, b)
-        for gate in nodes:
-            x, y = layout.places[gate]
-            bay = layout.add(layout.floors[a], (x + right[0], y + right[1]))
-            layout.join(gate, bay, gate)
-            yield bay
-
-
-def _named(layout: Layout, nodes: list[int], lifts: int) -> Iterator[Bay]:
-    """Bays at `nodes`. `lifts` of them, evenly distributed, are lifts."""
-    every = len(nodes) // lifts
-    for rank, node in enumerate(nodes):
-        kind = BayKind.LIFT if rank % every == 0 and rank // every < lifts else _kind(rank)
-        yield Bay(node, layout.floors[node], layout.places[node], kind)
-
-
-def _kind(rank: int) -> BayKind:
-    """One bay in six is a charger, one in six a parking place, the others are docks."""
-    return {2: BayKind.CHARGER, 5: BayKind.PARKING}.get(rank % 6, BayKind.DOCK)
+def _add_lane(layout: Layout, a: int, b: int, bays: Iterable[Place]) -> Iterator[int]:
+    """Add the lane from one crossing to the next, with the bays that are to its right. Yields their nodes."""
+    (ax, ay), (bx, by) = layout.places[a], layout.places[b]
+    length_m = abs(bx - ax) + abs(by - ay)
+    ux, uy = (bx - ax) / length_m, (by - ay) / length_m
+    beside = [
+        (along_m, (x, y))
+        for x, y in bays
+        if 0.0 < (along_m := (x - ax) * ux + (y - ay) * uy) < length_m
+        and isclose((x - ax) * uy - (y - ay) * ux, BAY_DEPTH_M)
+    ]
+    last = a
+    for along_m, place in sorted(beside):
+        gate = layout.add(layout.floors[a], (ax + along_m * ux, ay + along_m * uy))
+        bay = layout.add(layout.floors[a], place)
+        layout.join(last, gate)
+        layout.join(gate, bay, gate)
+        last = gate
+        yield bay
+    layout.join(last, b)

@@ -1,6 +1,6 @@
 """The participants of the simulation: robots of four vendors, and the properties of each vendor's robots."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from uuid import UUID, uuid5
 
@@ -95,6 +95,8 @@ CORVID = Make(
     protection=Protection.SLOW,
     tells_waiting=True,
 )
+TUG = replace(CORVID, model="C40", body=BodySize(1.6, 0.9, 0.4), loaded=BodySize(1.6, 0.9, 0.4), height_m=1.6)
+"""A tug with trailers. The site file describes them."""
 BASALT = Make(
     VendorName.BASALT,
     "B7",

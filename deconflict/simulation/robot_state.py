@@ -102,6 +102,8 @@ def _state(world: World, row: int) -> str:
 
 
 _STANDING = {
+    BayKind.RACK: "waitingExternalEvent",
+    BayKind.PICK: "waitingExternalEvent",
     BayKind.DOCK: "waitingExternalEvent",
     BayKind.CHARGER: "charging",
     BayKind.PARKING: "idle",

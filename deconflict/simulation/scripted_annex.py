@@ -1,38 +1,49 @@
-"""An annex south of the ground hall, in which robots follow a script: one charger for three robots, and a single lane.
+"""An annex south of the hall, in which robots follow a script: a charger for two robots, a single lane, a tugger train.
 
 The script repeats. Robots queue for the charger. Two robots enter the lane from both ends, stand face to face until
-one backs out, and change sides. No other robot comes here.
+one backs out, and change sides. The train drives its round. No other robot comes here.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import atan2, hypot, pi
+from dataclasses import dataclass, replace
+from math import atan2, cos, dist, hypot, pi, sin
 
 import numpy as np
 
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import GROUND, Place
-from deconflict.simulation.participants import Participant, VendorName
+from deconflict.simulation.participants import TUG, Participant, VendorName
 from deconflict.simulation.robot_state import RobotState
+from ingest.frames.angles import turn_between
 
 FEWEST = 16
 """With fewer participants there are no robots for the annex."""
 ROLES = (VendorName.ALDER, VendorName.CORVID, VendorName.BASALT, VendorName.ALDER, VendorName.CORVID)
-"""The first two use the lane, the others the charger."""
+"""The first two use the lane, the next two the charger, the last pulls trailers."""
+CHARGING, TRAIN = (2, 3), 4
+"""Rows of those that charge, and of the one that pulls trailers."""
 LANE_Y_M, WEST_M, EAST_M = -5.0, 2.0, 26.0
-HALF_S = 90.0
+HALF_S = 240.0
 """After this time the two in the lane have changed sides."""
 CHARGER: Place = (14.0, -11.0)
-WAITING: tuple[Place, ...] = ((4.0, -11.0), (14.0, -18.0), (24.0, -11.0))
+WAITING: tuple[Place, ...] = ((4.0, -11.0), (24.0, -11.0))
+ROUND_S = 220.0
+"""Each robot charges once in this time."""
 TURN_S = 55.0
-"""Time from one robot's turn at the charger to the next robot's turn."""
+"""Time from the first robot's turn at the charger to the second robot's turn."""
 CHARGE_S = (10.0, 43.0)
 """When in its turn a robot arrives at the charger and leaves it."""
-WISHES_S = (25.0, 35.0)
-"""When in another robot's turn the next and the second next would arrive if the charger were free."""
+WISH_S = 25.0
+"""When in the first robot's turn the second would arrive if the charger were free."""
 BEGINS_S = 12.0
 """Start time within the script, with the first robot at the charger."""
 PACE_MPS = 1.0
+YARD_M = (34.0, -17.0, 62.0, -5.0)
+"""West, south, east and north side of the train's round."""
+CORNER_M, CHORD_RAD = 3.0, pi / 16
+"""Radius of its corners, and the angle of each of the straight pieces of which they consist."""
+STATION_M, STATION_S = 48.0, 25.0
+"""x of its stop on the north side, and how long it stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,23 +68,23 @@ _NORTH, _SOUTH = (EAST_M, LANE_Y_M + 3), (EAST_M, LANE_Y_M - 3)
 THROUGH = (
     ScriptStep(5.0, _WEST, "waitingExternalEvent"),
     ScriptStep(16.3, _NOSE, means=_EAST),
-    ScriptStep(42.0, _NOSE, "waitingExternalEvent", means=_EAST),
-    ScriptStep(54.7, _EAST),
-    ScriptStep(57.7, _NORTH),
-    ScriptStep(86.0, _NORTH, "idle"),
-    ScriptStep(89.0, _EAST),
+    ScriptStep(62.0, _NOSE, "waitingExternalEvent", means=_EAST),
+    ScriptStep(74.7, _EAST),
+    ScriptStep(77.7, _NORTH),
+    ScriptStep(HALF_S - 4.0, _NORTH, "idle"),
+    ScriptStep(HALF_S - 1.0, _EAST),
     ScriptStep(HALF_S, _EAST, "idle"),
 )
 """Script of the robot that drives through the lane, from the west."""
 BACK_OUT = (
     ScriptStep(5.0, _EAST, "waitingExternalEvent"),
     ScriptStep(16.3, _OTHER_NOSE, means=_WEST),
-    ScriptStep(26.0, _OTHER_NOSE, "waitingExternalEvent", means=_WEST),
-    ScriptStep(39.0, _EAST, backs=True),
-    ScriptStep(42.0, _SOUTH),
-    ScriptStep(58.0, _SOUTH, "waitingExternalEvent"),
-    ScriptStep(61.0, _EAST),
-    ScriptStep(85.0, _WEST),
+    ScriptStep(46.0, _OTHER_NOSE, "waitingExternalEvent", means=_WEST),
+    ScriptStep(59.0, _EAST, backs=True),
+    ScriptStep(62.0, _SOUTH),
+    ScriptStep(78.0, _SOUTH, "waitingExternalEvent"),
+    ScriptStep(81.0, _EAST),
+    ScriptStep(105.0, _WEST),
     ScriptStep(HALF_S, _WEST, "idle"),
 )
 """Script of the robot that backs out of the lane, to the east."""
@@ -95,14 +106,36 @@ def _turn(rank: int) -> list[ScriptStep]:
     """One round of the charger for the robot whose turn is number `rank`."""
     home, begins_s = WAITING[rank], rank * TURN_S
     away_s = hypot(CHARGER[0] - home[0], CHARGER[1] - home[1]) / PACE_MPS
-    steps = [ScriptStep(begins_s, home, "waitingExternalEvent")] if rank else []
-    steps += [ScriptStep(begins_s + CHARGE_S[0] - away_s, home, "waitingExternalEvent")] if away_s < CHARGE_S[0] else []
-    steps += [
+    before = [ScriptStep(WISH_S - away_s, home, "idle"), ScriptStep(begins_s, home, "waitingExternalEvent")]
+    return [
+        *(before if rank else ()),
         ScriptStep(begins_s + CHARGE_S[0], CHARGER),
         ScriptStep(begins_s + CHARGE_S[1], CHARGER, "charging"),
         ScriptStep(begins_s + CHARGE_S[1] + away_s, home),
-        ScriptStep(len(WAITING) * TURN_S, home, "waitingExternalEvent"),
+        ScriptStep(ROUND_S, home, "idle"),
     ]
+
+
+def _round() -> list[ScriptStep]:
+    """The round of the train, from its station."""
+    west_m, south_m, east_m, north_m = YARD_M
+    corners = (
+        ((east_m - CORNER_M, north_m - CORNER_M), pi / 2),
+        ((east_m - CORNER_M, south_m + CORNER_M), 0.0),
+        ((west_m + CORNER_M, south_m + CORNER_M), -pi / 2),
+        ((west_m + CORNER_M, north_m - CORNER_M), -pi),
+    )
+    path = [
+        (x_m + CORNER_M * cos(start_rad - turn_rad), y_m + CORNER_M * sin(start_rad - turn_rad))
+        for (x_m, y_m), start_rad in corners
+        for turn_rad in np.arange(0.0, pi / 2 + CHORD_RAD / 2, CHORD_RAD).tolist()
+    ]
+    station, t_s = (STATION_M, north_m), STATION_S
+    steps, last = [ScriptStep(STATION_S, station, "waitingExternalEvent")], station
+    for place in (*path, station):
+        t_s += dist(last, place) / PACE_MPS
+        steps.append(ScriptStep(t_s, place))
+        last = place
     return steps
 
 
@@ -113,7 +146,7 @@ class Annex:
         """`members` are in the order of `ROLES`."""
         self.members = tuple(members)
         self._steps = [[*play, *_mirrored(play)] for play in (THROUGH, BACK_OUT)]
-        self._steps += [_turn(rank) for rank in range(len(WAITING))]
+        self._steps += [*(_turn(rank) for rank in range(len(WAITING))), _round()]
 
     def robot(self, row: int, t_s: float) -> RobotState:
         """The state of one robot, `t_s` after the start."""
@@ -121,8 +154,12 @@ class Annex:
         step, place, heading_rad = _step_at(steps, now_s)
         goal = step.means or step.to
         speed_mps = _speed_mps(steps, step)
-        plan = _plan(place, goal, heading_rad, speed_mps if step.state == "navigating" else 0.0)
-        charging = step.state == "charging"
+        if step.state != "navigating":
+            plan = _plan(place, heading_rad, 0.0, [])
+        elif step.means or step.backs:
+            plan = _plan(place, heading_rad, speed_mps, [goal])
+        else:
+            plan = _plan(place, heading_rad, speed_mps, _ahead(steps, steps.index(step)))
         return RobotState(
             member=self.members[row],
             t_s=t_s,
@@ -132,7 +169,7 @@ class Annex:
             yaw_rad=heading_rad,
             linear_mps=0.0 if step.state != "navigating" else -speed_mps if step.backs else speed_mps,
             state=step.state,
-            battery_pct=50.0 if row < 2 else 30.0 + charging * (now_s % TURN_S),
+            battery_pct=60.0,
             plan=plan,
             destinations=self._destinations(row, now_s, step, place),
         )
@@ -142,16 +179,12 @@ class Annex:
     ) -> tuple[tuple[float, int, float, float, float], ...]:
         """Its announced destinations. A robot that waits for the charger announces when it would arrive if that were
         free."""
-        if row < 2 or step.state != "waitingExternalEvent":
-            goal = step.means or step.to
-            after_s = hypot(goal[0] - place[0], goal[1] - place[1]) / PACE_MPS
-            return ((after_s, GROUND, *goal, 0.0),) if after_s > 0.1 else ()
-        turn, into_s = divmod(now_s, TURN_S)
-        behind = int(row - 2 - turn - 1) % len(WAITING)
-        away_s = hypot(CHARGER[0] - place[0], CHARGER[1] - place[1]) / PACE_MPS
-        if behind >= len(WISHES_S):
-            return ((away_s, GROUND, *CHARGER, 0.0),) if into_s < CHARGE_S[0] else ()
-        return ((max(WISHES_S[behind] - into_s, away_s), GROUND, *CHARGER, 0.0),)
+        if row in CHARGING and now_s < CHARGING.index(row) * TURN_S:
+            away_s = hypot(CHARGER[0] - place[0], CHARGER[1] - place[1]) / PACE_MPS
+            return ((max(WISH_S - now_s, away_s), GROUND, *CHARGER, 0.0),)
+        goal = step.means or step.to
+        after_s = hypot(goal[0] - place[0], goal[1] - place[1]) / PACE_MPS
+        return ((after_s, GROUND, *goal, 0.0),) if after_s > 0.1 else ()
 
 
 def split(members: Sequence[Participant]) -> tuple[tuple[Participant, ...], Annex]:
@@ -163,6 +196,7 @@ def split(members: Sequence[Participant]) -> tuple[tuple[Participant, ...], Anne
         player = [member for member in free if member.make.vendor is vendor][-1]
         free.remove(player)
         players.append(player)
+    players[TRAIN] = replace(players[TRAIN], make=TUG)
     return tuple(free), Annex(players)
 
 
@@ -195,11 +229,27 @@ def _speed_mps(steps: Sequence[ScriptStep], step: ScriptStep) -> float:
     return hypot(step.to[0] - x, step.to[1] - y) / (step.until_s - began_s)
 
 
-def _plan(place: Place, goal: Place, heading_rad: float, speed_mps: float) -> FleetPlan:
-    """A plan straight to the goal."""
-    left_m = hypot(goal[0] - place[0], goal[1] - place[1])
-    here = np.array([[*place, heading_rad]])
-    if speed_mps <= 0 or left_m < 1e-3:
-        return FleetPlan(np.zeros(1), here, np.array([GROUND]))
-    poses = np.vstack([here, [*goal, heading_rad]])
-    return FleetPlan(np.array([0.0, left_m / speed_mps]), poses, np.array([GROUND, GROUND]))
+def _ahead(steps: Sequence[ScriptStep], row: int) -> list[Place]:
+    """Where the robot drives without a stop or a sharp corner: the ends of this step and the next ones."""
+    goals = [steps[row].to]
+    for index in range(row, row + len(steps)):
+        after = steps[(index + 1) % len(steps)]
+        turn_rad = turn_between(_heading_rad(steps, index % len(steps)), _heading_rad(steps, (index + 1) % len(steps)))
+        if after.state != "navigating" or after.means or abs(turn_rad) > 1.01 * CHORD_RAD:
+            break
+        goals.append(after.to)
+    return goals
+
+
+def _plan(place: Place, heading_rad: float, speed_mps: float, goals: Sequence[Place]) -> FleetPlan:
+    """A plan straight from one goal to the next."""
+    after_s, poses = [0.0], [(*place, heading_rad)]
+    for x_m, y_m in goals:
+        from_x_m, from_y_m, yaw_rad = poses[-1]
+        left_m = hypot(x_m - from_x_m, y_m - from_y_m)
+        if speed_mps > 0 and left_m > 1e-3:
+            if len(goals) > 1:
+                yaw_rad += turn_between(yaw_rad, atan2(y_m - from_y_m, x_m - from_x_m))
+            after_s.append(after_s[-1] + left_m / speed_mps)
+            poses.append((x_m, y_m, yaw_rad))
+    return FleetPlan(np.array(after_s), np.array(poses), np.full(len(poses), GROUND))

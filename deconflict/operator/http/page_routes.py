@@ -19,7 +19,7 @@ from deconflict.operator.live.live_socket import LiveSocket
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.floor_plan import IMAGES, image_matrix
-from deconflict.settings.shared_places import Resource, Zone, outlines
+from deconflict.settings.shared_places import FloorPart, Resource, Zone, outlines
 from deconflict.settings.site import Site
 
 HEAT_CELL_M = 1.0
@@ -146,6 +146,10 @@ def page_files() -> Mapping[str, bytes]:
     }
 
 
+def _floor_part(part: FloorPart, site: Site) -> dict[str, Any]:
+    return {"name": part.name, "floor": part.floor or site.datums[0].id, "polygon": part.outline_m}
+
+
 def site_document(site: Site) -> dict[str, Any]:
     """What the page draws below the robots, in the frame of each floor."""
     places: list[Resource | Zone] = [*site.resources, *site.zones]
@@ -175,10 +179,8 @@ def site_document(site: Site) -> dict[str, Any]:
         "name": site.name,
         "floors": floors,
         "places": drawn,
-        "obstacles": [
-            {"name": each.name, "kind": each.kind, "floor": each.floor or site.datums[0].id, "polygon": each.outline_m}
-            for each in site.obstacles
-        ],
+        "areas": [_floor_part(area, site) for area in site.areas],
+        "obstacles": [_floor_part(obstacle, site) | {"kind": obstacle.kind} for obstacle in site.obstacles],
         "clearance_m": site.conflict.clearance_m,
         "horizon_s": site.conflict.horizon_s,
         "quiet_after_s": site.reading.quiet_after_s,

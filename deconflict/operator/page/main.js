@@ -37,7 +37,7 @@ const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRo
 const camera = new Camera($("map"), (byHand) => { moved ||= byHand === true; }, press);
 const map = new FloorMap($("map"), camera, vendors);
 const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(allOpen().find((each) => each.id === id)), point, showRobot, changed: () => list() });
-let site = { name: "", floors: [], places: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
+let site = { name: "", floors: [], places: [], areas: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
 let floor = null, chosen = null, robotShown = null, heat = null, exits = [], framesDrawn = 0, drawn = 0;
 let pointed = { situation: null, robot: null }; // what the pointer or the focus is on in the list
 const flashed = new Set(); // situations that others became part of just now
@@ -113,7 +113,7 @@ function scene() {
   return {
     floor, theme: root.dataset.theme, nowS: atS, robots: here, situations, involved, first, advised, highlighted, contended, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
-    places: site.places.filter((place) => place.floor === floor), obstacles: site.obstacles.filter((obstacle) => obstacle.floor === floor), marks: known?.marks ?? [],
+    places: site.places.filter((place) => place.floor === floor), areas: site.areas.filter((area) => area.floor === floor), obstacles: site.obstacles.filter((obstacle) => obstacle.floor === floor), marks: known?.marks ?? [],
     exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),
     plan: known?.plan,
     poseS: () => atS,
@@ -121,7 +121,7 @@ function scene() {
 }
 
 function bounds(shown) {
-  const points = [...shown.marks.map((mark) => [mark.x, mark.y]), ...[...shown.places, ...shown.obstacles].flatMap((each) => each.polygon), ...shown.robots.map((robot) => robot.knots.slice(1, 3))];
+  const points = [...shown.marks.map((mark) => [mark.x, mark.y]), ...[...shown.places, ...shown.areas, ...shown.obstacles].flatMap((each) => each.polygon), ...shown.robots.map((robot) => robot.knots.slice(1, 3))];
   if (!points.length) return [-10, -10, 10, 10];
   const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]), [left, bottom, right, top] = extents.get(shown.floor) ?? [Infinity, Infinity, -Infinity, -Infinity];
   const whole = [Math.min(left, down(Math.min(...xs))), Math.min(bottom, down(Math.min(...ys))), Math.max(right, -down(-Math.max(...xs))), Math.max(top, -down(-Math.max(...ys)))];

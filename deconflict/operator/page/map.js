@@ -48,6 +48,7 @@ export class FloorMap {
     if (scene.plan) this.plan(scene.plan);
     this.grid();
     this.obstacles(scene);
+    scene.areas.forEach((area) => this.areaName(area));
     this.places(scene);
     this.marks(scene);
     exits(this, scene);
@@ -155,6 +156,17 @@ export class FloorMap {
     }
     if (!tiny) for (const obstacle of scene.obstacles) this.nameWithin(obstacle);
     if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
+  }
+
+  // The name of an area at its western or southern end, whichever side is shorter, if there is room.
+  areaName({ name, polygon }) {
+    const { pen, camera, ink, unit } = this, xs = polygon.map(([x]) => camera.px(x)), ys = polygon.map(([, y]) => camera.py(y));
+    const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)], size = 12 * unit;
+    pen.font = `${size}px system-ui, sans-serif`;
+    const width = pen.measureText(name).width;
+    if (width > right - left || size > bottom - top) return;
+    if (right - left > bottom - top) this.text(name, left + width / 2 + size, (top + bottom) / 2 + size / 3, 12, ink.faint);
+    else this.text(name, (left + right) / 2, bottom - size, 12, ink.faint);
   }
 
   // The name of an obstacle in its middle, if it is as long as its text.

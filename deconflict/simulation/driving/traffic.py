@@ -29,11 +29,15 @@ ARRIVED_M = 0.03
 RIDE_S = 6.0
 """Time in a lift."""
 DWELL_S = {
-    BayKind.DOCK: (15.0, 50.0),
+    BayKind.RACK: (15.0, 50.0),
+    BayKind.PICK: (10.0, 40.0),
+    BayKind.DOCK: (20.0, 60.0),
     BayKind.PARKING: (15.0, 90.0),
     BayKind.CHARGER: (15.0, 60.0),
     BayKind.LIFT: (RIDE_S, RIDE_S),
 }
+LOADING = (BayKind.RACK, BayKind.PICK, BayKind.DOCK)
+"""Bays where robots load and unload."""
 SET_OUT_S = 12.0
 """All members set out within this time."""
 FULL_BAYS_S = 2.0
@@ -53,7 +57,7 @@ PACE_DRIFT, SLOWEST_PACE = 0.15, 0.5
 SWAY_M, SWAY_S = 0.08, 2.0
 """How far people stray to either side, and the time in which they return."""
 UNLOAD_SHARE = 0.4
-"""Share of loaded robots that unload at a dock."""
+"""Share of loaded robots that unload at a rack or dock."""
 LOW_BATTERY = 25.0
 DRAIN_PER_S, CHARGE_PER_S = 0.04, 1.5
 """Percent per second. Faster than in reality, so that chargers are used."""
@@ -84,7 +88,7 @@ class World:
         self.fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
         """(n,) fleet of each member. Robots of one fleet know of each other."""
         self.person = np.array([make.person for make in makes], np.bool_)
-        self.trips, self.tracks = Trips(layout, n, rng), DriveTable(n)
+        self.trips, self.tracks = Trips(layout, self.person, rng), DriveTable(n)
         self.crossings = Crossings(np.where(self.person, -1 - np.arange(n), self.fleet))
         self.doing = np.full(n, int(Activity.STANDING))
         self.until_s = rng.uniform(0.0, SET_OUT_S, n)
@@ -199,11 +203,11 @@ class World:
             self._place_in(self.trips.ride(robot), robot)
         start, make = self.trips.at(robot), self.members[robot].make
         low = bool(self.battery_pct[robot] < LOW_BATTERY)
-        goal = self.trips.choose(robot, needs_charge=low, may_ride=not make.person)
+        goal = self.trips.choose(robot, needs_charge=low)
         if goal is None:
             self.until_s[robot] = self.t_s + FULL_BAYS_S
             return
-        if start.kind is BayKind.DOCK and not make.person:
+        if start.kind in LOADING and not make.person:
             unloads = self.load_pct[robot] and self._rng.random() < UNLOAD_SHARE
             self.load_pct[robot] = 0 if unloads else self._rng.integers(20, 90)
         layout = self.trips.layout

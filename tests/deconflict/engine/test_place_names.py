@@ -1,7 +1,7 @@
 import pytest
 
 from deconflict.engine.place_names import PlaceNames
-from deconflict.settings.shared_places import Obstacle, Resource, Zone
+from deconflict.settings.shared_places import NamedArea, Obstacle, Resource, Zone
 from ingest.batch import FloorPoint
 from ingest.settings import Datum, ReferencePoint
 
@@ -26,7 +26,9 @@ AISLE = Zone(
     axis=((20, 3), (40, 3)),
 )
 DOCK = Resource(id="d1", name="Dock 1", kind="dock", datum="hall", polygon=((30, 2), (34, 2), (34, 4), (30, 4)))
-PLACE_NAMES = PlaceNames((HALL, ABROAD), (DOCK, AISLE))
+NORTH = NamedArea(name="North aisle", floor="hall", outline_m=((18, 20), (60, 20), (60, 24), (18, 24)))
+CROSS = NamedArea(name="Aisle 7", floor="hall", outline_m=((50, 0), (54, 0), (54, 30), (50, 30)))
+PLACE_NAMES = PlaceNames((HALL, ABROAD), (DOCK, AISLE), (), (NORTH, CROSS))
 
 
 DESCRIBED = [
@@ -34,6 +36,8 @@ DESCRIBED = [
     (FloorPoint("hall", 31.0, 3.0), "at Dock 1 on Ground hall"),
     (FloorPoint("hall", 3.0, 4.0), "5 m from Column A1 on Ground hall"),
     (FloorPoint("hall", 0.5, 0.5), "at Column A1 on Ground hall"),
+    (FloorPoint("hall", 22.0, 21.0), "in North aisle on Ground hall"),
+    (FloorPoint("hall", 51.0, 21.0), "where North aisle meets Aisle 7 on Ground hall"),
     (FloorPoint("hall", 30.0, 9.0), "3 m from Aisle 4 on Ground hall"),
     (FloorPoint("abroad", 48.0, 11.0), "near (48.0, 11.0) on Yard"),
     (FloorPoint("hall", 0.0, -40.0), "near (0.0, -40.0) on Ground hall"),

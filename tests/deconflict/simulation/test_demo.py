@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from deconflict.settings.site_file import fit_problems, load
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo_site import ROBOTS, demo_site
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
 
@@ -24,7 +24,7 @@ def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     document = json.loads(done.stdout.splitlines()[-1])
-    assert (document["robots"], document["rejected"]) == (24, 0)
+    assert (document["robots"], document["rejected"]) == (ROBOTS, 0)
     assert document["messages"] > 300
     assert document["advisories_raised"] >= document["conflicts"] > 0
     assert document["deadlocks"] > 0

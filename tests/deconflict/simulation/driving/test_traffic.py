@@ -59,7 +59,7 @@ class Seen:
     stops: list[TrueStop] = field(default_factory=list)
 
 
-@pytest.fixture(scope="module", params=[(12, 2), (24, 1), (60, 1)], ids=str)
+@pytest.fixture(scope="module", params=[(30, 2), (60, 1), (80, 2)], ids=str)
 def seen(request: pytest.FixtureRequest) -> Seen:
     robots, seed = request.param
     simulated = world(seed, robots)
@@ -176,7 +176,7 @@ def test_one_of_two_mutually_waiting_robots_makes_room(seed: int) -> None:
 
 def test_more_robots_than_bays_are_refused() -> None:
     with pytest.raises(ValueError, match="use a larger layout"):
-        World(layout_for(24), participants(200), np.random.default_rng(1))
+        World(layout_for(24), participants(300), np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("robots", [1, 4, 240])
