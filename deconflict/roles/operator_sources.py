@@ -59,6 +59,18 @@ class OperatorSources:
         robots: list[dict[str, Any]] = await self._ask("robots")
         return [robot | _presence_of(robot["uuid"], self._engine.presence) for robot in robots]
 
+    async def give_robot(self, uuid: str, vendor: str) -> dict[str, Any]:
+        if self._is_cluster:
+            problem = "in a cluster, name the robot in vendors.robots of the site file of each ingest"
+            return {"before": None, "problem": problem}
+        try:
+            answer: dict[str, Any] = json.loads(
+                await self._receiver.call("give_robot", json.dumps([uuid, vendor]).encode())
+            )
+        except LinkDownError as error:
+            raise SourceUnavailableError("receiver") from error
+        return answer
+
     def presence(self) -> dict[str, Any]:
         return self._engine.presence
 

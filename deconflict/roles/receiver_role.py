@@ -21,6 +21,7 @@ from deconflict.settings.site import Site
 from ingest.clocks import SteadyClock
 from ingest.fleet import fleet_report
 from ingest.fleet.log_recovery import recover
+from ingest.fleet.owners.owner_file import OwnerFile
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
@@ -67,6 +68,7 @@ class ReceiverRole:
         found = recover(self.fleet, segments(log) if log.is_dir() else [], self._now_s())
         if found.messages:
             logger.info("the floor is restored: %s messages read from the recording", found.messages)
+        self._owners = OwnerFile(log.parent, self.fleet.owners, self.measures)
         self.recorder = Recorder(site.recorder, log, self.measures, self._now_s)
         self.receiver = Receiver(
             site.receiver,
@@ -103,21 +105,23 @@ class ReceiverRole:
             "shared_identities": self._shared_identities,
             "add_identities": self._add_identities,
             "follow": self._follow,
+            "give_robot": self._give_robot,
         }
         await self._open_port()
         self._dial()
         self._hear_brokers(self.site)
-        reloading = asyncio.create_task(self._reload())
+        loops = [asyncio.create_task(loop) for loop in (self._reload(), self._owners.keep())]
         try:
             async with listening(socket_path(self._runtime, "receiver"), calls):
                 self.ready.set()
                 await stop.wait()
         finally:
-            tasks = [reloading, *self._dialers.values(), *(task for _, task in self._sources.values())]
+            tasks = [*loops, *self._dialers.values(), *(task for _, task in self._sources.values())]
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             await self.receiver.close()
+            self._owners.write()
             self.recorder.close()
 
     async def _open_port(self) -> None:
@@ -282,6 +286,17 @@ class ReceiverRole:
                 self.recorder.received(shared_identity.raw, now_s, connection, rule)
                 self._closed(connection)
         return b""
+
+    async def _give_robot(self, payload: bytes) -> bytes:
+        """Let a robot belong to a vendor. The answer is the owner before, or why it can't be given."""
+        uuid, vendor = json.loads(payload)
+        before = self.fleet.owners.owner(uuid)
+        problem = self.fleet.owners.problem_of_giving(uuid, vendor)
+        if not problem:
+            self.fleet.give(uuid, vendor)
+            self.recorder.given(uuid, vendor, self._now_s())
+            logger.info("robot %s was given to %s; before, it was %s", uuid, vendor, before or "nobody's")
+        return json.dumps({"before": before, "problem": problem}).encode()
 
     async def _measures(self, _: bytes) -> bytes:
         fleet_report.measure(self.fleet, self._now_s())

@@ -10,6 +10,7 @@ service's clock, placed on a floor, forecast, and counted.
 from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import takewhile
 from math import isnan
 from typing import Any
 
@@ -59,7 +60,7 @@ class Fleet:
         self._changed: dict[str, Robot] = {}
         """By UUID, the robots with a forecast that was in no batch yet."""
         self._claims = OwnershipClaims()
-        self._owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
+        self.owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
         self._left: list[str] = []
         """UUIDs of robots that were dropped since the last batch."""
         self._placement = Placement(vendors, frames, reading)
@@ -68,11 +69,11 @@ class Fleet:
 
     def use(self, fast_path: FastPath[Any]) -> None:
         """Read plain messages with compiled code from now on. The results stay the same."""
-        self._repeat_readers = RepeatReaders(fast_path, self._owners.names_as_uuid)
+        self._repeat_readers = RepeatReaders(fast_path, self.owners.names_as_uuid)
 
     @property
     def vendors(self) -> VendorRegistry:
-        return self._owners.vendors
+        return self.owners.vendors
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Process one message. Returns the code of the rule that rejects it; None if it is accepted."""
@@ -82,7 +83,7 @@ class Fleet:
         if readers and (scanned := readers.scan(raw)) and (reader := readers.find(scanned, connection)):
             self._receive_repeat(reader, scanned, arrival_s)
             return None
-        names_as_uuid = self._owners.names_as_uuid(connection)
+        names_as_uuid = self.owners.names_as_uuid(connection)
         if scanned:
             message: Message = scanned.message(names_as_uuid)
         else:
@@ -99,7 +100,7 @@ class Fleet:
             connection = replace(connection, vendor=self.vendors.of_manufacturer(sender.manufacturer))
         known = self.robots.get(sender.uuid) if sender else None
         before = known.memory if known and known.language == connection.language else None
-        message, memory = front_end.read(raw, connection.topic, before, self._owners.names_as_uuid(connection))
+        message, memory = front_end.read(raw, connection.topic, before, self.owners.names_as_uuid(connection))
         return self._take_in(message, raw, arrival_s, connection, memory, sender)[0]
 
     def _take_in(
@@ -114,7 +115,7 @@ class Fleet:
         """Process what a message says. Returns the rule that rejects it, or the robot if it is accepted."""
         robot = self.robots.get(message.uuid or "")
         if isinstance(message, Rejection):
-            vendor = self._owners.vendor_of(message.uuid or "", robot, connection)
+            vendor = self.owners.vendor_of(message.uuid or "", robot, connection)
             self._count_findings(vendor, message.findings, None)
             self.reject(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
             return message.rule, None
@@ -123,11 +124,12 @@ class Fleet:
             if robot and robot.language == connection.language and rejection.rule == language_choice.RULE:
                 self._left.append(self._drop(robot))
             return rejection.rule, None
-        if robot and robot.language != connection.language:
+        is_taken_over = robot and robot.vendor != connection.vendor and self.owners.is_named(message, connection)
+        if robot and (robot.language != connection.language or is_taken_over):
             self._drop(robot)
             robot = None
         robot = robot or self._admit(message.uuid, connection, sender)
-        self._owners.assign_by_connection(robot, message, connection)
+        self.owners.assign_by_connection(robot, message, connection)
         is_remembered, robot.memory = robot.memory is not memory, memory
         if isinstance(message, Identity):
             findings = self._update_identity(robot, message, raw, arrival_s, connection)
@@ -135,7 +137,7 @@ class Fleet:
             event_s, findings = self._event_time(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
             findings += self._update_status(robot, message, raw, arrival_s, event_s)
         else:
-            findings = self._reconsider(robot, self._owners.names_as_uuid(connection)) if is_remembered else ()
+            findings = self._reconsider(robot, self.owners.names_as_uuid(connection)) if is_remembered else ()
         if isnan(robot.arrival_s):
             robot.arrival_s = arrival_s
         self._accept(robot, connection, message.findings + findings)
@@ -145,12 +147,11 @@ class Fleet:
         self, reader: RepeatReaderProtocol[Any], scanned: ScannedStatusProtocol, arrival_s: float
     ) -> None:
         """Process a status that may repeat the robot's last one. If it does not, it is read in full."""
-        robot = reader.robot
+        robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
         event_s, findings = self._event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
-        gap_s = arrival_s - robot.arrival_s
         found = reader.read(scanned, event_s)
         if found is None:
-            status = scanned.message(self._owners.names_as_uuid(reader.connection))
+            status = scanned.message(self.owners.names_as_uuid(reader.connection))
             assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before
             found = status.findings + self._update_status(robot, status, scanned.raw, arrival_s, event_s)
         else:
@@ -169,16 +170,15 @@ class Fleet:
     ) -> Rejection | None:
         """Why a message that could be read is not accepted. None if it is."""
         if isinstance(message, Status) and self._placement.is_in_degrees(message):
-            vendor = self._owners.vendor_of(message.uuid, robot, connection)
+            vendor = self.owners.vendor_of(message.uuid, robot, connection)
             if rejection := self._placement.rejection(message, vendor):
                 return rejection
-        return self._owners.rejection(message, robot, connection, sender, arrival_s, self.reading.silent_after_s)
+        return self.owners.rejection(message, robot, connection, sender, arrival_s, self.reading.silent_after_s)
 
     def _admit(self, uuid: str, connection: Connection, sender: TopicSender | None) -> Robot:
-        vendor, clock = self._owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
-        serial = sender.serial if sender else ""
-        robot = self.robots[uuid] = Robot(uuid, vendor, clock, connection.language, serial)
-        self._owners.add(robot)
+        vendor, clock = self.owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
+        robot = self.robots[uuid] = Robot(uuid, vendor, clock, connection.language, sender.serial if sender else "")
+        self.owners.add(robot)
         return robot
 
     def _update_identity(
@@ -186,9 +186,9 @@ class Fleet:
     ) -> tuple[str, ...]:
         """Take over an identity. The robot's last status is forecast again with it. Returns the deviations."""
         before, robot.identity = robot.identity, identity
-        assigned = self._owners.assign_by_identity(robot, identity, connection)
+        assigned = self.owners.assign_by_identity(robot, identity, connection)
         robot.shared_identity = SharedIdentity.received(identity, raw, arrival_s, connection, robot.vendor, assigned)
-        self._forecast_again(robot, self._owners.names_as_uuid(connection))
+        self._forecast_again(robot, self.owners.names_as_uuid(connection))
         changed = before is not None and before.distinguishing != identity.distinguishing
         return ("identity-changed",) if changed else ()
 
@@ -224,7 +224,6 @@ class Fleet:
         return findings + self._placement.forecast(robot, status, frame, sighting, robot.seen)
 
     def _note_newest(self, robot: Robot, raw: bytes, arrival_s: float) -> None:
-        """Note the arrival of the robot's newest status."""
         robot.status_raw, robot.arrival_s = raw, arrival_s
         self._count_status(robot, arrival_s)
         self.robots.move_to_end(robot.uuid)
@@ -237,7 +236,7 @@ class Fleet:
         robot.statuses += 1
 
     def _accept(self, robot: Robot, connection: Connection, findings: tuple[str, ...]) -> None:
-        self._owners.note_sender(robot, connection)
+        self.owners.note_sender(robot, connection)
         if findings:
             self._count_findings(robot.vendor, findings, robot)
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
@@ -271,19 +270,25 @@ class Fleet:
     def count_overtaken(self, uuid: str, arrival_s: float, connection: Connection) -> None:
         """Count a status of the robot `uuid` that is not read because a newer one has come."""
         robot = self.robots.get(uuid)
-        self.measures.count("deconflict_messages_total", self._owners.vendor_of(uuid, robot, connection), "overtaken")
-        if robot and not self._owners.other_owner(uuid, robot, connection.vendor):
+        self.measures.count("deconflict_messages_total", self.owners.vendor_of(uuid, robot, connection), "overtaken")
+        if robot and not self.owners.other_owner(uuid, robot, connection.vendor):
             self._count_status(robot, arrival_s)
 
     def connection_closed(self, connection: Connection) -> None:
         """Forget which robots reported over a connection. The robots stay."""
-        self._owners.connection_closed(connection)
+        self.owners.connection_closed(connection)
+
+    def give(self, uuid: str, vendor: str) -> None:
+        """Let a robot belong to a vendor from now on. It begins anew with the next report of that vendor."""
+        if (robot := self.robots.get(uuid)) and robot.vendor != vendor:
+            self._left.append(self._drop(robot))
+        self.owners.register.enter(uuid, vendor)
 
     def reconfigure(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
         """Use other settings from now on. The last status of each robot is forecast again with them."""
         self.reading = reading
         self._placement.reconfigure(vendors, frames, reading)
-        self._owners.reconfigure(vendors, reading.max_robots_per_vendor, self.robots.values())
+        self.owners.reconfigure(vendors, reading.max_robots_per_vendor, self.robots.values())
         for robot in self.robots.values():
             robot.context = None
             self._forecast_again(robot, robot.vendor if vendors.settings(robot.vendor).names_as_uuid else None)
@@ -328,11 +333,7 @@ class Fleet:
 
     def _forget_silent(self, now_s: float) -> tuple[str, ...]:
         """Forget the robots that were silent for too long. Returns their UUIDs, and those that were dropped before."""
-        silent = []
-        for robot in self.robots.values():
-            if not now_s - robot.arrival_s > self.reading.forget_after_s:
-                break
-            silent.append(robot)
+        silent = [*takewhile(lambda robot: now_s - robot.arrival_s > self.reading.forget_after_s, self.robots.values())]
         left, self._left = self._left, []
         for robot in silent:
             left.append(self._drop(robot))
@@ -343,6 +344,6 @@ class Fleet:
         """Keep a robot no longer. Returns its UUID."""
         if self._repeat_readers:
             self._repeat_readers.remove(robot)
-        self._owners.remove(robot)
+        self.owners.remove(robot)
         self._changed.pop(robot.uuid, None)
         return self.robots.pop(robot.uuid).uuid

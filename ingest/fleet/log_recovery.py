@@ -7,7 +7,7 @@ from typing import NamedTuple
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Closed, LogReader, Received
+from ingest.recording.log_reader import Closed, Given, LogReader, Received
 
 RECOVERED_SEGMENTS = 2
 """Newest segments of the log that are read at a start."""
@@ -33,6 +33,8 @@ def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
     for event in LogReader().read(files[-RECOVERED_SEGMENTS:]):
         if isinstance(event, Received | Closed):
             connection = max(connection, event.connection.id)
+        if isinstance(event, Given):
+            fleet.give(event.uuid, event.vendor)
         if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
             continue
         front_end = FRONT_ENDS[event.connection.language]

@@ -90,13 +90,21 @@ class EngineStarted:
 
 
 @dataclass(frozen=True, slots=True)
+class Given:
+    """A person gave a robot to a vendor."""
+
+    uuid: str
+    vendor: str
+
+
+@dataclass(frozen=True, slots=True)
 class BlackBoxNote:
     """A line that only a black box has: what it is, what was decided, or where it ends."""
 
     document: dict[str, Any]
 
 
-Event = Received | Overtaken | Closed | Tick | EngineStarted | BlackBoxNote
+Event = Received | Overtaken | Closed | Given | Tick | EngineStarted | BlackBoxNote
 NOTES = ("blackbox", "decided", "end")
 
 
@@ -150,7 +158,7 @@ class LogReader:
 
     def _note(self, event: Event) -> None:
         if not isinstance(event, Received):
-            self.own |= isinstance(event, Tick | BlackBoxNote | EngineStarted)
+            self.own |= isinstance(event, Tick | BlackBoxNote | EngineStarted | Given)
         elif event.arrival_s >= self._newest_s:
             self._newest_s = event.arrival_s
         else:
@@ -281,8 +289,9 @@ def _rare_event(line: str, document: dict[str, Any]) -> Event:
         return EngineStarted(_time(document["at"]))
     if any(note in document for note in NOTES):
         return BlackBoxNote(document)
-    if "closed" in document:
-        return Closed(_connection_of(document))
+    if "closed" in document or "given" in document:
+        is_closed = "closed" in document
+        return Closed(_connection_of(document)) if is_closed else Given(document["uuid"], document["vendor"])
     if "overtaken" in document:
         return Overtaken(_raw(line, document), _time(document["received"]), _connection_of(document))
     return Received(

@@ -6,6 +6,7 @@
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-utf8", "base64": "..."}
     {"received": "...Z", "connection": 3, "peer": "...", "overtaken": true, "base64": "..."}
     {"closed": "...Z", "connection": 3}
+    {"given": "...Z", "uuid": "...", "vendor": "Alder"}
     {"tick": "...Z"}
     {"tick": "...Z", "effort": 1, "pending": 2}
     {"engine": "started", "at": "...Z"}
@@ -13,9 +14,9 @@
 An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines, is
 quoted as `raw`, or as `base64` if it is not UTF-8. A message `overtaken` by a newer status of its robot was never
 read, so its content may be anything; a replay leaves it out as well. `vendor` is absent if the connection has none,
-`language` and `topic` if the message came over a WebSocket. A tick has an `effort` if the engine had no time for
-everything (`deconflict/engine/load_shedding.py`), and a number `pending` of answers if advice was still being computed
-(`deconflict/advice/deferred_answers.py`).
+`language` and `topic` if the message came over a WebSocket. A robot is `given` to a vendor by a person. A tick has an
+`effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), and a number `pending` of
+answers if advice was still being computed (`deconflict/advice/deferred_answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -98,6 +99,10 @@ class Recorder:
     def closed(self, connection: Connection, now_s: float) -> None:
         self._connection_keys.pop(connection.id, None)
         self._add(f'{{"closed":"{timestamps.write(now_s)}","connection":{connection.id}}}\n'.encode())
+
+    def given(self, uuid: str, vendor: str, now_s: float) -> None:
+        line = {"given": timestamps.write(now_s), "uuid": uuid, "vendor": vendor}
+        self._add(json.dumps(line, separators=(",", ":")).encode() + b"\n")
 
     def engine_started(self, now_s: float) -> None:
         self._add(f'{{"engine":"started","at":"{timestamps.write(now_s)}"}}\n'.encode())

@@ -234,6 +234,12 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "1 if the database of advisories was damaged, set aside and begun anew since the operator face has started."
     ),
     "deconflict_store_failures_total": counter("Attempts to store advisories that failed."),
+    "deconflict_owners_failures_total": counter(
+        "Failed attempts to read or write the register of robots' owners.", "what"
+    ),
+    "deconflict_owners_forgotten_total": counter(
+        "Robots that the register of owners forgot because their vendor has too many.", "vendor"
+    ),
     "deconflict_learning_failures_total": counter(
         "Failed attempts to read or write what was learned about vendors. Learning continues without it.", "what"
     ),

@@ -17,7 +17,7 @@ from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet import fleet_report
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Received, Tick
+from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Given, Received, Tick
 from metrics.replay import conformance_counts
 from metrics.scoring.vendor_records import LOOK_S
 
@@ -80,10 +80,12 @@ class PassReader:
                 if not self._has_own_ticks and floor(event.arrival_s / TICK_S) != self._ticked:
                     yield from self._passes_until(event.arrival_s)
                 self._feed_message(event)
-            elif isinstance(event, Tick | BlackBoxNote | EngineStarted):
+            elif isinstance(event, Tick | BlackBoxNote | EngineStarted | Given):
                 self._has_own_ticks = True
                 yield from self._feed(self._release())
                 self._needs_full_batch |= isinstance(event, EngineStarted)
+                if isinstance(event, Given):
+                    self.fleet.give(event.uuid, event.vendor)
                 if isinstance(event, Tick):
                     yield self._pass(event.now_s, Effort(event.effort), event.pending)
 

@@ -17,6 +17,7 @@ from deconflict.operator.http.api_models import (
     AdvisoryList,
     BlackBoxList,
     Document,
+    Owned,
     Problem,
     QuarantineList,
     Reloaded,
@@ -83,10 +84,9 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
 def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     unavailable: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
     missing: dict[int | str, Document] = {404: {"description": "There is none"}}
-    over: dict[int | str, Document] = {409: {"description": "It is cleared"}}
+    over: dict[int | str, Document] = {409: {"description": "It is cleared, or the site file says otherwise"}}
     degraded: dict[int | str, Document] = {503: {"description": "A role or the store does not answer"}}
     text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
-
     zstd: dict[int | str, Document] = {200: {"content": {"application/zstd": {}}}}
 
     get = app.get
@@ -112,6 +112,7 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     app.post("/site/reload", response_model=Reloaded, responses=unavailable | refused)(routes.reload)
     get("/robots", response_model=RobotList, responses=unavailable)(routes.robots)
     get("/robots/{uuid}", response_model=Document, responses=unavailable | missing)(routes.robot)
+    app.post("/robots/{uuid}/owner", response_model=Owned, responses=unavailable | over)(routes.give_robot)
     get("/vendors", response_model=VendorList, responses=unavailable)(routes.vendors)
     get("/quarantine", response_model=QuarantineList, responses=unavailable)(routes.quarantine)
     get("/blackboxes", response_model=BlackBoxList)(routes.blackboxes)

@@ -47,6 +47,20 @@ class Answer(BaseModel):
     reason: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
 
 
+class NewOwner(BaseModel):
+    """The vendor to which a robot belongs from now on."""
+
+    vendor: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=80)]
+
+
+class Owned(BaseModel):
+    """Whose a robot is."""
+
+    uuid: str
+    vendor: str
+    before: str | None = Field(description="the owner before; null if there was none")
+
+
 class RobotList(BaseModel):
     """Every known robot: what it reported, and how the service reads it."""
 

@@ -3,6 +3,7 @@
 import asyncio
 from datetime import UTC, datetime, timedelta
 from typing import Annotated
+from uuid import UUID
 
 from fastapi import HTTPException, Query, Request, Response
 from fastapi.responses import FileResponse
@@ -13,6 +14,8 @@ from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, Revis
 from deconflict.operator.http.api_models import (
     AdvisoryList,
     Answer,
+    NewOwner,
+    Owned,
     Problem,
     Reloaded,
     RevisionList,
@@ -120,6 +123,13 @@ class ApiRoutes:
             if robot["uuid"] == uuid.lower():
                 return json_response(robot)
         raise HTTPException(404, f"no robot {uuid!r} has reported")
+
+    async def give_robot(self, uuid: UUID, owner: NewOwner) -> Response:
+        """Let a robot belong to a vendor from now on. Reports of it from other vendors are refused."""
+        given = await self._sources.give_robot(str(uuid), owner.vendor)
+        if given["problem"]:
+            raise HTTPException(409, given["problem"])
+        return json_response(Owned(uuid=str(uuid), vendor=owner.vendor, before=given["before"]))
 
     async def vendors(self) -> Response:
         """The state of each vendor: its robots, messages, clocks, forecasts and grade, and what has changed."""

@@ -44,6 +44,9 @@ class Sources(FloorSource, Protocol):
     async def robots(self) -> list[Document]:
         """What each robot reported and what was derived from it, with at least `uuid` and `vendor`."""
 
+    async def give_robot(self, uuid: str, vendor: str) -> Document:
+        """Let a robot belong to a vendor: `before`, its owner until now, and `problem`, why it can't be given or ""."""
+
     async def quarantine(self) -> list[Document]:
         """The rejected messages that are kept."""
 

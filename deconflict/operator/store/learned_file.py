@@ -1,15 +1,14 @@
 """The file of the engine's learned state, beside the advisories. A write replaces it as a whole."""
 
 import logging
-import os
 from pathlib import Path
 
 from ingest.measures.measures import Measures
+from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
 
 FILE_NAME = "learned.npz"
-ASIDE = ".unreadable"
 FAILURES = "deconflict_learning_failures_total"
 
 
@@ -31,22 +30,16 @@ class LearnedFile:
 
     def write(self, data: bytes) -> None:
         """Replace the file. The new one is synchronised to disk before it gets the name."""
-        new = self.path.with_suffix(".new")
         try:
-            with new.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            new.replace(self.path)
+            replace_file(self.path, data)
         except OSError as error:
             self._failed("write", f"can't keep the learned state: {error}; free some space, or check the owner")
 
     def set_aside(self, reason: str) -> None:
         """Rename an unreadable file, so that a person can look at it. Replaces one that was set aside before."""
-        aside = self.path.with_name(FILE_NAME + ASIDE)
-        self._failed("read", f"{self.path}: {reason}; it is set aside as {aside.name}, and learning begins anew")
+        self._failed("read", f"{self.path}: {reason}; it is set aside as {FILE_NAME}{ASIDE}, and learning begins anew")
         try:
-            self.path.replace(aside)
+            set_file_aside(self.path)
         except OSError as error:
             log.warning("%s can't be set aside: %s; the next write replaces it", self.path, error)
 

@@ -1,10 +1,10 @@
 """A number beyond every number of a revision, in a file beside the database: it survives damage to the database."""
 
 import logging
-import os
 from pathlib import Path
 
 from deconflict.operator.store.pending_writes import MOST_PENDING
+from ingest.recording.replaced_file import replace_file
 
 log = logging.getLogger(__name__)
 
@@ -24,12 +24,8 @@ class ReservedNumbers:
         """Reserve well beyond a number that is about to be stored. Raises `OSError`."""
         if seq + MOST_PENDING <= self.last:
             return
-        last, new = seq + BLOCK, self._path.with_suffix(".new")
-        with new.open("w") as file:
-            file.write(f"{last}\n")
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(self._path)
+        last = seq + BLOCK
+        replace_file(self._path, f"{last}\n".encode())
         self.last = last
 
     def _read(self) -> int:

@@ -4,6 +4,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 
 from ingest.fleet.owners.language_choice import LanguageChoice
+from ingest.fleet.owners.owner_register import OwnerRegister
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
@@ -12,6 +13,9 @@ from ingest.languages.model import Identity, Rejection, Status, Update
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN
 
+NAMED = "uuid-is-name"
+"""The finding of a message that has a name in place of a UUID."""
+
 
 class RobotOwners:
     """Settles the vendor of each robot. Refused reports go to `claims`."""
@@ -19,6 +23,7 @@ class RobotOwners:
     def __init__(self, vendors: VendorRegistry, max_robots_per_vendor: int, claims: OwnershipClaims) -> None:
         self.vendors, self._max_robots_per_vendor, self._claims = vendors, max_robots_per_vendor, claims
         self._languages = LanguageChoice()
+        self.register = OwnerRegister()
         self._robot_counts: Counter[str] = Counter()
         """How many robots each vendor has."""
         self._vendors_heard: defaultdict[int, set[str]] = defaultdict(set)
@@ -44,8 +49,33 @@ class RobotOwners:
 
     def other_owner(self, uuid: str, robot: Robot | None, speaker: str | None) -> str | None:
         """The vendor that owns the robot, if that is another one than `speaker`. None if there is no conflict."""
+        if speaker is None:
+            return None
         owner = self.vendors.of_robot(uuid) or (robot.vendor if robot and robot.owned else None)
-        return owner if speaker not in (None, owner) else None
+        owner = owner or self._entered_owner(uuid, speaker)
+        return owner if owner != speaker else None
+
+    def _entered_owner(self, uuid: str, speaker: str) -> str | None:
+        """The owner in the register. One that the site file does not name has no right against one that it names."""
+        owner = self.register.owner(uuid)
+        is_weaker = owner and self.vendors.configured(speaker) and not self.vendors.configured(owner)
+        return None if is_weaker else owner
+
+    def owner(self, uuid: str) -> str | None:
+        """The vendor that alone may report the robot. None if it is not settled."""
+        return self.vendors.of_robot(uuid) or self.register.owner(uuid)
+
+    def problem_of_giving(self, uuid: str, vendor: str) -> str:
+        """Why the robot can't be given to the vendor by a person; "" if it can."""
+        if not self.vendors.is_known(vendor):
+            return f"vendor: {vendor!r} is in no site file and no robot has named it"
+        assigned = self.vendors.of_robot(uuid)
+        return f"the site file gives the robot to {assigned}; change vendors.robots there" if assigned else ""
+
+    def is_named(self, message: Identity | Status | Update, connection: Connection) -> bool:
+        """Whether a vendor names its robot. Then the robot is its own: the UUID was derived from vendor and name."""
+        is_name = connection.vendor is not None and NAMED in message.findings
+        return is_name and self.vendors.of_robot(message.uuid) in (None, connection.vendor)
 
     def rejection(
         self,
@@ -58,9 +88,13 @@ class RobotOwners:
     ) -> Rejection | None:
         """Why the message may not come from this sender. None if it may."""
         speaker = self._speaker(message, connection)
-        if speaker is not None and (owner := self.other_owner(message.uuid, robot, speaker)):
+        owner = None if self.is_named(message, connection) else self.other_owner(message.uuid, robot, speaker)
+        if owner and speaker:
             self._claims.add_refused(message.uuid, owner, speaker, arrival_s)
-            reason = f"robot {message.uuid} is {owner}'s; that vendor may report it, or the site file name another"
+            reason = (
+                f"robot {message.uuid} is {owner}'s; that vendor may report it, or somebody with the role administer "
+                f"give it to another: POST /robots/{message.uuid}/owner"
+            )
             return Rejection("uuid-of-another-vendor", reason)
         if robot is None and self._is_full(self.vendor_of(message.uuid, None, connection)):
             reason = "the vendor has as many robots as reading.max_robots_per_vendor allows; keep each robot's UUID"
@@ -85,6 +119,7 @@ class RobotOwners:
 
     def remove(self, robot: Robot) -> None:
         """Count a robot no more."""
+        self._enter(robot)
         self._robot_counts[robot.vendor] -= 1
         self._languages.remove(robot)
 
@@ -95,11 +130,13 @@ class RobotOwners:
         if connection.vendor:
             self._assign(robot, self.vendors.of_robot(robot.uuid) or connection.vendor)
         robot.owned = connection.vendor is not None or isinstance(message, Identity)
+        self._enter(robot)
 
     def assign_by_identity(self, robot: Robot, identity: Identity, connection: Connection) -> bool:
         """Give a robot to the vendor that its identity report names. Returns whether the site file assigns it."""
         assigned = self.vendors.of_robot(robot.uuid)
         self._assign(robot, assigned or connection.vendor or self.vendors.of_manufacturer(identity.manufacturer))
+        self._enter(robot)
         return assigned is not None
 
     def note_sender(self, robot: Robot, connection: Connection) -> None:
@@ -116,6 +153,7 @@ class RobotOwners:
         A robot of a vendor that is no longer configured may be settled by the next vendor that reports it.
         """
         before, self.vendors, self._max_robots_per_vendor = self.vendors, vendors, max_robots_per_vendor
+        self.register.settle(lambda vendor: vendors.settled_name(vendor, was_configured=before.configured(vendor)))
         for robot in robots:
             self._assign_again(robot, before)
 
@@ -127,6 +165,10 @@ class RobotOwners:
             robot.owned = robot.owned and not removed
         if vendor:
             self._assign(robot, vendor)
+
+    def _enter(self, robot: Robot) -> None:
+        if robot.owned and robot.vendor != UNKNOWN:
+            self.register.enter(robot.uuid, robot.vendor)
 
     def _assign(self, robot: Robot, vendor: str) -> None:
         self._robot_counts[robot.vendor] -= 1

@@ -41,6 +41,10 @@ class VendorRegistry:
         """Whether the site file has this vendor."""
         return name in self._configured
 
+    def is_known(self, name: str) -> bool:
+        """Whether the site file has this vendor, or an identity report has named it."""
+        return name in self._configured or name in self._unconfigured
+
     def of_manufacturer(self, manufacturer: str) -> str:
         """The vendor's name for a `manufacturerName` of an identity report."""
         known = self._by_manufacturer.get(manufacturer.strip().casefold())
@@ -51,6 +55,11 @@ class VendorRegistry:
             self._unconfigured.setdefault(name, Vendor(name=name))
             return name
         return OTHER
+
+    def settled_name(self, name: str, *, was_configured: bool) -> str | None:
+        """What a vendor of earlier settings is called now. None if the site file named it and does so no longer."""
+        known = name if name in self._configured else self._by_manufacturer.get(name.casefold())
+        return known or (None if was_configured else name)
 
     def of_robot(self, uuid: str) -> str | None:
         """The vendor to which the site file assigns the robot. None if to none."""

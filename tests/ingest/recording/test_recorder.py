@@ -9,7 +9,7 @@ import pytest
 
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.recording.log_reader import Closed, EngineStarted, Event, Overtaken, Received, Tick
+from ingest.recording.log_reader import Closed, EngineStarted, Event, Given, Overtaken, Received, Tick
 from ingest.recording.log_rotation import KEPT_BYTES
 from ingest.recording.recorder import FLUSH_BYTES, Recorder, quantise
 from ingest.settings import RecorderSettings
@@ -77,10 +77,12 @@ def test_events_come_back_in_order(tmp_path: Path) -> None:
     writer.received(status("A-1", NOW_S), NOW_S, LINE, None)
     writer.tick(NOW_S)
     writer.closed(LINE, NOW_S)
+    writer.given("a", "Alder", NOW_S)
     writer.tick(NOW_S, effort=2)
     writer.close()
     events = read(tmp_path)[0]
-    assert [type(event) for event in events] == [EngineStarted, Received, Tick, Closed, Tick]
+    assert [type(event) for event in events] == [EngineStarted, Received, Tick, Closed, Given, Tick]
+    assert Given("a", "Alder") in events
     assert [event.effort for event in events if isinstance(event, Tick)] == [0, 2]
 
 

@@ -47,6 +47,11 @@ class GivenSources:
         self._ask("receiver")
         return ROBOT_DOCUMENTS
 
+    async def give_robot(self, uuid: str, vendor: str) -> dict[str, Any]:
+        self._ask("receiver")
+        problem = "" if vendor == "Acme" else f"vendor: {vendor!r} is in no site file"
+        return {"before": "Borealis" if uuid == ROBOT_DOCUMENTS[0]["uuid"] else None, "problem": problem}
+
     async def quarantine(self) -> list[dict[str, Any]]:
         self._ask("receiver")
         return [{"rule": "not-json", "reason": "ends too early", "raw": "{"}]

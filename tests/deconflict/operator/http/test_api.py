@@ -181,6 +181,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/recorded",
         "/robots",
         "/robots/{uuid}",
+        "/robots/{uuid}/owner",
         "/site",
         "/vendors",
         "/quarantine",
@@ -243,3 +244,12 @@ async def test_an_acknowledgement_needs_a_name_and_a_reason(face: Served, client
 async def test_an_unknown_advisory_can_not_be_acknowledged(client: httpx.AsyncClient) -> None:
     answered = await client.post("/advisories/none/acknowledgement", json={"name": "Kim", "reason": "called back"})
     assert answered.status_code == 404
+
+
+async def test_a_robot_is_given_to_a_known_vendor(client: httpx.AsyncClient) -> None:
+    path = f"/robots/{ROBOT_DOCUMENTS[0]['uuid']}/owner"
+    answer = await client.post(path, json={"vendor": " Acme "})
+    assert answer.json() == {"uuid": ROBOT_DOCUMENTS[0]["uuid"], "vendor": "Acme", "before": "Borealis"}
+    refused = await client.post(path, json={"vendor": "Nobody"})
+    assert (refused.status_code, "in no site file" in refused.json()["detail"]) == (409, True)
+    assert (await client.post("/robots/no-uuid/owner", json={"vendor": "Acme"})).status_code == 422

@@ -1,0 +1,70 @@
+"""The register of owners on disk, beside the message log. A write replaces it as a whole."""
+
+import asyncio
+import logging
+from pathlib import Path
+
+from ingest.fleet.owners.robot_owners import RobotOwners
+from ingest.measures.measures import Measures
+from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
+
+FILE_NAME = "owners.json"
+WRITE_EVERY_S = 5.0
+FAILURES = "deconflict_owners_failures_total"
+FORGOTTEN = "deconflict_owners_forgotten_total"
+
+log = logging.getLogger(__name__)
+
+
+class OwnerFile:
+    """Reads the register at the start and writes it when it has changed. A failure is logged and counted."""
+
+    def __init__(self, directory: Path, owners: RobotOwners, measures: Measures) -> None:
+        self._path, self._owners, self._measures = directory / FILE_NAME, owners, measures
+        self._written = 0
+        """The number of changes at the last write."""
+        for operation in ("read", "write"):
+            measures.count(FAILURES, operation, by=0)
+        try:
+            self._read()
+        except (OSError, ValueError) as error:
+            self._fail("read", f"{error}; it is set aside as {FILE_NAME}{ASIDE}, and owners are entered anew")
+
+    def _read(self) -> None:
+        if not self._path.exists():
+            return
+        try:
+            self._owners.register.read(self._path.read_bytes(), self._owners.vendors)
+        except ValueError:
+            set_file_aside(self._path)
+            raise
+
+    async def keep(self) -> None:
+        """Write every change soon, until cancelled."""
+        while True:
+            await asyncio.sleep(WRITE_EVERY_S)
+            self._count_forgotten()
+            if (changes := self._owners.register.changes) != self._written:
+                await asyncio.to_thread(self._replace, self._owners.register.to_bytes(self._owners.vendors), changes)
+
+    def write(self) -> None:
+        """Write what has changed."""
+        if (changes := self._owners.register.changes) != self._written:
+            self._replace(self._owners.register.to_bytes(self._owners.vendors), changes)
+
+    def _replace(self, data: bytes, changes: int) -> None:
+        try:
+            replace_file(self._path, data)
+        except OSError as error:
+            self._fail("write", f"{error}; free some space, or check the owner of the directory")
+        else:
+            self._written = changes
+
+    def _count_forgotten(self) -> None:
+        forgotten, self._owners.register.forgotten = self._owners.register.forgotten, {}
+        for vendor, count in forgotten.items():
+            self._measures.count(FORGOTTEN, vendor, by=count)
+
+    def _fail(self, operation: str, message: str) -> None:
+        self._measures.count(FAILURES, operation)
+        log.warning("the owners of robots can't be kept: %s", message)

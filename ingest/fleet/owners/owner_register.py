@@ -1,0 +1,76 @@
+"""Which vendor each robot belongs to, also of robots that are silent: it outlasts the fleet's memory and a restart."""
+
+import json
+from collections import OrderedDict
+from collections.abc import Callable
+
+from ingest.fleet.owners.vendor_registry import VendorRegistry
+
+FORMAT = 1
+MOST_OWNED = 40_000
+"""Robots kept of one vendor. Beyond, those that were entered longest ago are forgotten, and counted."""
+
+
+class OwnerRegister:
+    """Robots by vendor. Only robots whose vendor is settled are entered."""
+
+    def __init__(self) -> None:
+        self._owners: OrderedDict[str, str] = OrderedDict()
+        """The vendor by UUID, those entered longest ago first."""
+        self._counts: dict[str, int] = {}
+        self.changes = 0
+        """Grows with each change."""
+        self.forgotten: dict[str, int] = {}
+        """By vendor, how many robots were forgotten for lack of room."""
+
+    def owner(self, uuid: str) -> str | None:
+        return self._owners.get(uuid)
+
+    def enter(self, uuid: str, vendor: str) -> None:
+        """Enter the owner of a robot, or another one. It counts as entered now."""
+        if self._owners.get(uuid) != vendor:
+            self._remove(uuid)
+            self._owners[uuid] = vendor
+            self._counts[vendor] = self._counts.get(vendor, 0) + 1
+            self.changes += 1
+        self._owners.move_to_end(uuid)
+        if self._counts[vendor] > MOST_OWNED:
+            self._remove(next(known for known, owner in self._owners.items() if owner == vendor))
+            self.forgotten[vendor] = self.forgotten.get(vendor, 0) + 1
+
+    def settle(self, rename: Callable[[str], str | None]) -> None:
+        """Give the robots of each vendor to the vendor that `rename` returns, or to nobody if that is None."""
+        for vendor in list(self._counts):
+            if (renamed := rename(vendor)) != vendor:
+                for uuid in [uuid for uuid, owner in self._owners.items() if owner == vendor]:
+                    if renamed:
+                        self.enter(uuid, renamed)
+                    else:
+                        self._remove(uuid)
+
+    def _remove(self, uuid: str) -> None:
+        owner = self._owners.pop(uuid, None)
+        if owner is not None:
+            self._counts[owner] -= 1
+            if not self._counts[owner]:
+                del self._counts[owner]
+            self.changes += 1
+
+    def to_bytes(self, vendors: VendorRegistry) -> bytes:
+        """As JSON. `vendors` says which of the owners the site file names."""
+        configured = sorted(filter(vendors.configured, self._counts))
+        return json.dumps({"format": FORMAT, "configured": configured, "owners": list(self._owners.items())}).encode()
+
+    def read(self, data: bytes, vendors: VendorRegistry) -> None:
+        """Enter what `to_bytes` wrote under another site file, perhaps. Raises `ValueError` if it is something else."""
+        try:
+            document = json.loads(data)
+            if document["format"] != FORMAT:
+                raise ValueError(f"format {document['format']!r} is not {FORMAT}")
+            owners = [(str(uuid), str(vendor)) for uuid, vendor in document["owners"]]
+            configured = frozenset(map(str, document["configured"]))
+        except (KeyError, TypeError, RecursionError) as error:
+            raise ValueError(f"it is no register of owners ({type(error).__name__}: {error})") from error
+        for uuid, vendor in owners:
+            self.enter(uuid, vendor)
+        self.settle(lambda vendor: vendors.settled_name(vendor, was_configured=vendor in configured))

@@ -1,0 +1,153 @@
+"""Whose a robot is, over silence, a restart, a crowd of invented robots and another site file."""
+
+from pathlib import Path
+
+import pytest
+
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners import owner_register
+from ingest.fleet.owners.owner_file import FAILURES, FILE_NAME, FORGOTTEN, OwnerFile
+from ingest.fleet.owners.owner_register import OwnerRegister
+from ingest.fleet.owners.vendor_registry import VendorRegistry
+from ingest.frames.frame_registry import FrameRegistry
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Reading, Vendor
+from tests.helpers.saying import identity, robot, status
+from tests.ingest.fleet.made_fleet import NOW_S, document, documents, fleet
+
+ALDER, BASALT = Vendor(name="Alder"), Vendor(name="Basalt")
+FROM_ALDER, FROM_BASALT = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
+REFUSED = "uuid-of-another-vendor"
+
+
+def restarted(before: Fleet, directory: Path, *vendors: Vendor) -> Fleet:
+    """A fleet that has the register of another one, and none of its robots."""
+    OwnerFile(directory, before.owners, before.measures).write()
+    after = fleet(*vendors)
+    OwnerFile(directory, after.owners, after.measures)
+    return after
+
+
+def test_a_robot_that_was_forgotten_stays_its_vendors() -> None:
+    receiving_fleet = fleet(ALDER, BASALT, forget_after_s=60.0)
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    receiving_fleet.next_batch(NOW_S + 100)
+    assert not receiving_fleet.robots
+    assert receiving_fleet.receive(status("A-1", NOW_S + 101), NOW_S + 101, FROM_BASALT) == REFUSED
+    assert receiving_fleet.receive(status("A-1", NOW_S + 101), NOW_S + 101, FROM_ALDER) is None
+
+
+@pytest.mark.parametrize("message", [status, identity])
+def test_a_robot_stays_its_vendors_over_a_restart_however_long_it_is_silent(tmp_path: Path, message) -> None:  # type: ignore[no-untyped-def]
+    before = fleet(ALDER, BASALT)
+    before.receive(message("A-1", NOW_S), NOW_S, FROM_ALDER)
+    after = restarted(before, tmp_path, ALDER, BASALT)
+    late_s = NOW_S + 1e6
+    assert after.receive(status("A-1", late_s), late_s, FROM_BASALT) == REFUSED
+    assert after.receive(status("A-1", late_s), late_s, FROM_ALDER) is None
+
+
+def test_a_vendor_that_the_site_file_removed_owns_nothing_any_more(tmp_path: Path) -> None:
+    before = fleet(ALDER, BASALT)
+    before.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    assert restarted(before, tmp_path, BASALT).receive(status("A-1", NOW_S), NOW_S, FROM_BASALT) is None
+    before.next_batch(NOW_S + 1e6)
+    before.reconfigure(VendorRegistry((BASALT,)), FrameRegistry((), (BASALT,)), Reading())
+    assert before.receive(status("A-1", NOW_S), NOW_S + 1e6, FROM_BASALT) is None
+
+
+def test_a_manufacturer_that_becomes_a_vendor_keeps_its_robots(tmp_path: Path) -> None:
+    before = fleet(BASALT)
+    before.receive(identity("A-1", NOW_S, manufacturerName="Alder Robotics"), NOW_S, Connection(1))
+    named = Vendor(name="Alder", manufacturers=("Alder Robotics",))
+    after = restarted(before, tmp_path, named, BASALT)
+    assert after.receive(status("A-1", NOW_S), NOW_S, FROM_BASALT) == REFUSED
+    assert after.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER) is None
+
+
+def test_a_name_that_only_an_identity_report_gives_keeps_no_robot_from_a_vendor_of_the_site(tmp_path: Path) -> None:
+    before = fleet(ALDER)
+    before.receive(identity("A-1", NOW_S, manufacturerName="Nobody"), NOW_S, Connection(1))
+    after = restarted(before, tmp_path, ALDER)
+    assert after.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER) is None
+
+
+def test_a_robot_that_is_given_to_a_vendor_begins_anew_as_its_own() -> None:
+    receiving_fleet = fleet(ALDER, BASALT)
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, FROM_BASALT)
+    receiving_fleet.next_batch(NOW_S)
+    assert receiving_fleet.owners.problem_of_giving(robot("A-1"), "Alder") == ""
+    receiving_fleet.give(robot("A-1"), "Alder")
+    assert list(receiving_fleet.next_batch(NOW_S + 1).gone) == [robot("A-1")]
+    assert receiving_fleet.receive(status("A-1", NOW_S + 1), NOW_S + 1, FROM_BASALT) == REFUSED
+    assert receiving_fleet.receive(status("A-1", NOW_S + 1), NOW_S + 1, FROM_ALDER) is None
+    assert document(receiving_fleet, "A-1")["vendor"] == "Alder"
+
+
+def test_a_robot_of_the_site_file_is_not_given_away_and_none_to_an_unknown_vendor() -> None:
+    receiving_fleet = fleet(ALDER, Vendor(name="Basalt", robots=(robot("B-1"),)))
+    assert "change vendors.robots" in receiving_fleet.owners.problem_of_giving(robot("B-1"), "Alder")
+    assert "in no site file" in receiving_fleet.owners.problem_of_giving(robot("A-1"), "Nobody")
+
+
+def test_nobody_can_take_the_uuid_of_a_robot_that_its_vendor_will_name() -> None:
+    receiving_fleet = fleet(Vendor(name="Alder", names_as_uuid=True), BASALT)
+    receiving_fleet.receive(status("A-1", NOW_S, uuid="cart 7"), NOW_S, FROM_ALDER)
+    (derived,) = receiving_fleet.robots
+
+    squatted = fleet(Vendor(name="Alder", names_as_uuid=True), BASALT)
+    assert squatted.receive(status("B-1", NOW_S, uuid=derived), NOW_S, FROM_BASALT) is None
+    assert squatted.receive(status("A-1", NOW_S + 1, uuid="cart 7"), NOW_S + 1, FROM_ALDER) is None
+    assert [each["vendor"] for each in documents(squatted)] == ["Alder"]
+    assert squatted.receive(status("B-1", NOW_S + 2, uuid=derived), NOW_S + 2, FROM_BASALT) == REFUSED
+
+
+def test_the_site_file_outranks_a_name() -> None:
+    receiving_fleet = fleet(Vendor(name="Alder", names_as_uuid=True), BASALT)
+    receiving_fleet.receive(status("A-1", NOW_S, uuid="cart 7"), NOW_S, FROM_ALDER)
+    (derived,) = receiving_fleet.robots
+    assigned = fleet(Vendor(name="Alder", names_as_uuid=True), Vendor(name="Basalt", robots=(derived,)))
+    assert assigned.receive(status("A-1", NOW_S, uuid="cart 7"), NOW_S, FROM_ALDER) == REFUSED
+
+
+def test_invented_robots_of_a_vendor_displace_those_of_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(owner_register, "MOST_OWNED", 3)
+    receiving_fleet = fleet(ALDER, BASALT)
+    receiving_fleet.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    for number in range(6):
+        receiving_fleet.receive(status(f"B-{number}", NOW_S), NOW_S, FROM_BASALT)
+    register = receiving_fleet.owners.register
+    assert [register.owner(robot(f"B-{number}")) for number in range(6)] == [None] * 3 + ["Basalt"] * 3
+    assert register.owner(robot("A-1")) == "Alder"
+    file = OwnerFile(tmp_path, receiving_fleet.owners, receiving_fleet.measures)
+    file._count_forgotten()
+    assert receiving_fleet.measures.values[FORGOTTEN] == {("Basalt",): 3}
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b'{"format": 2}', b'{"format": 1, "owners": [["a"]]}', b"[" * 100_000])
+def test_an_unreadable_register_is_set_aside_and_counted(
+    tmp_path: Path, content: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / FILE_NAME).write_bytes(content)
+    receiving_fleet = fleet(ALDER)
+    OwnerFile(tmp_path, receiving_fleet.owners, measures := Measures())
+    assert measures.values[FAILURES]["read",] == 1
+    assert "set aside" in caplog.text
+    assert [path.name for path in tmp_path.iterdir()] == [f"{FILE_NAME}.unreadable"]
+
+
+def test_a_register_that_cannot_be_written_is_counted_and_written_later(tmp_path: Path) -> None:
+    directory = tmp_path / "absent"
+    owners = fleet(ALDER).owners
+    file = OwnerFile(directory, owners, measures := Measures())
+    owners.register.enter(robot("A-1"), "Alder")
+    file.write()
+    assert measures.values[FAILURES]["write",] == 1
+    directory.mkdir()
+    file.write()
+    again = OwnerRegister()
+    again.read((directory / FILE_NAME).read_bytes(), VendorRegistry((ALDER,)))
+    assert again.owner(robot("A-1")) == "Alder"
