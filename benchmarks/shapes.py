@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.floors import NOW_S, World, crowd
 from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.sweep_once import sweep
 from ingest.batch import Floats, Forecasts
 from ingest.shapes import Shape, Trailer, shapes_of
@@ -114,10 +115,10 @@ def costs(repeats: int) -> list[Row]:
 def _cost(floor: ShapedFloor, full_ms: list[float]) -> Row:
     found = floor.found
     assert found is not None  # noqa: S101
-    shapes = floor.forecasts(0.0).shapes
-    is_shaped = np.zeros(len(floor.world.x), bool) if shapes is None else np.array([bool(shape) for shape in shapes])
+    numbers = np.zeros(len(floor.world.x), np.int64) + SHAPES.numbers(floor.forecasts(0.0))
+    is_plain = SHAPES.is_plain[numbers]
     rows = [(int(a[-5:]), int(b[-5:])) for a, b in found.pairs]
-    by_fcl = sum(bool(is_shaped[a] or is_shaped[b]) for a, b in rows)
+    by_fcl = sum(not (is_plain[a] and is_plain[b]) for a, b in rows)
     counts = {"conflicts": len(rows), "by_fcl": by_fcl / max(len(rows), 1), "fcl_calls": found.fcl_calls}
     return {"floor": floor.kind, "bodies": floor.bodies, "full_ms": median(full_ms)} | counts
 

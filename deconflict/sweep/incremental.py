@@ -311,9 +311,11 @@ class Sweeper:
         apart_m = start_distances(a, b, *self._floor_state(), now_s)
         rows = np.flatnonzero(is_shaped(robots, a, b))
         if len(rows):
-            apart_m[rows] = shape_distances(a[rows], b[rows], *self._floor_state(), *SHAPES.arrays, now_s)
+            any_m = np.full(len(rows), inf)
+            apart_m[rows] = shape_distances(a[rows], b[rows], any_m, *self._floor_state(), *SHAPES.arrays, now_s)
         if self._trains.trailers:
             each_a, each_b, row_of = pairs_of_bodies(a, b, robots)
-            bodies_m = shape_distances(each_a, each_b, *self._floor_state(), *SHAPES.arrays, now_s)
+            floor_state = self._floor_state()
+            bodies_m = shape_distances(each_a, each_b, apart_m[row_of], *floor_state, *SHAPES.arrays, now_s)
             np.minimum.at(apart_m, row_of, bodies_m)
         return apart_m

@@ -124,7 +124,8 @@ def _first_contacts(
         np.minimum.at(contact_s, pair_of[rows], at_s)
         open_[rows] = np.inf
         near = np.flatnonzero(shaped & (start_m < np.inf))
-        start_m[near] = shape_distances(a[near], b[near], *floor_state, *SHAPES.arrays, now_s)
+        any_m = np.full(len(near), np.inf)
+        start_m[near] = shape_distances(a[near], b[near], any_m, *floor_state, *SHAPES.arrays, now_s)
     for row in np.flatnonzero(open_ < np.inf).tolist():
         pair, box_pair, fcl_check = pair_of[row], pairs[row : row + 1], FclCheck(clearance_m, TOLERANCE_M)
         motions = motions_of(box_pair, *floor_state, (now_s, until_s[pair]))

@@ -151,7 +151,9 @@ def _kept_bodies(solid: Solid, begins_m: float, kept: dict[int, Bodies]) -> Bodi
 def _bodies(solid: Solid, grow_m: float, begins_m: float) -> Bodies:
     if solid.shape:
         return _bodies_of_shape(solid.shape, solid.bottom, solid.top, grow_m, begins_m)
-    _BOXES[begins_m].side = np.array((2 * solid.half_length, 2 * solid.half_width, TALL_M))
+    size_m = 2 * solid.half_length, 2 * solid.half_width
+    if _BOX_SIZES_M.get(begins_m) != size_m:
+        _BOXES[begins_m].side, _BOX_SIZES_M[begins_m] = np.array((*size_m, TALL_M)), size_m
     return (Placed(_BOX_BODIES[begins_m], 0.0, 0.0, solid.bottom, solid.top),)
 
 
@@ -170,6 +172,8 @@ def _placed(part: ShapePart, bottom_m: float, top_m: float, body: fcl.CollisionO
 
 
 _BOXES = {begins_m: fcl.Box(1.0, 1.0, TALL_M) for begins_m in (LOW_M, HIGH_M)}
+_BOX_SIZES_M: dict[float, tuple[float, float]] = {}
+"""Length and width of each box as it was last set."""
 _BOX_BODIES = {
     begins_m: fcl.CollisionObject(box, fcl.Transform(np.array([0.0, 0.0, begins_m + TALL_M / 2])))
     for begins_m, box in _BOXES.items()

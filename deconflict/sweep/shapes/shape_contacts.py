@@ -4,7 +4,7 @@ The method is that of `deconflict/sweep/narrowphase.py`, with the distances of t
 have excluded what keeps apart, so this begins where those first meet.
 """
 
-from math import cos, floor, inf, sin
+from math import cos, floor, inf, sin, sqrt
 from typing import Any
 
 import numba
@@ -15,9 +15,9 @@ from deconflict.sweep.broadphase import BOX, PAIR, Pairs
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
 from deconflict.sweep.narrowphase import (
     CONTACT,
-    MOST_HALVINGS,
     MOTION,
     PLACE,
+    TINY_MPS,
     Contacts,
     Motions,
     Span,
@@ -33,6 +33,11 @@ from ingest.kernels import inner, kernel
 
 CLEAR, MET, OPEN = 0, 1, 2
 """Results of advancement: no contact, contact, and undecided."""
+TINY_S = 1e-12
+EDGE = 0.1
+"""A span is cut at least this share of its length from its ends."""
+MOST_SPANS = 200
+"""Spans of one motion that are open at a time."""
 Poses = Floats
 """(n, 5) of robot B in the frame of robot A: x, y and heading; and the shortest vector from A to B."""
 
@@ -62,41 +67,69 @@ def _first_contact(
 
 
 @inner
+def _look(m: Any, t: float, a: Body, b: Body, table: Table, span_s: float) -> tuple[float, float, float]:
+    """The distance at `t`, and by how much it closes a second at most: for `span_s` after, and before."""
+    (nearest, _, after, before), _ = gap(m, t, a, b, table, 0.0, span_s)
+    span_s = max(span_s, TINY_S)
+    return nearest, (nearest - after) / span_s, (nearest - before) / span_s
+
+
+@inner
+def _set_span(span: Floats, begin: float, first: float, after: float, end: float, last: float, before: float) -> None:
+    span[0], span[1], span[2], span[3], span[4], span[5] = begin, first, after, end, last, before
+
+
+@inner
 def _smallest_of_one(
-    m: Any, a: Body, b: Body, table: Table, best: float, when: float, accuracy_m: float, lows: Floats, highs: Floats
+    m: Any, a: Body, b: Body, table: Table, best: float, when: float, accuracy_m: float, spans: Floats
 ) -> tuple[float, float]:
-    """As `narrowphase._smallest_of_one`."""
-    lows[0], highs[0], depth = m.begin, m.end, 1
+    """The smallest distance of one motion and when, if it is below `best` at `when`; else these.
+
+    From both ends of a span the distance closes at most at a known speed. So it is not less than where the two lines
+    cross, and that is where it is looked at next. The first look is where the centres are nearest. `spans` is work
+    space: begin, distance and speed there; end, distance and speed there.
+    """
+    t, depth = nearest_centres(m)[0], 0
+    nearest, after, before = _look(m, t, a, b, table, max(t - m.begin, m.end - t))
+    if nearest < best:
+        best, when = max(nearest, 0.0), t
+    for edge, closing in ((m.begin, before), (m.end, after)):
+        if nearest - closing * abs(edge - t) >= best - accuracy_m:
+            continue
+        at_edge, after_edge, before_edge = _look(m, edge, a, b, table, abs(edge - t))
+        if at_edge < best:
+            best, when = max(at_edge, 0.0), edge
+        if edge < t:
+            _set_span(spans[depth], edge, at_edge, after_edge, t, nearest, before)
+        else:
+            _set_span(spans[depth], t, nearest, after, edge, at_edge, before_edge)
+        depth += 1
     while depth and best > 0.0:
         depth -= 1
-        low, high = lows[depth], highs[depth]
-        middle = (low + high) / 2
-        (nearest, _, after, before), _ = gap(m, middle, a, b, table, 0.0, (high - low) / 2)
+        begin, first, after, end, last, before = spans[depth]
+        crosses = (first - last + after * begin + before * end) / max(after + before, TINY_MPS)
+        if first - after * (crosses - begin) >= best - accuracy_m or depth + 2 > len(spans):
+            continue
+        t = min(max(crosses, begin + EDGE * (end - begin)), end - EDGE * (end - begin))
+        nearest, after_t, before_t = _look(m, t, a, b, table, max(t - begin, end - t))
         if nearest < best:
-            best, when = max(nearest, 0.0), middle
-        for begin, end, least in ((middle, high, after), (low, middle, before)):
-            if least < best - accuracy_m and depth < len(lows):
-                lows[depth], highs[depth] = begin, end
-                depth += 1
+            best, when = max(nearest, 0.0), t
+        _set_span(spans[depth + 1], t, nearest, after_t, end, last, before)
+        _set_span(spans[depth], begin, first, after, t, nearest, before_t)
+        depth += 2
     return best, when
 
 
 @inner
 def _smallest(
-    motions: Motions, a: Body, b: Body, table: Table, accuracy_m: float, lows: Floats, highs: Floats
+    motions: Motions, a: Body, b: Body, table: Table, accuracy_m: float, spans: Floats
 ) -> tuple[float, float]:
-    """As `narrowphase.smallest`."""
+    """As `narrowphase.smallest`, by fewer looks."""
     best, when = inf, 0.0
-    for look in range(3):
-        for m in motions:
-            t = nearest_centres(m)[0] if look == 0 else (m.begin if look == 1 else m.end)
-            (nearest, _, _, _), _ = gap(m, t, a, b, table, 0.0, 0.0)
-            if nearest < best:
-                best, when = max(nearest, 0.0), t
-            if best == 0.0:
-                return best, when
     for m in motions:
-        best, when = _smallest_of_one(m, a, b, table, best, when, accuracy_m, lows, highs)
+        best, when = _smallest_of_one(m, a, b, table, best, when, accuracy_m, spans)
+        if best == 0.0:
+            break
     return best, when
 
 
@@ -132,7 +165,7 @@ def shape_contacts(
     """The contact of each pair of boxes within `span`, from `since` (pairs,) seconds into the slab on; and the poses
     at the contacts. Separations are left out if their accuracy is infinite."""
     contacts, poses = np.empty(len(pairs), CONTACT), np.empty((len(pairs), 5))
-    motions, lows, highs = np.empty(16, MOTION), np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS)
+    motions, spans = np.empty(16, MOTION), np.empty((MOST_SPANS, 6))
     table = table_of(begins, all_pieces, all_corners)
     for at in range(len(pairs)):
         pair, contact = pairs[at], contacts[at]
@@ -147,7 +180,7 @@ def shape_contacts(
                 contact.contact, contact.open = (t, inf) if state == MET else (inf, t)
                 break
         if contact.contact < inf and accuracy_m < inf:
-            contact.separation, contact.separation_at = _smallest(motions[:n], a, b, table, accuracy_m, lows, highs)
+            contact.separation, contact.separation_at = _smallest(motions[:n], a, b, table, accuracy_m, spans)
     return contacts, poses
 
 
@@ -158,13 +191,14 @@ def smallest_of_shapes(
     """The smallest distance of two robots over all of `motions`, to the accuracy, and when."""
     table = table_of(begins, pieces, corners)
     a, b = body_of(two[0], table, 0), body_of(two[1], table, 1)
-    return _smallest(motions, a, b, table, accuracy_m, np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS))
+    return _smallest(motions, a, b, table, accuracy_m, np.empty((MOST_SPANS, 6)))
 
 
-@kernel(_REAL[::1](numba.int64[::1], numba.int64[::1], *_FLOOR, *_TABLE, _REAL))
+@kernel(_REAL[::1](numba.int64[::1], numba.int64[::1], _REAL[::1], *_FLOOR, *_TABLE, _REAL))
 def shape_distances(
     a: Ints,
     b: Ints,
+    most_m: Floats,
     boxes: NDArray[Any],
     robots: Robots,
     knots: Knots,
@@ -174,19 +208,24 @@ def shape_distances(
     now_s: float,
 ) -> Floats:
     """(p,) distance of the robots `a` (p,) and `b` (p,) at `now_s`, or when the later of the two appears; inf on
-    different floors."""
-    apart_m, places, motion = np.empty(len(a)), np.empty(2, PLACE), np.zeros(1, MOTION)
+    different floors, or if the circles around the two are `most_m` (p,) apart."""
+    apart_m, places, motion = np.empty(len(a)), np.empty(len(robots), PLACE), np.zeros(1, MOTION)
     table, m = table_of(begins, pieces, corners), motion[0]
     for at in range(len(a)):
+        places[a[at]].t = places[b[at]].t = inf
+    for at in range(len(a)):
         t = max(now_s, robots[a[at]].appears, robots[b[at]].appears)
-        for side in range(2):
-            slot = (a[at], b[at])[side]
-            set_place(places[side], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
-        p, q = places[0], places[1]
+        for slot in (a[at], b[at]):
+            if places[slot].t != t:
+                set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
+        p, q = places[a[at]], places[b[at]]
         if p.floor < 0 or p.floor != q.floor:
             apart_m[at] = inf
             continue
         m.dx, m.dy, m.cos_a, m.sin_a, m.cos_b, m.sin_b = q.x - p.x, q.y - p.y, p.cos, p.sin, q.cos, q.sin
+        if sqrt(m.dx * m.dx + m.dy * m.dy) - robots[a[at]].radius - robots[b[at]].radius >= most_m[at]:
+            apart_m[at] = inf
+            continue
         bodies = body_of(robots[a[at]], table, 0), body_of(robots[b[at]], table, 1)
         apart_m[at] = max(gap(m, 0.0, bodies[0], bodies[1], table, 0.0, 0.0)[0][0], 0.0)
     return apart_m

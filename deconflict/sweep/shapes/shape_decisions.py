@@ -31,7 +31,7 @@ class Limits(NamedTuple):
     """Of smallest separations; infinite if they are not wanted."""
     rounds: int
     is_confirmed: bool = True
-    """Whether FCL confirms each contact; if not, it decides only what advancement leaves open."""
+    """Whether FCL confirms contacts; if not, it decides only what advancement leaves open."""
 
 
 class ShapeDecisions:
@@ -47,12 +47,18 @@ class ShapeDecisions:
         bounds = limits.target_m, limits.tolerance_m, limits.accuracy_m
         contacts, poses = shape_contacts(pairs, since, *state, span, *shapes, *bounds, limits.rounds)
         if limits.is_confirmed:
-            new = self._new_contacts(pairs, contacts, span)
+            new = self._new_contacts(pairs, contacts, span) & ~self._are_plain(pairs)
             denied = self._deny(new, pairs, poses, contacts)
             self._deny((contacts["contact"] < inf) & ~new & _of_same_robots(pairs, denied), pairs, poses, contacts)
         for row in np.flatnonzero(contacts["open"] < inf).tolist():
             self._decide(pairs[row : row + 1], contacts, row, span)
         return contacts
+
+    def _are_plain(self, pairs: Pairs) -> Bools:
+        """Which pairs are of rectangles and circles alone. Their distances are certain."""
+        shape = self._floor_state[1]["shape"]
+        plain: Bools = SHAPES.is_plain[shape[pairs["a"]]] & SHAPES.is_plain[shape[pairs["b"]]]
+        return plain
 
     def _new_contacts(self, pairs: Pairs, contacts: Contacts, span: Span) -> Bools:
         """Which contacts FCL has to confirm: all but those that go on from the slab before, or into the span."""

@@ -5,7 +5,7 @@ closest features the gap of the two closes at most at the speed -v.n + |wA| rA +
 `deconflict/sweep/narrowphase.py`. The bound of two shapes is the least of those of their pieces.
 """
 
-from math import hypot, inf, sqrt
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -152,7 +152,7 @@ def gap(m: Any, t: float, a: Body, b: Body, table: Table, limit_m: float, span_s
     ca, sa, cb, sb = turned(m, into)
     c, s = ca * cb + sa * sb, ca * sb - sa * cb
     x, y, vx, vy = ca * dx + sa * dy, ca * dy - sa * dx, ca * m.vx + sa * m.vy, ca * m.vy - sa * m.vx
-    speed, grown = hypot(vx, vy), a[2] + b[2]
+    grown = a[2] + b[2]
     nearest, lasts, after, before, bridge = inf, inf, inf, inf, (0.0, 0.0)
     for i in range(a[0], a[1]):
         for j in range(b[0], b[1]):
@@ -162,11 +162,13 @@ def gap(m: Any, t: float, a: Body, b: Body, table: Table, limit_m: float, span_s
             if not _heights_overlap(bottom_a, top_a, bottom_b, top_b):
                 continue
             swing = abs(m.turn_a) * piece_a.reach + abs(m.turn_b) * piece_b.reach
-            least = hypot(x + c * piece_b.x - s * piece_b.y - piece_a.x, y + s * piece_b.x + c * piece_b.y - piece_a.y)
-            least -= piece_a.around + piece_b.around + grown
-            low = least - (speed + swing) * span_s
-            if least > nearest and low > after and low > before and least - limit_m > lasts * (speed + swing):
-                continue
+            if nearest < inf:
+                dx, dy = x + c * piece_b.x - s * piece_b.y - piece_a.x, y + s * piece_b.x + c * piece_b.y - piece_a.y
+                least = sqrt(dx * dx + dy * dy) - piece_a.around - piece_b.around - grown
+                most = sqrt(vx * vx + vy * vy) + swing
+                low = least - most * span_s
+                if least > nearest and low > after and low > before and least - limit_m > lasts * most:
+                    continue
             core, nx, ny = between(piece_a, piece_b, table, x, y, c, s)
             apart, opening = core - piece_a.rounding - piece_b.rounding - grown, vx * nx + vy * ny
             if apart < nearest:

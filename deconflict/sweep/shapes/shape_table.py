@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ingest.batch import Floats, Forecasts, Ints
+from ingest.batch import Bools, Floats, Forecasts, Ints
 from ingest.shapes import Shape, ShapePart
 
 RECTANGLE = 0
@@ -73,6 +73,8 @@ class ShapeTable:
         self.arrays = Pieces(np.zeros(2, np.int64), np.empty(0, PIECE), np.empty(0, CORNER))
         self.half_m: Floats = np.zeros((1, 2))
         """(shapes, 2) half the sides of the rectangle around each shape."""
+        self.is_plain: Bools = np.ones(1, bool)
+        """(shapes,) whether each shape is a rectangle or one circle: the distance of two of these is one formula."""
         self._numbers: dict[tuple[ShapePart, ...], int] = {}
         self._shapes: list[Shape | None] = [None]
         self._lock = Lock()
@@ -109,6 +111,7 @@ class ShapeTable:
                 first += len(outline)
         self._shapes.append(shape)
         self.half_m = np.concatenate([self.half_m, [np.array(shape.size_m) / 2]])
+        self.is_plain = np.append(self.is_plain, len(shape.parts) == 1 and shape.parts[0].radius_m > 0.0)
         pieces = np.concatenate([pieces, np.array(rows, PIECE)])
         self.arrays = Pieces(np.append(begins, len(pieces)), pieces, np.concatenate(outlines))
 

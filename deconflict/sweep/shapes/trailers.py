@@ -1,6 +1,7 @@
 """Trailers as robots of their own: their forecasts follow from that of the robot that pulls them."""
 
 from collections.abc import Container
+from itertools import chain
 from math import atan2, ceil, cos, hypot, sin
 
 import numba
@@ -10,6 +11,7 @@ from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.frames.towing import STEP_M, axle_at, towed_yaw
 from ingest.kernels import inner, kernel, ready
+from ingest.shapes import Trailer
 
 BEND_RAD = 0.05
 """A trailer gets a knot after each such turn of itself."""
@@ -31,7 +33,8 @@ def trailer_forecasts(forecasts: Forecasts, without: Container[int] = ()) -> tup
     if not shapes:
         return Forecasts.empty(), np.empty(0, np.int64)
     counts = [len(shape.trailers) for shape in shapes]
-    length_m, width_m, hitches_m, yaws_rad = np.array([row for shape in shapes for row in shape.trailers]).T.copy()
+    numbers = np.fromiter(chain.from_iterable(chain.from_iterable(shape.trailers for shape in shapes)), np.float64)
+    length_m, width_m, hitches_m, yaws_rad = numbers.reshape(-1, len(Trailer._fields)).T.copy()
     axles_m, begins = np.array([shape.axle_m for shape in shapes]), np.cumsum([0, *counts])
     f, pulling = forecasts, np.array(rows, np.int64)
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))

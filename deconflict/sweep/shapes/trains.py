@@ -98,13 +98,13 @@ def of_trains(met: Meetings, robots: Robots, ranks: Ints) -> Meetings:
 
 def pairs_of_bodies(a: Ints, b: Ints, robots: Robots) -> tuple[Ints, Ints, Ints]:
     """All pairs of bodies of those of the pairs of slots in which there is a train: both slots, and the pair's row."""
-    trailers: dict[int, list[int]] = {}
-    for slot in np.flatnonzero(robots["train"]).tolist():
-        pulling = int(robots["train"][slot]) - 1
-        if slot != pulling:
-            trailers.setdefault(pulling, []).append(slot)
     rows = np.flatnonzero((robots["train"][a] > 0) | (robots["train"][b] > 0))
-    each_a, each_b, row_of = pairs_with_trailers(a[rows], b[rows], trailers)
+    in_trains = np.flatnonzero(robots["train"])
+    members = in_trains[np.argsort(robots["train"][in_trains], kind="stable")]
+    pulling = robots["train"][members] - 1
+    alone = np.setdiff1d(np.concatenate([a[rows], b[rows]]), pulling)
+    members, pulling = np.concatenate([members, alone]), np.concatenate([pulling, alone])
+    each_a, each_b, row_of = _pairs_of_members(a[rows], b[rows], members, pulling)
     return each_a, each_b, rows[row_of]
 
 
@@ -130,7 +130,17 @@ def with_trailers(robots: Robots, count: int, rows: Ints, hold_s: Floats) -> tup
 
 def pairs_with_trailers(a: Ints, b: Ints, trailers: Mapping[int, Sequence[int]]) -> tuple[Ints, Ints, Ints]:
     """All pairs of bodies of pairs of robots, given by rows: both rows, and the row of each one's pair."""
-    rows = enumerate(zip(a.tolist(), b.tolist(), strict=True))
-    found = [(i, j, row) for row, (p, q) in rows for i in (p, *trailers.get(p, ())) for j in (q, *trailers.get(q, ()))]
-    each_a, each_b, row_of = np.array(found, np.int64).reshape(-1, 3).T.copy()
-    return each_a, each_b, row_of
+    robots = np.unique(np.concatenate([a, b])).tolist()
+    members = [(body, robot) for robot in robots for body in (robot, *trailers.get(robot, ()))]
+    return _pairs_of_members(a, b, *np.array(members, np.int64).reshape(-1, 2).T)
+
+
+def _pairs_of_members(a: Ints, b: Ints, members: Ints, robot_of: Ints) -> tuple[Ints, Ints, Ints]:
+    """All pairs of bodies of the robots `a` and `b` (p,), of which the bodies are `members` (n,) by `robot_of` (n,)."""
+    order = np.argsort(robot_of, kind="stable")
+    members, robot_of = members[order], robot_of[order]
+    (first_a, first_b), (after_a, after_b) = (np.searchsorted(robot_of, (a, b), side) for side in ("left", "right"))
+    of_a, of_b = after_a - first_a, after_b - first_b
+    row_of = np.repeat(np.arange(len(a)), of_a * of_b)
+    number = np.arange(len(row_of)) - np.repeat(np.cumsum(of_a * of_b) - of_a * of_b, of_a * of_b)
+    return members[first_a[row_of] + number // of_b[row_of]], members[first_b[row_of] + number % of_b[row_of]], row_of

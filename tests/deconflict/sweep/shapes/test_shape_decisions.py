@@ -110,6 +110,15 @@ def test_fcl_decides_each_new_contact_once(monkeypatch: pytest.MonkeyPatch) -> N
     assert sweeper.find_conflicts(NOW_S).fcl_calls == 0
 
 
+def test_circles_and_rectangles_need_no_confirmation() -> None:
+    forecasts = mixed("random", ("circle", "rectangle"), 40, 5)
+    sweeper = incremental.Sweeper(clearance_m=CLEARANCE_M)
+    sweeper.update([f"{row:03}" for row in range(len(forecasts))], forecasts)
+    found = sweeper.find_conflicts(NOW_S)
+    assert len(found.pairs)
+    assert found.fcl_calls == 0
+
+
 def test_what_fcl_denies_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shape_decisions, "touches", lambda pairs, _: np.zeros(len(pairs), bool))
     monkeypatch.setattr(fcl_shapes, "touch", lambda *_: False)
