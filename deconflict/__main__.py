@@ -21,6 +21,7 @@ from deconflict.settings.importers import plan_reader
 from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.site_check import check
 from deconflict.simulation.simulation_commands import add_simulation_commands
+from ingest.languages.visible_text import visible_lines
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from metrics.commands import add_log_commands, files_of
@@ -189,7 +190,7 @@ def main() -> int:
         LogError,
         BoxError,
     ) as error:
-        sys.stderr.write(f"deconflict: {error}\n")
+        sys.stderr.write(f"deconflict: {visible_lines(str(error))}\n")
         return MISUSED
 
 

@@ -6,9 +6,11 @@ import os
 import re
 import time
 from collections.abc import Callable
+from textwrap import indent
 from typing import Any, TextIO
 
 from ingest.languages import timestamps
+from ingest.languages.visible_text import visible, visible_lines
 
 FORMATS = ("text", "json")
 VARIABLE = "DECONFLICT_LOG"
@@ -50,10 +52,17 @@ def hidden(text: str) -> str:
 
 
 class TextFormatter(logging.Formatter):
-    """Lines for people."""
+    """Lines for people: each record on one line, and a traceback on indented ones."""
 
     def format(self, record: logging.LogRecord) -> str:
         return hidden(super().format(record))
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - named by logging
+        record.message = visible(record.message)
+        return super().formatMessage(record)
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802 - named by logging
+        return indent(visible_lines(super().formatException(ei)), "    ")
 
 
 class JsonFormatter(logging.Formatter):
@@ -69,7 +78,7 @@ class JsonFormatter(logging.Formatter):
         }
         if record.exc_info:
             document["error"] = hidden(self.formatException(record.exc_info))
-        return json.dumps(document, ensure_ascii=False)
+        return json.dumps(document)
 
 
 class RepeatLimit(logging.Filter):

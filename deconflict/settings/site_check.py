@@ -17,6 +17,7 @@ from deconflict.settings.site_file import SiteError, datum_of, fit_problems, loa
 from ingest.frames.fitting import Fit, FitError, Method
 from ingest.frames.frame_registry import FrameRegistry, Pose, fit_map
 from ingest.frames.projection import Projection
+from ingest.languages.visible_text import visible, visible_lines
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from ingest.settings import Datum, Envelope, Vendor, VendorMap
@@ -67,10 +68,10 @@ def check(path: Path, out: TextIO, verify: Callable[[Site], object] = lambda _: 
     try:
         site = load(path)
     except SiteError as error:
-        out.write(f"{error}\n")
+        out.write(f"{visible_lines(str(error))}\n")
         return FAULTY
     report = site_report(site, verify)
-    out.writelines(f"{line}\n" for line in report_lines(report))
+    out.writelines(f"{visible(line)}\n" for line in report_lines(report))
     return FAULTY if report.problems else 0
 
 

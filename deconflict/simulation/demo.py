@@ -27,6 +27,7 @@ from deconflict.roles.supervisor import Supervisor
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.site import Site
 from deconflict.simulation.vendors.senders import simulate
+from ingest.languages.visible_text import visible
 from ingest.measures.measures import Histogram, joined_values
 
 SECONDS_WITHOUT_TERMINAL = 60.0
@@ -151,7 +152,7 @@ async def _show(site: Site, runtime: Path, console: Console, robots: int, second
         if console.is_terminal:
             with Live(console=console, screen=False, auto_refresh=False) as live:
                 while not simulating.done():
-                    live.update(_tables(view), refresh=True)
+                    live.update(tables(view), refresh=True)
                     await asyncio.wait({simulating}, timeout=REFRESH_S)
         await simulating
         await asyncio.sleep(site.engine.tick_s)
@@ -207,7 +208,9 @@ def _robots_url(site: Site) -> str:
 
 def _print_addresses(site: Site, console: Console, robots: int) -> None:
     face = f"{site.operator.host}:{site.operator.port}"
-    console.print(f"{site.name}: {robots} simulated robots of four vendors connect to {_robots_url(site)}")
+    console.print(
+        Text(f"{visible(site.name)}: {robots} simulated robots of four vendors connect to {_robots_url(site)}")
+    )
     console.print(f"Open http://{face}/ to see the floor and the predictions", style="bold")
     console.print(f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream")
     console.print(f"Robots      http://{face}/robots       metrics http://{face}/metrics")
@@ -225,7 +228,7 @@ async def _follow(site: Site, view: DemoView, console: Console) -> None:
                     seen = advisory.seq
                     view.add_advisory(advisory)
                     if not console.is_terminal and advisory.state is not AdvisoryState.UPDATED:
-                        console.print(_line(advisory), soft_wrap=True)
+                        console.print(advisory_line(advisory), soft_wrap=True)
         except (OSError, ConnectionClosed):
             await asyncio.sleep(REFRESH_S)
 
@@ -237,13 +240,13 @@ async def _measure(operator: AsyncCaller, view: DemoView) -> None:
         await asyncio.sleep(2 * REFRESH_S)
 
 
-def _line(advisory: AnyAdvisory) -> str:
+def advisory_line(advisory: AnyAdvisory) -> Text:
     if advisory.state is AdvisoryState.CLEARED:
-        return f"cleared  {' and '.join(advisory.names)}: {advisory.cleared_because}"
-    return f"{advisory.state.value:8} {advisory.summary}"
+        return Text(visible(f"cleared  {' and '.join(advisory.names)}: {advisory.cleared_because}"))
+    return Text(visible(f"{advisory.state.value:8} {advisory.summary}"))
 
 
-def _tables(view: DemoView) -> Group:
+def tables(view: DemoView) -> Group:
     result = view.result()
     counts = Text(
         f"{result['robots']} robots   {result['messages']} messages ({result['rejected']} rejected)   "
@@ -267,9 +270,9 @@ def _advisories(view: DemoView) -> Table:
         table.add_row(
             severity,
             f"{advisory.time_to_conflict_s:.0f} s",
-            advisory.summary,
+            Text(visible(advisory.summary)),
             f"{advisory.min_separation_m:.2f} m" if isinstance(advisory, ConflictAdvisory) else "",
-            " / ".join(advisory.vendors),
+            Text(visible(" / ".join(advisory.vendors))),
         )
     if not view.open:
         table.add_row("", "", "none", "", "")
@@ -288,7 +291,7 @@ def _vendors(view: DemoView) -> Table:
     ages = view.by_vendor("deconflict_forecast_age_seconds")
     for vendor in sorted(robots):
         table.add_row(
-            vendor,
+            Text(visible(vendor)),
             f"{robots[vendor]:.0f}",
             f"{messages.get(vendor, 0):.0f}",
             f"{deviations.get(vendor, 0):.0f}",

@@ -10,6 +10,7 @@ from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import MASSROBOTICS
 from ingest.languages.model import Identity, LoadBox
+from ingest.languages.visible_text import visible
 
 
 @dataclass(slots=True, eq=False)
@@ -75,5 +76,5 @@ class Robot:
         """Make it a robot of the vendor, with a name and model from its present identity."""
         self.vendor, self.context = vendor, None
         self.model = self.identity.model if self.identity else ""
-        serial = self.identity.serial if self.identity else self.serial or self.uuid[:8]
+        serial = visible(self.identity.serial if self.identity else self.serial or self.uuid[:8])
         self.name = serial if serial.casefold().startswith(vendor.casefold()) else f"{vendor} {serial}"

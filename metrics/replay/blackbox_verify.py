@@ -18,6 +18,7 @@ from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain,
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
 from deconflict.runtime.command_parsers import Commands, add_command
 from ingest.languages import timestamps
+from ingest.languages.visible_text import visible, visible_lines
 from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of
 
 Line = dict[str, Any]
@@ -155,7 +156,7 @@ def _list(args: argparse.Namespace) -> int:
     for box in Archive(args.data / FOLDER).boxes():
         sys.stdout.write(f"{args.data / FOLDER / box['file']}\n")
         for near_miss in box["near_misses"]:
-            sys.stdout.write(f"  {near_miss['at']}  {near_miss['summary']}\n")
+            sys.stdout.write(f"  {near_miss['at']}  {visible(near_miss['summary'])}\n")
     return 0
 
 
@@ -165,9 +166,9 @@ def _verify(args: argparse.Namespace) -> int:
         try:
             verification = verify(file)
         except BoxError as error:
-            sys.stderr.write(f"deconflict: {error}\n")
+            sys.stderr.write(f"deconflict: {visible(str(error))}\n")
             failed = 1
             continue
-        sys.stdout.write(f"{file}: {verification.text()}")
+        sys.stdout.write(f"{file}: {visible_lines(verification.text())}")
         failed |= not verification.same
     return failed

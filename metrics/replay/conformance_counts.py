@@ -9,6 +9,7 @@ from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.rules import Rule
+from ingest.languages.visible_text import visible
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Event, LogReader, Received
 
@@ -99,7 +100,7 @@ def lines(reader: LogReader) -> dict[str, Any]:
 
 def page(result: dict[str, Any]) -> str:
     """The result of `conform` as text for a person."""
-    return "\n".join([*_lines(result), ""])
+    return "\n".join([*map(visible, _lines(result)), ""])
 
 
 def _finding(rule: str, count: int, languages: list[str]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ingest.languages.visible_text import visible
 from metrics.report.html_cells import Part, moment
 
 CELL_M = 5.0
@@ -12,7 +13,7 @@ CELL_M = 5.0
 
 def summary(result: Part, written: Sequence[Path]) -> str:
     """`written` are the files that the replay wrote."""
-    return "\n".join([*_lines(result), *(f"Wrote {path}" for path in written), ""])
+    return "\n".join([*map(visible, _lines(result)), *(f"Wrote {path}" for path in written), ""])
 
 
 def _lines(result: Part) -> Iterator[str]:

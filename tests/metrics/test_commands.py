@@ -159,3 +159,14 @@ def test_a_replay_ends_with_a_summary_for_people_and_says_what_it_wrote(
     assert "messages of 2 robots in" in written.err
     assert "came true" in written.err
     assert written.err.endswith(f"Wrote {out}\n")
+
+
+@pytest.mark.parametrize("command", ["replay", "conform"])
+def test_what_a_command_prints_of_hostile_names_is_visible_text(
+    log: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    log.write_text(log.read_text().replace("Alder", "Al\\u001b[2J\\n\\u009b\\u202eder"))
+    run(command, log)
+    written = capsys.readouterr()
+    assert "Al\\x1b[2J" in written.out + written.err
+    assert all(line.isprintable() for line in (written.out + written.err).split("\n"))

@@ -5,6 +5,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from ingest.languages.visible_text import visible
+
 RobotDocument = Mapping[str, Any]
 """A robot as `GET /robots` has it."""
 NIL = "00000000-0000-0000-0000-000000000000"
@@ -30,7 +32,7 @@ def proposed_site(robots: Iterable[RobotDocument]) -> str:
     for vendor, own in sorted(by_vendor.items()):
         own_datums = [datum for datum, vendors in senders.items() if vendor in vendors and datum not in site_datums]
         lines += _vendor_lines(vendor, own, own_datums, site_datums)
-    return "\n".join(lines) + "\n"
+    return "\n".join(map(visible, lines)) + "\n"
 
 
 def _most_sent(senders: Mapping[str, Counter[str]]) -> list[str]:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from functools import lru_cache
 
+from ingest.languages.visible_text import visible
 from ingest.settings import UNKNOWN, Model, Vendor
 
 OTHER = "other"
@@ -50,7 +51,7 @@ class VendorRegistry:
         known = self._by_manufacturer.get(manufacturer.strip().casefold())
         if known:
             return known
-        name = manufacturer.strip()[:MAX_NAME] or UNKNOWN
+        name = visible(manufacturer.strip())[:MAX_NAME] or UNKNOWN
         if name in self._unconfigured or len(self._unconfigured) < MAX_UNCONFIGURED:
             self._unconfigured.setdefault(name, Vendor(name=name))
             return name

@@ -109,3 +109,23 @@ def test_every_process_of_the_service_logs_in_the_chosen_format(tmp_path: Path) 
     assert supervisor_line["process"] == service.pid
     assert supervisor_line["said"].startswith("no site file")
     assert (role_line["logger"], role_line["process"] != service.pid) == ("deconflict.roles.receiver_role", True)
+
+
+@pytest.mark.parametrize("kind", ["text", "json"])
+def test_no_name_makes_a_line_of_the_log_or_controls_a_terminal(kind: str) -> None:
+    text = StringIO()
+    logger = logging.Logger("deconflict.test")
+    logger.addHandler(logging_setup.create_handler(kind, lambda: 0.0, text))
+    hostile = "x\n2026-11-23 08:00:00 ERROR forged\r\x1b[2J\x9b\u202e\u2028"
+    try:
+        raise ValueError(hostile)
+    except ValueError:
+        logger.exception("robot %s", hostile)
+    lines = text.getvalue().removesuffix("\n").split("\n")
+    assert all(line.isprintable() for line in lines)
+    if kind == "json":
+        assert json.loads(lines[0])["said"] == f"robot {hostile}"
+        assert len(lines) == 1
+    else:
+        assert "robot x\\n2026" in lines[0]
+        assert all(line.startswith("    ") for line in lines[1:])

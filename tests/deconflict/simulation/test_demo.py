@@ -1,11 +1,17 @@
 import json
 import subprocess
 import sys
+from io import StringIO
 from pathlib import Path
 
+import pytest
+from rich.console import Console
+
 from deconflict.settings.site_file import fit_problems, load
+from deconflict.simulation.demo import DemoView, advisory_line, tables
 from deconflict.simulation.demo_site import ROBOTS, demo_site
 from tests.deconflict.roles.made_service import free_ports
+from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -33,3 +39,17 @@ def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None
     assert document["latency_p99_ms"] > 0
     assert f"http://127.0.0.1:{operator}/advisories" in done.stdout
     assert list((tmp_path / "log").glob("*.jsonl"))
+
+
+@pytest.mark.parametrize("name", ["[/bold]", "[red]", "x\x1b[2J\n\x9b\u202e", "[link=file:///etc/passwd]"])
+def test_the_demo_shows_any_name_as_it_is(name: str) -> None:
+    view = DemoView()
+    view.add_advisory(made(1, summary=f"{name} meets B-1", vendors=(name, "Basalt")))
+    view.values["deconflict_robots"] = {(name, "idle"): 1}
+    console = Console(file=StringIO(), width=200)
+    console.print(tables(view))
+    for advisory in (made(1, summary=name), cleared(1, names=(name, "Basalt B-1"))):
+        console.print(advisory_line(advisory), soft_wrap=True)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert all(line.isprintable() for line in text.splitlines())
+    assert text.count(name.encode("unicode_escape").decode()) == 5

@@ -49,3 +49,12 @@ def test_the_datum_of_several_vendors_is_the_sites_and_another_one_is_a_vendors_
 def test_one_vendor_alone_gives_its_most_used_datum() -> None:
     site = site_from_toml(proposed_site([heard("Alder", "A-1", OWN)]).encode(), Path("proposed.toml"))
     assert [datum.id for datum in site.datums] == [OWN]
+
+
+def test_no_name_adds_a_key_to_the_proposed_site_file() -> None:
+    hostile = 'Alder"\n[operator]\nhost = "0.0.0.0"\r\x1b[2J\u2028'
+    text = proposed_site([heard(hostile, "A-1", hostile, manufacturerName=f"{hostile} GmbH", robotModel=hostile)])
+    assert all(line.isprintable() for line in text.split("\n"))
+    proposed = tomllib.loads(text)
+    assert proposed.keys() == {"name", "datums", "vendors"}
+    assert proposed["vendors"] == [{"name": hostile, "manufacturers": [f"{hostile} GmbH"]}]
