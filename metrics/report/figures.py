@@ -2,10 +2,9 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import hypot, sqrt
+from math import cos, sin, sqrt
 from typing import Any
 
-from ingest.frames.corners import corners_of
 from metrics.report.svg import Chart, Point, fitted
 
 Part = Mapping[str, Any]
@@ -78,23 +77,29 @@ def heat(alerts: Sequence[tuple[Point, str]]) -> str:
 
 
 def scene(document: Part) -> str:
-    """Two robots around the moment when they were nearest: their tracks, and an outline each second, filled at that
-    moment."""
-    tracks = [_track(text) for text in document["tracks"]]
-    sizes = [(float(length), float(width)) for length, width in document["sizes_m"]]
+    """Two robots with their trailers around the moment when they were nearest: their tracks, and outlines each second,
+    filled at that moment."""
+    robots = [[(_track(body["track"]), body["outlines_m"]) for body in bodies] for bodies in document["bodies"]]
     room = [
-        (x + sign * hypot(*size) / 2, y + sign * hypot(*size) / 2)
-        for track, size in zip(tracks, sizes, strict=True)
-        for x, y, _ in track
-        for sign in (-1, 1)
+        corner
+        for bodies in robots
+        for track, outlines in bodies
+        for pose in track
+        for outline in outlines
+        for corner in _placed(outline, pose)
     ]
     chart = fitted(room, 200, 200, 16)
-    for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
-        chart.line([(x, y) for x, y, _ in track], f"line c{number}")
-        for pose in track[document["nearest"] % 5 :: 5]:
-            chart.polygon(corners_of(*pose, *size), f"outline c{number}")
-    for number, (track, size) in enumerate(zip(tracks, sizes, strict=True)):
-        chart.polygon(corners_of(*track[document["nearest"]], *size), f"envelope c{number}", document["robots"][number])
+    for number, bodies in enumerate(robots):
+        chart.line([(x, y) for x, y, _ in bodies[0][0]], f"line c{number}")
+        for track, outlines in bodies:
+            for pose in track[document["nearest"] % 5 :: 5]:
+                for outline in outlines:
+                    chart.polygon(_placed(outline, pose), f"outline c{number}")
+    for number, bodies in enumerate(robots):
+        for track, outlines in bodies:
+            for outline in outlines:
+                corners = _placed(outline, track[document["nearest"]])
+                chart.polygon(corners, f"envelope c{number}", document["robots"][number])
     _scale(chart)
     return chart.drawn("Two envelopes where they were nearest")
 
@@ -107,6 +112,14 @@ def _scale(chart: Chart) -> None:
     y = chart.height - 6
     chart.marks.append(f'<path class="scale" d="M8 {y - 4}V{y}H{end:.1f}V{y - 4}"/>')
     chart.text(end + 4, y, f"{length_m:g} m", "tick", "start")
+
+
+def _placed(outline: Sequence[Point], pose: tuple[float, float, float]) -> list[Point]:
+    """The corners of an outline that was drawn around a pose."""
+    (x, y, yaw), points = pose, []
+    for ahead, left in outline:
+        points.append((x + cos(yaw) * ahead - sin(yaw) * left, y + sin(yaw) * ahead + cos(yaw) * left))
+    return points
 
 
 def _track(text: str) -> list[tuple[float, float, float]]:

@@ -2,11 +2,15 @@
 
 from collections import deque
 from dataclasses import dataclass, field
+from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
 
+from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Floats, Ints
+from ingest.frames.corners import corners_of
+from ingest.shapes import Corner, ShapePart
 from metrics.truth.recorded_motion import BODIES, RecordedMotion, SampledMotion
 from metrics.truth.separations import Separations
 
@@ -14,8 +18,26 @@ KEPT = 10
 BEFORE_S, AFTER_S = 6.0, 3.0
 APART_S = 15.0
 """Two near moments of one pair belong to one scene if they are closer in time than this."""
+CIRCLE_CORNERS = 24
+"""Of a circle, where it is drawn as a polygon."""
 STRETCHES = 5
 """Sampled motions that are kept, enough for the time before and after."""
+
+Outline = list[Corner]
+
+
+@dataclass(slots=True)
+class SceneBody:
+    """A robot or a trailer of a scene."""
+
+    track: Floats
+    """(k, 3) as the tracks of the scene."""
+    outlines_m: list[Outline]
+    """Of its parts, in its own frame: corners ahead of its centre, and to its left."""
+
+    def document(self) -> dict[str, Any]:
+        outlines = [[[round(x, 3), round(y, 3)] for x, y in outline] for outline in self.outlines_m]
+        return {"track": _text(self.track), "outlines_m": outlines}
 
 
 @dataclass(slots=True)
@@ -31,6 +53,8 @@ class NearestScene:
     """One track for each robot: (k, 3) x, y and yaw at even steps of time. Empty until the motion after it is known."""
     sizes: list[tuple[float, float]] = field(default_factory=list)
     """Length and width of each envelope."""
+    bodies: list[list[SceneBody]] = field(default_factory=list)
+    """Each robot, with its trailers after it."""
     nearest: int = 0
     """The step at which they were nearest."""
     floor: int = -1
@@ -52,8 +76,13 @@ class NearestScene:
             "y_m": round(self.y_m, 2),
             "nearest": self.nearest,
             "sizes_m": [list(size) for size in self.sizes],
-            "tracks": [";".join(f"{x:.2f} {y:.2f} {yaw:.3f}" for x, y, yaw in track.tolist()) for track in self.tracks],
+            "tracks": [_text(track) for track in self.tracks],
+            "bodies": [[body.document() for body in robot] for robot in self.bodies],
         }
+
+
+def _text(track: Floats) -> str:
+    return ";".join(f"{x:.2f} {y:.2f} {yaw:.3f}" for x, y, yaw in track.tolist())
 
 
 class NearestScenes:
@@ -97,20 +126,44 @@ class NearestScenes:
 
     def _track(self, scene: NearestScene, motion: RecordedMotion, middle: int) -> None:
         first, last = middle - round(BEFORE_S / self._step_s), middle + round(AFTER_S / self._step_s)
-        robots = motion.slots.find(scene.pair).tolist()
-        parts = [_part(sampled, robots, first, last) for sampled in self._held]
+        robots = motion.slots.find(scene.pair)
+        bodies = np.unique(np.concatenate([held.body[np.isin(held.robot, robots)] for held in self._held]))
+        is_trailer = bodies % BODIES > 0
+        bodies = np.concatenate([BODIES * robots, bodies[is_trailer]])
+        parts = [_part(sampled, bodies.tolist(), first, last) for sampled in self._held]
         sample = np.concatenate([samples for samples, _ in parts])
         poses = np.concatenate([pose for _, pose in parts], axis=1)
-        there = np.flatnonzero(~np.isnan(poses[:, :, 0]).any(axis=0))
+        there = np.flatnonzero(~np.isnan(poses[:2, :, 0]).any(axis=0))
         there = there[(sample[there] - middle) % 2 == 0]
         if not len(there):
             return
         scene.nearest = int(np.argmin(np.abs(sample[there] - middle)))
         scene.tracks = [poses[row, there, :3] for row in (0, 1)]
         then = poses[:, there[scene.nearest]]
-        scene.sizes = [(float(2 * length), float(2 * width)) for length, width in then[:, 3:5]]
-        scene.x_m, scene.y_m = then[:, :2].mean(axis=0).tolist()
+        scene.sizes = [(float(2 * length), float(2 * width)) for length, width in then[:2, 3:5]]
+        scene.x_m, scene.y_m = then[:2, :2].mean(axis=0).tolist()
         scene.floor = int(then[0, 5])
+        drawn = [
+            (int(body) // BODIES, SceneBody(track[:, :3], outlines_of(*map(float, track[scene.nearest, [3, 4, 6]]))))
+            for body, track in zip(bodies, poses[:, there], strict=True)
+            if not np.isnan(track[:, 0]).any()
+        ]
+        scene.bodies = [[body for slot, body in drawn if slot == robot] for robot in robots.tolist()]
+
+
+def outlines_of(half_length_m: float, half_width_m: float, shape: float) -> list[Outline]:
+    """The outlines of a body in its own frame, circles as polygons. `shape` is a number of `SHAPES`."""
+    stated = SHAPES[int(shape)]
+    if stated is None:
+        return [list(corners_of(0.0, 0.0, 0.0, 2 * half_length_m, 2 * half_width_m))]
+    return [_drawn(part) for part in stated.parts]
+
+
+def _drawn(part: ShapePart) -> Outline:
+    if not part.radius_m:
+        return list(part.outline_m)
+    (x_m, y_m), angles = part.outline_m[0], (2 * pi * at / CIRCLE_CORNERS for at in range(CIRCLE_CORNERS))
+    return [(x_m + part.radius_m * cos(angle), y_m + part.radius_m * sin(angle)) for angle in angles]
 
 
 def _nearest_rows(near: Separations) -> Ints:
@@ -121,22 +174,14 @@ def _nearest_rows(near: Separations) -> Ints:
     return order[np.sort(first)[:KEPT]]
 
 
-def _part(sampled: SampledMotion, robots: list[int], first: int, last: int) -> tuple[Ints, Floats]:
-    """The samples from `first` to `last`, and (2, k, 6) pose, half sizes and floor of both robots at them."""
+def _part(sampled: SampledMotion, bodies: list[int], first: int, last: int) -> tuple[Ints, Floats]:
+    """The samples from `first` to `last`, and (b, k, 7) pose, half sides, floor and shape of b bodies at them."""
     samples = np.arange(max(first, sampled.first), min(last + 1, sampled.first + sampled.x_m.shape[1]))
-    poses = np.full((2, len(samples), 6), np.nan)
-    for which, robot in enumerate(robots):
-        row = int(np.searchsorted(sampled.body, BODIES * robot))
-        if row < len(sampled.body) and sampled.body[row] == BODIES * robot:
-            columns = samples - sampled.first
-            poses[which] = np.stack(
-                [
-                    sampled.x_m[row, columns],
-                    sampled.y_m[row, columns],
-                    sampled.yaw_rad[row, columns],
-                    *sampled.half_m[:, row, columns],
-                    sampled.floor[row, columns],
-                ],
-                axis=1,
-            )
+    poses = np.full((len(bodies), len(samples), 7), np.nan)
+    columns = [sampled.x_m, sampled.y_m, sampled.yaw_rad, *sampled.half_m, sampled.floor]
+    columns.append(np.zeros_like(sampled.x_m) if sampled.shape is None else sampled.shape)
+    for which, body in enumerate(bodies):
+        row = int(np.searchsorted(sampled.body, body))
+        if row < len(sampled.body) and sampled.body[row] == body:
+            poses[which] = np.stack([column[row, samples - sampled.first] for column in columns], axis=1)
     return samples, poses
