@@ -44,6 +44,7 @@ class Floor:
         rng = np.random.default_rng(seed)
         members, self._annex = split(participants(robots))
         self.world = World(layout_for(robots), members, rng)
+        self.world.spread_start()
         self.members: tuple[Participant, ...] = (*members, *self._annex.members)
         self.rows = {member.uuid: row for row, member in enumerate(self.members)}
         self._start_s, self._clearance_m = start_s, clearance_m

@@ -40,6 +40,8 @@ LOADING = (BayKind.RACK, BayKind.PICK, BayKind.DOCK)
 """Bays where robots load and unload."""
 SET_OUT_S = 12.0
 """All members set out within this time."""
+FEW, SPREAD_S, SPREAD_POWER = 24, 100.0, 1.5
+"""More members than these set out within this time, most of them early."""
 FULL_BAYS_S = 2.0
 """If all bays are taken, a robot waits this long before it looks again."""
 DETOUR = 0.6
@@ -109,6 +111,12 @@ class World:
         self._rank = np.argsort(np.lexsort((np.arange(n), self.person)))
         for robot in range(n):
             self._place_in(self.trips.at(robot), robot)
+
+    def spread_start(self) -> None:
+        """Let no more members drive at first than later: if many set out at once, twice as many are in each other's
+        way."""
+        if len(self) > FEW:
+            self.until_s = SPREAD_S * (self.until_s / SET_OUT_S) ** SPREAD_POWER
 
     def __len__(self) -> int:
         return len(self.members)

@@ -152,6 +152,7 @@ async def simulate(
     rng = np.random.default_rng(seed)
     members, annex = split(participants(robots))
     world = World(layout_for(robots), members, rng)
+    world.spread_start()
     senders = _senders([*members, *annex.members], broker)
     tasks: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as servers:

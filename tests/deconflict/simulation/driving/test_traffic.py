@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.watch_demo.true_encounters import near_pairs
 from benchmarks.watch_demo.true_stops import Stops, TrueStop
+from deconflict.simulation.driving.braking import MOVING_MPS
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.driving.traffic import Activity, World
@@ -177,6 +178,16 @@ def test_one_of_two_mutually_waiting_robots_makes_room(seed: int) -> None:
 def test_more_robots_than_bays_are_refused() -> None:
     with pytest.raises(ValueError, match="use a larger layout"):
         World(layout_for(24), participants(300), np.random.default_rng(1))
+
+
+def test_no_more_members_drive_at_first_than_later() -> None:
+    simulated = world(2, 60)
+    simulated.spread_start()
+    driving = []
+    for _ in range(600):
+        simulated.step(0.2)
+        driving.append(np.count_nonzero(np.abs(simulated.speed_mps) > MOVING_MPS))
+    assert max(driving[:300]) < 1.4 * np.mean(driving[400:])
 
 
 @pytest.mark.parametrize("robots", [1, 4, 240])
