@@ -22,8 +22,8 @@ from deconflict.runtime.kernel_preparation import compile_kernels, report_on_ter
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
-from metrics.replay_files import LogError, ReplayFiles, check_outputs, write_text
-from metrics.report import replay_summary, situation_section
+from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outputs, write_text
+from metrics.report import replay_summary
 from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
 
@@ -67,22 +67,7 @@ def _add_replay(commands: Commands) -> None:
     replay_command.add_argument(
         "--clearance", nargs="+", type=_clearance_m, metavar="M", help="in metres; by default the site's"
     )
-    replay_command.add_argument(
-        "--json", type=Path, metavar="OUT.json", help="write the scores to this file, not to standard output"
-    )
-    replay_command.add_argument("--html", type=Path, metavar="OUT.html", help="write a report for people, in one file")
-    replay_command.add_argument(
-        "--advisories",
-        type=Path,
-        metavar="OUT.jsonl",
-        help="write the live stream; of several clearances, a file for each",
-    )
-    replay_command.add_argument(
-        "--situations", type=Path, metavar="OUT.jsonl", help="write the revisions of situations of the first clearance"
-    )
-    replay_command.add_argument(
-        "--mcap", type=Path, metavar="OUT.mcap", help="write envelopes and advisories for robot viewers"
-    )
+    add_outputs(replay_command)
     replay_command.add_argument(
         "--scheduler",
         nargs="?",
@@ -145,10 +130,9 @@ def _replay(args: argparse.Namespace) -> int:
         result = run(reader, events, settings, clearances_m, start=start, **sinks)
     _check_order(reader, args.logs, result)
     _check_site(args, reader)
-    log.info("%s", situation_section.sentence(result["situations"]))
     if outputs.html:
-        title = f"Replay of {', '.join(log.name for log in args.logs)}"
-        write_text(outputs.html, html_report.page(result, title))
+        title = f"{settings.name}: replay of {', '.join(log.name for log in args.logs)}"
+        write_text(outputs.html, html_report.page(result, title, settings, args.page))
     if outputs.json:
         write_text(outputs.json, _text(result))
     elif not outputs.html:

@@ -18,6 +18,29 @@ class LogError(ValueError):
     """A log or a result can't be read or written. The message says what to change."""
 
 
+def add_outputs(command: argparse.ArgumentParser) -> None:
+    """Add the options that name the files of a replay."""
+    command.add_argument(
+        "--json", type=Path, metavar="OUT.json", help="write the scores to this file, not to standard output"
+    )
+    command.add_argument("--html", type=Path, metavar="OUT.html", help="write a report for people, in one file")
+    command.add_argument(
+        "--page", default="", metavar="URL", help="the operator's page, to which the cases of the report lead"
+    )
+    command.add_argument(
+        "--advisories",
+        type=Path,
+        metavar="OUT.jsonl",
+        help="write the live stream; of several clearances, a file for each",
+    )
+    command.add_argument(
+        "--situations", type=Path, metavar="OUT.jsonl", help="write the revisions of situations of the first clearance"
+    )
+    command.add_argument(
+        "--mcap", type=Path, metavar="OUT.mcap", help="write envelopes and advisories for robot viewers"
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class ReplayFiles:
     """The files of one replay; None for those that nobody asked for."""

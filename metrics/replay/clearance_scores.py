@@ -11,7 +11,8 @@ from ingest.batch import Batch
 from metrics.replay.engine_output import EngineOutput
 from metrics.scoring.warnings import precision_by_outcomes
 from metrics.scoring.warnings.calibration_scores import SETTLED_S, CalibrationScores
-from metrics.scoring.warnings.judged_alerts import judged
+from metrics.scoring.warnings.judged_alerts import JudgedCases, judged
+from metrics.scoring.warnings.listed_cases import LogNames, by_minute, listed
 from metrics.scoring.warnings.outcomes_by_moment import ContactOutcomes, InteractionOutcomes
 from metrics.scoring.warnings.path_believer import PathBeliever
 from metrics.scoring.warnings.precision_by_encounters import STANDING_S, Alert, RobotPresence, score
@@ -57,24 +58,29 @@ class ClearanceScores:
         self._contact_calibration.resolve(self._contacts, vendor_of)
         self._interaction_calibration.resolve(self._interactions, vendor_of)
 
-    def figures(self, vendor_of: Mapping[str, str], end_s: float) -> dict[str, Any]:
+    def figures(self, names: LogNames, end_s: float) -> dict[str, Any]:
         """All figures. Call it after the last pass; the log ended at `end_s`."""
         contact, alerts = self._contact_calibration, list(self._alerts())
         spans = [(alert.pair, alert.raised_s, alert.cleared_s) for alert in alerts]
-        seen = RobotPresence(vendor_of, self._truth.motion.present_s())
+        seen = RobotPresence(names.vendor_of, self._truth.motion.present_s())
         figures = score(self._truth.encounters(self.clearance_m), alerts, self.clearance_m, seen, contact.by_vendors)
-        present = RobotPresence(vendor_of, self._truth.silences.present_s())
+        present = RobotPresence(names.vendor_of, self._truth.silences.present_s())
+        cases = self._judged(alerts, present, end_s)
         return figures | {
             "censored_samples": int(contact.whole().left.sum()),
             "heeded_samples": contact.heeded,
             "settled": {"after_s": SETTLED_S, **contact.settled.figures()},
             "silences": self._absences.figures(self.clearance_m, spans, STANDING_S),
-            "warnings": self._warnings(alerts, present, end_s) | {"probability": self._probability_figures()},
-            "believer": self._warnings(self.believer.alerts(), present, end_s),
+            "warnings": self._warnings(cases, present)
+            | {"probability": self._probability_figures()}
+            | {"listed": listed(cases, names), "by_minute": by_minute(cases, self._truth.silences.by_minute_s)},
+            "believer": self._warnings(self._judged(self.believer.alerts(), present, end_s), present),
         }
 
-    def _warnings(self, alerts: Iterable[Alert], present: RobotPresence, end_s: float) -> dict[str, Any]:
-        cases = judged(alerts, self.outcomes, present, self.waits, end_s)
+    def _judged(self, alerts: Iterable[Alert], present: RobotPresence, end_s: float) -> JudgedCases:
+        return judged(alerts, self.outcomes, present, self.waits, end_s)
+
+    def _warnings(self, cases: JudgedCases, present: RobotPresence) -> dict[str, Any]:
         return precision_by_outcomes.figures(cases, present, self._truth.silences.by_minute_s)
 
     def _probability_figures(self) -> dict[str, Any]:
@@ -114,6 +120,7 @@ class ClearanceScores:
             left_s=inf,
             place=(place.datum, place.x, place.y),
             encounter_class=revision.encounter_class.value,
+            advisory=revision.id,
         )
         if revision.time_to_conflict_s > 0:
             alert = replace(alert, predicted_s=predicted_s)

@@ -16,6 +16,7 @@ from metrics.scoring.contention_scores import ContentionScores
 from metrics.scoring.forecast_scores import ForecastScores
 from metrics.scoring.situation_scores import LONG_STOP_S, SituationScores, SituationTruth
 from metrics.scoring.vendor_records import VendorRecords
+from metrics.scoring.warnings.listed_cases import LogNames
 from metrics.truth.absences import Absences
 from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
@@ -38,22 +39,16 @@ class LogScores:
         ]
         self.forecasts, self.arrivals, self.contention = ForecastScores(), ArrivalScores(), ContentionScores(site)
         self.situations = SituationScores()
-        self.vendor_of: dict[str, str] = {}
-        """By robot that has reported its position."""
-        self._name_of: dict[str, str] = {}
-        """Display name of each of these robots."""
-        self._floors: Sequence[str] = ()
-        """Floor ids by the index that batches use."""
-        self._floor_names = {datum.id: datum.name for datum in site.datums}
+        self.names = LogNames(floor_names={datum.id: datum.name for datum in site.datums})
         self._vendors = VendorRecords()
         self._second: int | None = None
 
     def add(self, engine_pass: EnginePass, outputs: Sequence[EngineOutput]) -> None:
         """Add one pass and the output of each engine at it."""
         now_s, batch = engine_pass.now_s, engine_pass.batch
-        self.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
-        self._name_of.update(zip(batch.robots, batch.names, strict=True))
-        self._floors = batch.floors
+        self.names.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
+        self.names.name_of.update(zip(batch.robots, batch.names, strict=True))
+        self.names.floors = batch.floors
         self.truth.report(batch.robots, batch.forecasts)
         self.absences.add_batch(batch)
         self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, outputs[0].bands_m))
@@ -77,15 +72,18 @@ class LogScores:
         `measures` are the final measures of the first clearance's engine.
         """
         self._finish()
-        scores = [scores.figures(self.vendor_of, passes.now_s) for scores in self.by_clearance]
+        self.names.first_s = passes.first_s
+        scores = [scores.figures(self.names, passes.now_s) for scores in self.by_clearance]
         ece = {row["vendor"]: row["ece"] for row in scores[0]["by_vendor"]}
         scenes = self.truth.scenes.finish(self.truth.motion)
-        nearest = [self._scene(scene, passes.first_s) for scene in scenes]
+        nearest = [self._scene(scene) for scene in scenes]
         self._vendors.update(passes.now_s, (passes.measures(), measures))
         contention = self.contention.figures()
         return {
+            **_span(passes),
+            "floors": dict(self.names.floor_names),
             "messages": passes.messages,
-            "robots": len(self.vendor_of),
+            "robots": len(self.names.vendor_of),
             "span_s": passes.span_s,
             "scores": scores,
             "interactions": self.interactions.figures(),
@@ -135,9 +133,9 @@ class LogScores:
 
     def _resolve(self) -> None:
         for scores in self.by_clearance:
-            scores.resolve(self.vendor_of)
+            scores.resolve(self.names.vendor_of)
 
-    def _scene(self, scene: NearestScene, first_s: float) -> dict[str, Any]:
+    def _scene(self, scene: NearestScene) -> dict[str, Any]:
         """One of the nearest moments, and when the first clearance's advisory was raised before it.
 
         An advisory that was still open comes before a cleared one, and an earlier one before a later one.
@@ -149,15 +147,22 @@ class LogScores:
             if advisory.pair == scene.pair and advisory.raised_s < at_s and advisory.cleared_s > at_s - WARNED_BEFORE_S
         ]
         was_cleared, raised_s, cleared_s = min(before, default=(False, None, inf))
-        floor_id = self._floors[scene.floor] if scene.floor >= 0 else ""
+        floor_id = self.names.floors[scene.floor] if scene.floor >= 0 else ""
         return {
-            "vendors": [self.vendor_of[robot] for robot in scene.pair],
-            "names": [self._name_of[robot] for robot in scene.pair],
+            "vendors": [self.names.vendor_of[robot] for robot in scene.pair],
+            "names": [self.names.name_of[robot] for robot in scene.pair],
             "at": timestamps.write(round(at_s, 1)),
-            "into_s": round(at_s - first_s, 1),
+            "into_s": round(at_s - self.names.first_s, 1),
             "floor": floor_id,
-            "floor_name": self._floor_names.get(floor_id, ""),
+            "floor_name": self.names.floor_names.get(floor_id, ""),
             "warned_s": None if raised_s is None else at_s - raised_s,
             "warned_until_s": at_s - cleared_s if was_cleared else None,
             **scene.document(),
         }
+
+
+def _span(passes: PassReader) -> dict[str, str]:
+    """When the log begins and ends; nothing if it has no message."""
+    if not passes.messages:
+        return {}
+    return {"from": timestamps.write(passes.first_s), "until": timestamps.write(passes.last_s)}

@@ -4,12 +4,15 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from metrics.report.terms import TERMS
+
 Part = Mapping[str, Any]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> str:
-    """A table with escaped cells. The first `text_columns` columns hold text, the others numbers."""
-    top = "".join(f"<th>{escape(title)}</th>" for title in head)
+    """A table with escaped cells. The first `text_columns` columns hold text, the others numbers. Each title is one of
+    `TERMS`."""
+    top = "".join(f'<th title="{escape(TERMS[title])}">{escape(title)}</th>' for title in head)
     body = "".join(
         "<tr>"
         + "".join(f"<td{'' if n < text_columns else ' class=n'}>{escape(cell)}</td>" for n, cell in enumerate(row))
@@ -17,6 +20,23 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int 
         for row in rows
     )
     return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def linked_table(prefix: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of cells that are HTML. Its rows are named by the prefix and their number."""
+    top = "".join(f'<th title="{escape(TERMS.get(title, ""))}">{escape(title)}</th>' for title in head)
+    body = "".join(
+        f'<tr id="{prefix}{number}">{"".join(f"<td>{cell}</td>" for cell in row)}</tr>'
+        for number, row in enumerate(rows, 1)
+    )
+    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def terms(body: str) -> str:
+    """The meaning of every column of the tables in a page."""
+    used = [term for term in TERMS if f">{escape(term)}</th>" in body]
+    rows = "".join(f"<dt>{escape(term)}</dt><dd>{escape(TERMS[term])}</dd>" for term in used)
+    return f'<dl class="terms">{rows}</dl>'
 
 
 def figure(drawing: str, caption: str) -> str:
@@ -34,6 +54,10 @@ def sure(score: Part, name: str) -> str:
 
 def share(value: float | None) -> str:
     return number(value, 2)
+
+
+def percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.0f} %"
 
 
 def number(value: float | None, digits: int = 1) -> str:

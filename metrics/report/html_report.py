@@ -2,40 +2,35 @@
 
 from collections.abc import Iterator, Sequence
 from html import escape
+from importlib.resources import files
 
-from metrics.report import figures
-from metrics.report.html_cells import Part, figure, maker, moment, number, share, spread, sure, table
+from deconflict.settings.site import DEFAULT, Site
+from metrics.report.drawings import figures
+from metrics.report.html_cells import Part, figure, maker, moment, number, share, spread, sure, table, terms
+from metrics.report.opening_sections import opening
 from metrics.report.place_sections import arrivals, contention, places
 from metrics.report.situation_section import situations
-from metrics.report.svg import Point
 from metrics.scoring.forecast_scores import BANDS
 
 
-def page(result: Part, title: str) -> str:
-    """The whole page for a result of `metrics/replay/replay.py`."""
-    body = "\n".join(_sections(result))
+def page(result: Part, title: str, site: Site = DEFAULT, page_url: str = "") -> str:
+    """The whole page for a result of `metrics/replay/replay.py`. `page_url` is the address of the operator's page."""
+    body = "\n".join((*opening(result, site, page_url), *_sections(result)))
+    body += f"<h2>What the columns mean</h2>{terms(body)}"
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>\n"
+        f"<title>{escape(title)}</title>\n<style>{_style()}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>\n"
         f"{body}\n</body>\n</html>\n"
     )
 
 
 def _sections(result: Part) -> Iterator[str]:
-    yield (
-        f"<p>{result['messages']:,} messages of {result['robots']:,} robots in {_span(result['span_s'])}, through the"
-        " engine that the live service uses. Advisory, not safety rated.</p>"
-    )
-    if "late_messages" in result:
-        yield (
-            f"<p>{result['late_messages']:,} messages come after messages that were received up to"
-            f" {result['late_by_s']:g} s later. They were read in the order of the log.</p>"
-        )
-    yield "<h2>Figures</h2>" + _figures(result["scores"])
+    yield "<h2>Details</h2>"
+    yield "<h3>Encounters alone</h3>" + _figures(result["scores"])
     for score in result["scores"]:
-        yield f"<h2>Clearance {score['clearance_m']:g} m</h2>" + "".join(_score(score))
-    yield "<h2>Silent robots</h2>" + _silences(result["scores"])
+        yield f"<h3>Clearance {score['clearance_m']:g} m</h3>" + "".join(_score(score))
+    yield "<h3>Silent robots</h3>" + _silences(result["scores"])
     yield "<h2>Vendors</h2>" + _scorecard(result) + _trust(result["vendors"])
     yield "<h2>Forecast errors</h2>" + _errors(result["forecast_error"]["by_model"])
     if result["arrivals"]:
@@ -80,12 +75,10 @@ def _score(score: Part) -> Iterator[str]:
     leads = [float(text) for text in cases["lead_time_s"].split() if text != "-"]
     yield '<div class="row">'
     yield figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters with an alert")
-    if score["reliability"]:
-        caption = f"{score['samples']:,} published probabilities. Perfect calibration is on the diagonal"
-        yield figure(figures.reliability(score["reliability"]), caption)
-    for floor, alerts in sorted(_by_floor(cases).items()):
-        caption = f"Where conflicts were predicted, floor {floor}: {len(alerts)} alerts"
-        yield figure(figures.heat(alerts), caption)
+    probability = score["warnings"]["probability"]
+    if probability["reliability"]:
+        caption = f"{probability['samples']:,} published probabilities. Perfect calibration is on the diagonal"
+        yield figure(figures.reliability([*probability["reliability"], *probability["likely"]["bins"]]), caption)
     yield "</div>"
 
 
@@ -110,15 +103,6 @@ def _silences(scores: Sequence[Part]) -> str:
         " last report; for good, or until it reported from another place. An encounter with a silent robot: another"
         " robot came within the clearance of its place.</p>"
     )
-
-
-def _by_floor(cases: Part) -> dict[str, list[tuple[Point, str]]]:
-    found: dict[str, list[tuple[Point, str]]] = {}
-    for place, outcome in zip(cases["places"], cases["came_true"], strict=True):
-        if place:
-            x, y, floor = place.split(" ", 2)
-            found.setdefault(floor, []).append(((float(x), float(y)), outcome))
-    return found
 
 
 def _scorecard(result: Part) -> str:
@@ -212,8 +196,9 @@ def _errors(models: Sequence[Part]) -> str:
         "across the heading",
         "in the 50 / 80 / 90 % bands",
     )
-    chart = figure(figures.errors(models), "Distance from forecast to actual position: median (line), p90 (dashed)")
-    return f'<div class="row">{chart}<ul class="legend">{legend}</ul></div>' + table(head, rows)
+    half = figure(figures.errors(models, "median"), "Distance from forecast to actual position: half are nearer")
+    tenth = figure(figures.errors(models, "p90"), "One in ten is farther off than this")
+    return f'<ul class="legend">{legend}</ul><div class="row">{half}{tenth}</div>' + table(head, rows)
 
 
 def _scenes(scenes: Sequence[Part]) -> str:
@@ -233,7 +218,8 @@ def _scenes(scenes: Sequence[Part]) -> str:
         cells.append(f"<figure>{figures.scene(scene)}<figcaption>{'<br>'.join(lines)}</figcaption></figure>")
     return (
         f'<div class="row small">{"".join(cells)}</div>'
-        '<p class="note">Six seconds before to three after. An outline each second; the nearest is filled.</p>'
+        '<p class="note">Six seconds before to three after. An outline each second; the nearest is filled, and'
+        " a triangle shows where each robot heads. From above, x to the right, y up.</p>"
     )
 
 
@@ -259,36 +245,8 @@ def _conformance(vendors: Sequence[Part]) -> str:
     ]
     if not rows:
         return "<p>No deviations from the standard.</p>"
-    return table(("vendor", "rule", "count", "", "deviation, and how it is read"), rows, text_columns=5)
+    return table(("vendor", "rule", "count", "how read", "deviation, and how it is read"), rows, text_columns=5)
 
 
-def _span(seconds: float) -> str:
-    return f"{seconds / 3600:.1f} hours" if seconds >= 7200 else f"{seconds / 60:.1f} minutes"
-
-
-STYLE = """
-:root{color-scheme:light dark;--back:#fff;--ink:#1a1f26;--dim:#5c6672;--rule:#dde2e8;--bar:#2f6fb3;--heat:#c2410c;
---c0:#1f6fb2;--c1:#c2410c;--c2:#2e7d32;--c3:#7b3fa0;--c4:#8a6d00;--c5:#007a87}
-@media (prefers-color-scheme:dark){:root{--back:#14181d;--ink:#e6eaef;--dim:#98a3b0;--rule:#2c343d;--bar:#5aa2e6;
---heat:#ff8a4c;--c0:#6ab0f3;--c1:#ff9a62;--c2:#7fce85;--c3:#c79be6;--c4:#e3c44d;--c5:#5fd0dc}}
-body{margin:2rem auto;padding:0 1.25rem;max-width:76rem;background:var(--back);color:var(--ink);
-font:15px/1.5 system-ui,sans-serif}
-h1{font-size:1.6rem;margin:0 0 .5rem}h2{font-size:1.15rem;margin:2.2rem 0 .6rem;padding-top:.8rem;
-border-top:1px solid var(--rule)}
-h3{font-size:1rem;font-weight:600;margin:1.4rem 0 .3rem}
-.wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:14px}
-th,td{padding:.3rem .8rem .3rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--rule)}
-th{color:var(--dim);font-weight:500;vertical-align:bottom}td.n{white-space:nowrap}
-.note,figcaption{color:var(--dim);font-size:13px}.row{display:flex;flex-wrap:wrap;gap:1.5rem;align-items:flex-start}
-figure{margin:.5rem 0}.small figure{width:210px}
-.small svg{border:1px solid var(--rule);border-radius:4px}
-svg{max-width:100%;height:auto;display:block}.legend{list-style:none;padding:0;margin:1rem 0}
-.key{display:inline-block;width:.7em;height:.7em;border-radius:2px;margin-right:.4em;background:currentColor}
-.scale{fill:none;stroke:var(--dim);stroke-width:1.5}.grid{stroke:var(--rule)}.tick{fill:var(--dim);font-size:11px}.axis{fill:var(--dim);font-size:12px}
-.ideal{stroke:var(--dim);stroke-dasharray:3 4;fill:none}.bar{fill:var(--bar)}.heat{fill:var(--heat)}
-.c0{color:var(--c0)}.c1{color:var(--c1)}.c2{color:var(--c2)}.c3{color:var(--c3)}.c4{color:var(--c4)}.c5{color:var(--c5)}
-.line,.dashes{fill:none;stroke:currentColor;stroke-width:2}.dashes{stroke-dasharray:6 4}.dot{fill:currentColor}
-.outline{fill:none;stroke:currentColor;stroke-opacity:.35}.envelope{fill:currentColor;fill-opacity:.35;stroke:currentColor;
-stroke-width:1.5}
-@media print{body{margin:0;max-width:none}h2{break-after:avoid}figure{break-inside:avoid}}
-"""
+def _style() -> str:
+    return files("metrics.report").joinpath("report.css").read_text(encoding="utf-8")

@@ -1,73 +1,119 @@
-"""The result of a replay in a few lines for the terminal: what was warned of, how far ahead, and where in vain."""
+"""The result of a replay in sentences for people, for the terminal and the top of the report."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ingest.languages.visible_text import visible
-from metrics.report.html_cells import Part, moment
+from metrics.report.html_cells import Part, moment, percent
 
 CELL_M = 5.0
-"""Alerts are counted by squares of this side."""
+"""Warnings in vain are counted by squares of this side."""
+OTHER_OUTCOMES = {
+    "heeded": "ended in the advised wait",
+    "in_progress": "came after the beginning",
+    "unknown": "had no known outcome",
+}
 
 
 def summary(result: Part, written: Sequence[Path]) -> str:
-    """`written` are the files that the replay wrote."""
-    return "\n".join([*map(visible, _lines(result)), *(f"Wrote {path}" for path in written), ""])
+    """For the terminal. `written` are the files that the replay wrote."""
+    return "\n".join(
+        [first_sentences(result), *map(visible, findings(result)), *(f"Wrote {path}" for path in written), ""]
+    )
 
 
-def _lines(result: Part) -> Iterator[str]:
+def first_sentences(result: Part) -> str:
+    """How often robots got in each other's way, how often the service warned of it, and how often in vain."""
+    alerts = result["scores"][0]["warnings"]
+    events, warned, early = (count_events(alerts, name) for name in ("fresh", "told_at_any_time", "told_2_s"))
+    floor = f"In {span(result['span_s'])}, {result['robots']:,} robots of {_vendors(result)}"
+    if not events:
+        return f"{floor} never got in each other's way. {_outcomes(alerts)}"
+    return (
+        f"{floor} got in each other's way {_times(events)}. The service warned of {warned:,} of these"
+        f" ({percent(warned / events)}), of {early:,} at least 2 s ahead. {_outcomes(alerts)}"
+    )
+
+
+def findings(result: Part) -> Iterator[str]:
+    """Other outcomes of warnings, situations, the worst pair of vendors and place, and the nearest moment."""
     score = result["scores"][0]
     alerts = score["warnings"]
-    minutes = result["span_s"] / 60
-    yield f"{result['messages']:,} messages of {result['robots']:,} robots in {minutes:.1f} min"
-    yield (
-        f"{alerts['alerts']} conflicts were warned of at a clearance of {score['clearance_m']:g} m: "
-        f"{alerts['true']} came true, {alerts['in_progress']} were in progress already, "
-        f"{alerts['in_vain']} were in vain, {alerts['ordered']} were waits within a fleet, "
-        f"{alerts['heeded']} were advised waits, {alerts['repeated']} were repeated, {alerts['unknown']} unknown"
-    )
-    for name, text in (("stops", "stops of robots for others"), ("encounters", "encounters within the clearance")):
-        fresh = alerts[name]
-        if fresh["fresh"]:
-            yield (
-                f"Of {fresh['fresh']} fresh {text}, {_percent(fresh['told_2_s'])} were warned of 2 s ahead, "
-                f"{_percent(fresh['told_4_s'])} 4 s, {_percent(1 - fresh['told_at_any_time'])} not at all"
-            )
+    others = [f"{alerts[key]:,} {text}" for key, text in OTHER_OUTCOMES.items() if alerts[key]]
+    if others:
+        yield f"Of the other warnings, {', '.join(others)}."
     if score["lead_time_s"]:
         ahead = score["lead_time_s"]
-        yield f"Warned {ahead['median']:.1f} s ahead in the median (a tenth less than {ahead['p10']:.1f} s)"
-    yield from _worst(result, score)
-
-
-def _worst(result: Part, score: Part) -> Iterator[str]:
-    """The pair of vendors and the place with the most warnings in vain, and the nearest moment."""
-    pairs = [row for row in score["warnings"]["by_vendor_pair"] if row["in_vain"]]
+        yield f"Half of the encounters that were foreseen had a warning {ahead['median']:.1f} s ahead or earlier."
+    if result["situations"]["situations"]:
+        yield _situations(result["situations"])
+    pairs = [row for row in alerts["by_vendor_pair"] if row["in_vain"]]
     if pairs:
         worst = max(pairs, key=lambda row: row["in_vain"])
-        names = " and ".join(worst["vendors"])
-        yield f"Most in vain between {names}: {worst['in_vain']} of {worst['alerts']}"
-    cases, cells = score["cases"], Counter[tuple[float, float, str]]()
-    for place, came in zip(cases["places"], cases["came_true"], strict=False):
-        if came == "n":
+        names = " and ".join(dict.fromkeys(worst["vendors"]))
+        yield f"Most warnings in vain: between robots of {names}, {worst['in_vain']:,} of {worst['alerts']:,}."
+    yield from _worst_place(result)
+    if result["nearest"]:
+        yield _nearest(result["nearest"][0])
+
+
+def count_events(alerts: Part, name: str) -> int:
+    """How many of the fresh stops and encounters have a property, such as `told_2_s`; all of them if it is `fresh`."""
+    parts = [alerts["stops"], alerts["encounters"]]
+    if name == "fresh":
+        return sum(part["fresh"] for part in parts)
+    return sum(round(part["fresh"] * (part[name] or 0.0)) for part in parts)
+
+
+def span(seconds: float) -> str:
+    return f"{seconds / 3600:.1f} hours" if seconds >= 7200 else f"{seconds / 60:.1f} minutes"
+
+
+def _outcomes(alerts: Part) -> str:
+    if not alerts["alerts"]:
+        return "There were no warnings."
+    return f"Of its {alerts['alerts']:,} warnings, {alerts['true']:,} came true and {alerts['in_vain']:,} were in vain."
+
+
+def _situations(part: Part) -> str:
+    at_once = part["open_at_once"]
+    return (
+        f"Situations for people: {part['situations']:,}. Came true: {part['true']:,}, prevented by advice:"
+        f" {part['heeded']:,}, in vain: {part['in_vain']:,}. Open at a time: {at_once['median'] or 0:.0f} in the"
+        f" median, {at_once['most'] or 0:.0f} at most."
+    )
+
+
+def _worst_place(result: Part) -> Iterator[str]:
+    listed = result["scores"][0]["warnings"]["listed"]
+    cells = Counter[tuple[float, float, str]]()
+    for place, outcome in zip(listed["places"], listed["came_true"], strict=True):
+        if place and outcome == "n":
             x, y, floor = place.split(" ", 2)
             cells[round(float(x) / CELL_M) * CELL_M, round(float(y) / CELL_M) * CELL_M, floor] += 1
-    floors = {each["floor"]: each["floor_name"] for each in result["nearest"]}
     for (x_m, y_m, floor), count in cells.most_common(1):
-        yield f"Most without an encounter near ({x_m:g}, {y_m:g}){_on(floors.get(floor, floor))}: {count}"
-    if result["nearest"]:
-        near = result["nearest"][0]
-        warned = "without a warning" if near["warned_s"] is None else f"warned of {near['warned_s']:.1f} s before"
-        yield (
-            f"Nearest: {' and '.join(near['names'])}, {near['separation_m']:.2f} m{_on(near['floor_name'])} at "
-            f"{moment(near['at'])}, {warned}"
-        )
+        name = result.get("floors", {}).get(floor, "")
+        yield f"Most of them at one place: {count:,} near x {x_m:g} m, y {y_m:g} m{_on(name)}."
+
+
+def _nearest(near: Part) -> str:
+    warned = "without a warning" if near["warned_s"] is None else f"warned of {near['warned_s']:.1f} s before"
+    return (
+        f"Nearest to each other: {' and '.join(near['names'])}, {near['separation_m']:.2f} m{_on(near['floor_name'])},"
+        f" {moment(near['at'])}, {warned}."
+    )
+
+
+def _vendors(result: Part) -> str:
+    count = len(result["scores"][0]["by_vendor"])
+    return f"{count} vendor{'' if count == 1 else 's'}"
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count:,} times"
 
 
 def _on(floor_name: str) -> str:
     """The floor in a sentence; nothing if it has no name."""
     return f" on {floor_name}" if floor_name else ""
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"

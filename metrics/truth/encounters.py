@@ -15,7 +15,7 @@ import numpy as np
 
 from ingest.batch import Forecasts, Ints, Pair
 from metrics.truth.nearest_scenes import NearestScenes
-from metrics.truth.recorded_motion import RecordedMotion
+from metrics.truth.recorded_motion import RecordedMotion, RecordedPlace, SampledMotion
 from metrics.truth.separations import Separations, separations
 from metrics.truth.silences import Silences
 
@@ -41,6 +41,8 @@ class RecordedEncounter:
     """Time of the last one."""
     foreseeable: bool
     """Whether both robots were present for `FORESEEABLE_S` before the start."""
+    place: RecordedPlace | None = None
+    """The place of one of the two at the start."""
 
 
 class EncounterFinder:
@@ -101,7 +103,7 @@ class EncounterFinder:
         sampled = self.motion.sampled(first, samples, STEP_S)
         near = separations(sampled, max(below.apart_m for below in self._below.values()))
         for below in self._below.values():
-            below.advance(near, first, self._next - 1, self.motion)
+            below.advance(near, sampled, self.motion)
         self.scenes.add(sampled, near, self.motion)
         self.silences.find_driven_through(sampled)
 
@@ -117,8 +119,9 @@ class ThresholdEncounters:
         self._together: dict[Pair, int] = {}
         """Pairs within `apart_m` at the last sample, and the sample since which they have been."""
 
-    def advance(self, near: Separations, first: int, last: int, motion: RecordedMotion) -> None:
-        """Process the samples from `first` to `last`."""
+    def advance(self, near: Separations, sampled: SampledMotion, motion: RecordedMotion) -> None:
+        """Process the samples of a motion, with the separations of near pairs in it."""
+        first, last = sampled.first, sampled.first + sampled.x_m.shape[1] - 1
         near = near.take(np.flatnonzero(near.separation_m <= self.apart_m))
         spans, span_of = _runs(near)
         before, self._together = self._together, {}
@@ -134,15 +137,18 @@ class ThresholdEncounters:
         runs, _ = _runs(near.take(rows))
         for begin, end in rows[runs].tolist():
             pair = motion.pair(int(near.a[begin]), int(near.b[begin]))
-            self._add_run(pair, near, begin, end, int(since[span_of[begin]]))
+            place = sampled.place(int(near.a[begin]), int(near.sample[begin]))
+            self._add_run(pair, near, begin, end, int(since[span_of[begin]]), place)
         self._close_ended(last)
 
     def finish(self) -> None:
         self.closed += self._open.values()
         self._open.clear()
 
-    def _add_run(self, pair: Pair, near: Separations, begin: int, end: int, together_since: int) -> None:
-        """Add a run of the pair below the threshold, rows `begin` to `end`."""
+    def _add_run(
+        self, pair: Pair, near: Separations, begin: int, end: int, together_since: int, place: RecordedPlace
+    ) -> None:
+        """Add a run of the pair below the threshold, rows `begin` to `end`, which begins at a place."""
         start, end_s = int(near.sample[begin]), int(near.sample[end]) * STEP_S
         known = self._open.get(pair)
         if known is not None:
@@ -152,7 +158,7 @@ class ThresholdEncounters:
                 return
             self.closed.append(known)
         foreseeable = start * STEP_S - float(near.since_s[begin]) >= FORESEEABLE_S
-        encounter = self._open[pair] = RecordedEncounter(pair, start * STEP_S, end_s, foreseeable)
+        encounter = self._open[pair] = RecordedEncounter(pair, start * STEP_S, end_s, foreseeable, place)
         self.of_pair.setdefault(pair, []).append(encounter)
 
     def _close_ended(self, last: int) -> None:

@@ -16,6 +16,7 @@ from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from ingest.batch import Batch, Floats, Ints, Pair
 from ingest.kernels import ready
 from metrics.truth.placebo import Placebo
+from metrics.truth.recorded_motion import RecordedPlace
 
 LOOKS_S: Floats = np.arange(AHEAD_S + 1.0)
 """Times after each report at which its forecast is sampled."""
@@ -40,6 +41,8 @@ class YieldEvent:
     """Whether it continues the pair's last interaction."""
     is_sparse: bool
     """Whether the robot's reports were more than `JOINED_S` apart."""
+    place: RecordedPlace
+    """Where it was when it was seen to yield."""
 
     @property
     def pair(self) -> Pair:
@@ -59,6 +62,8 @@ class Interactions:
         self._half_m = np.zeros((2, 0))
         self._levels_m = np.zeros((2, 0))
         """Bottom and top."""
+        self._place = np.zeros((3, 0))
+        """Floor, x and y of the newest report."""
         self._vendor = np.zeros(0, np.int64)
         self._vendors: dict[str, int] = {}
         self._heard_s = np.zeros(0)
@@ -78,6 +83,8 @@ class Interactions:
         slots, forecasts = self._slots_of(batch.robots), batch.forecasts
         self._half_m[:, slots] = forecasts.length_m / 2, forecasts.width_m / 2
         self._levels_m[:, slots] = forecasts.bottom_m, forecasts.top_m
+        at = forecasts.start[:-1]
+        self._place[:, slots] = forecasts.floor[at], forecasts.x_m[at], forecasts.y_m[at]
         self._vendor[slots] = [self._vendors.setdefault(vendor, len(self._vendors)) for vendor in batch.vendors]
         self._update_times(slots, batch.event_s)
         reports = interaction_reports(batch, slots, poses_at(forecasts, ready(batch.event_s), LOOKS_S), usual_m)
@@ -132,6 +139,7 @@ class Interactions:
             inf,
             interaction.again,
             bool(self._gap_s[slot] > JOINED_S),
+            RecordedPlace(int(self._place[0, slot]), float(self._place[1, slot]), float(self._place[2, slot])),
         )
         self._open[slot] = event
         self.by_pair.setdefault(event.pair, []).append(event)
@@ -154,7 +162,7 @@ class Interactions:
         if (more := len(self._slots) - len(self._heard_s)) > 0:
             lengthen(
                 self,
-                ("_half_m", "_levels_m", "_vendor", "_heard_s", "_gap_s"),
+                ("_half_m", "_levels_m", "_place", "_vendor", "_heard_s", "_gap_s"),
                 max(more, len(self._heard_s), 16),
                 axis=-1,
             )

@@ -15,6 +15,7 @@ from deconflict.foresight.interactions.interaction_finder import InteractionOutc
 from ingest.batch import Pair
 from metrics.truth.encounters import EncounterFinder, RecordedEncounter
 from metrics.truth.interactions import Interactions, YieldEvent
+from metrics.truth.recorded_motion import RecordedPlace
 
 WITHIN_S = 10.0
 """A warning is true if an outcome follows within this time."""
@@ -67,13 +68,18 @@ class PairOutcomes:
     """Fresh onsets of yielding."""
     meetings_s: list[float] = field(default_factory=list)
     """Fresh onsets of foreseeable encounters."""
+    places: dict[float, RecordedPlace | None] = field(default_factory=dict)
+    """Where each fresh onset was, by its time."""
 
     @classmethod
     def of(cls, yield_events: Iterable[YieldEvent], encounters: Iterable[RecordedEncounter]) -> "PairOutcomes":
         by_outcome: dict[InteractionOutcome, list[OutcomeSpan]] = {outcome: [] for outcome in InteractionOutcome}
+        places: dict[float, RecordedPlace | None] = {}
         for event in yield_events:
+            places[event.onset_s] = event.place
             by_outcome[event.outcome].append(OutcomeSpan(event.onset_s, event.end_s))
         pair = cls(ordered=by_outcome[InteractionOutcome.ORDERED], doubted=by_outcome[InteractionOutcome.UNKNOWN])
+        places |= {encounter.start_s: encounter.place for encounter in encounters}
         stops = [(span, pair.stops_s) for span in by_outcome[InteractionOutcome.YIELDED]]
         meetings = [
             (
@@ -85,6 +91,7 @@ class PairOutcomes:
         for span, fresh_s in sorted([*stops, *meetings], key=lambda span_and_list: span_and_list[0]):
             if not pair.spans or span.onset_s - pair.spans[-1].end_s > FRESH_S:
                 fresh_s.append(span.onset_s)
+                pair.places[span.onset_s] = places.get(span.onset_s)
             pair._add(span)
         return pair
 

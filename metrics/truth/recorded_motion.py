@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, nan
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -26,6 +27,15 @@ _NEVER = np.array([0.0 if name == "present_s" else -inf for name in _LAST])
 """The last report of a robot before its first one."""
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+
+
+class RecordedPlace(NamedTuple):
+    """A place on a floor."""
+
+    floor: int
+    """Index of the floor in the batches."""
+    x_m: float
+    y_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +66,11 @@ class SampledMotion:
     def robot(self) -> Ints:
         """(r,) the slot of each robot, or of the robot that pulls the trailer."""
         return self.body // BODIES
+
+    def place(self, robot: int, sample: int) -> RecordedPlace:
+        """The place of a robot that is there at a sample."""
+        at = int(np.searchsorted(self.robot, robot)), sample - self.first
+        return RecordedPlace(int(self.floor[at]), float(self.x_m[at]), float(self.y_m[at]))
 
 
 class RecordedMotion:

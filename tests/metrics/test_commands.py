@@ -156,7 +156,7 @@ def test_a_replay_ends_with_a_summary_for_people_and_says_what_it_wrote(
     run("replay", log, "--json", out)
     written = capsys.readouterr()
     assert not written.out
-    assert "messages of 2 robots in" in written.err
+    assert "2 robots of 1 vendor got in each other's way" in written.err
     assert "came true" in written.err
     assert written.err.endswith(f"Wrote {out}\n")
 

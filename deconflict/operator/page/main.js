@@ -374,8 +374,19 @@ async function begin() {
   vendors.order(site.vendors.map((vendor) => vendor.name));
   vendors.people = new Set(site.vendors.filter((vendor) => vendor.participant === "person").map((vendor) => vendor.name));
   list();
+  openMoment();
 }
 
+// A link to a moment, as in the report of a replay: #at=2026-11-23T23:10:04Z&floor=ID
+async function openMoment() {
+  const link = new URLSearchParams(location.hash.slice(1)), atS = Date.parse(link.get("at")) / 1000;
+  if (link.has("floor")) show(link.get("floor"));
+  if (!Number.isFinite(atS)) return;
+  await past.readSpan();
+  past.go(atS);
+}
+
+window.onhashchange = openMoment;
 const darkness = matchMedia("(prefers-color-scheme: dark)");
 const preferredTheme = () => remembered("theme") ?? (darkness.matches ? "dark" : "light");
 darkness.onchange = () => { setTheme(preferredTheme()); list(); };

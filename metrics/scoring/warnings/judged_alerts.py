@@ -10,6 +10,7 @@ from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence
 from metrics.truth.advised_waits import AdvisedWaits
 from metrics.truth.pair_outcomes import NOTHING, WITHIN_S, AllPairOutcomes, PairOutcomes, Verdict
+from metrics.truth.recorded_motion import RecordedPlace
 
 LEADS_S = (2.0, 4.0, 6.0)
 
@@ -36,6 +37,7 @@ class JudgedOnset(NamedTuple):
     warned: tuple[bool, ...]
     """For each of `LEADS_S`, whether an alert that is open at the onset was raised at least that long before. Last,
     whether any alert was open in the 10 s before."""
+    place: RecordedPlace | None
 
 
 class JudgedCases(NamedTuple):
@@ -62,7 +64,14 @@ def judged(
             verdict = Verdict.TRUE if alert in credited else _verdict(counts)
             found.append(JudgedAlert(alert, robots.vendors(pair), stood_s, verdict, tuple(counts)))
     onsets = [
-        JudgedOnset(pair, robots.vendors(pair), onset_s, is_stop, _warned(by_pair.get(pair, ()), onset_s))
+        JudgedOnset(
+            pair,
+            robots.vendors(pair),
+            onset_s,
+            is_stop,
+            _warned(by_pair.get(pair, ()), onset_s),
+            outcomes_of_pair.places.get(onset_s),
+        )
         for pair, outcomes_of_pair in every.items()
         for is_stop, onsets_s in ((True, outcomes_of_pair.stops_s), (False, outcomes_of_pair.meetings_s))
         for onset_s in onsets_s

@@ -43,6 +43,8 @@ class Alert:
     """Whether one of the two waited as advised while the alert was open."""
     encounter_class: str = ""
     """The class of the predicted encounter when it was raised."""
+    advisory: str = ""
+    """Id of the advisory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@ import copy
 import re
 import xml.etree.ElementTree as ET
 from datetime import datetime
+from html import escape
 from math import dist
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,11 @@ import pytest
 from deconflict.settings.site import DEFAULT
 from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
-from metrics.report import figures
+from metrics.report.drawings import figures
+from metrics.report.drawings.floor_picture import DrawnFloor, floor_picture
+from metrics.report.drawings.svg import Chart, ticks
 from metrics.report.html_report import page
-from metrics.report.svg import Chart, ticks
+from metrics.report.replay_summary import findings, first_sentences, summary
 from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
 
 
@@ -28,7 +31,7 @@ def test_the_page_opens_offline_and_is_the_same_each_time(result: dict[str, Any]
     assert html == page(copy.deepcopy(result), "Replay")
     for outside in ("http", "src=", "@import", "url(", "<script"):
         assert outside not in html
-    for part in ("Lead time", "Where conflicts were predicted", "Deviations from", "Distance from forecast"):
+    for part in ("Lead time", "Where", "The course of the log", "Deviations from", "Distance from forecast"):
         assert part in html
 
 
@@ -125,8 +128,14 @@ def test_the_scorecard_shows_how_reliable_a_vendor_is(result: dict[str, Any]) ->
 
 def test_drawings_are_well_formed_and_lie_within_their_bounds() -> None:
     bins = [{"samples": 10 * n, "probability": n / 10, "came_true": n / 11} for n in range(1, 10)]
-    alerts = [((x / 3, x / 7), "yn-"[x % 3]) for x in range(60)]
-    for drawing in (figures.reliability(bins), figures.lead_times([0.5, 3.0, 40.0]), figures.heat(alerts)):
+    warnings = [((x / 3, x / 7), "yn-"[x % 3]) for x in range(60)]
+    wall = ("obstacle", "wall", [(-1.0, -1.0), (30.0, -1.0), (30.0, 12.0)])
+    floor = DrawnFloor("Hall", [wall], warnings, [("dot missed", "m1", (40.0, 3.0), "M1")])
+    minutes = [
+        {"at_s": 60.0 * n, "true": n, "in_vain": 1, "other": 2, "warned": n % 7, "missed": 3} for n in (0, 1, 5, 500)
+    ]
+    drawings = (figures.reliability(bins), figures.lead_times([0.5, 3.0, 40.0]), figures.timeline(minutes))
+    for drawing in (*drawings, floor_picture(floor)):
         root = ET.fromstring(drawing)  # noqa: S314 - our own text
         width, height = float(root.attrib["width"]), float(root.attrib["height"])
         for circle in root.iter("circle"):
@@ -147,3 +156,51 @@ def test_the_diagonal_of_a_chart_goes_from_corner_to_corner() -> None:
 )
 def test_ticks_are_round_numbers_within(low: float, high: float, expected: list[float]) -> None:
     assert list(ticks(low, high)) == expected
+
+
+def test_the_report_begins_with_a_sentence_for_a_meeting_that_the_terminal_shows_too(result: dict[str, Any]) -> None:
+    sentence = first_sentences(result)
+    assert sentence == (
+        "In 0.4 minutes, 2 robots of 1 vendor got in each other's way once. The service warned of 1 of these (100 %),"
+        " of 1 at least 2 s ahead. Of its 1 warnings, 1 came true and 0 were in vain."
+    )
+    assert page(result, "Replay").index(escape(sentence)) < page(result, "Replay").index("<h2>")
+    assert summary(result, [Path("out.json")]).splitlines()[:: len(list(findings(result))) + 1] == [
+        sentence,
+        "Wrote out.json",
+    ]
+
+
+def test_every_column_says_what_it_means_on_hover_and_at_the_end(result: dict[str, Any]) -> None:
+    html = page(result, "Replay")
+    columns = re.findall(r"<th title=\"(.*?)\">(.*?)</th>", html)
+    assert len(columns) == html.count("<th ") > 20
+    assert "<th>" not in html
+    for meaning, title in columns:
+        assert not title or f"<dt>{title}</dt><dd>{meaning}</dd>" in html
+
+
+def test_a_log_that_was_warned_of_at_the_wrong_place_lists_what_was_missed_and_what_was_in_vain(
+    result: dict[str, Any],
+) -> None:
+    changed = copy.deepcopy(result)
+    names = {"names": ["Alder A-1", "<b>"], "vendors": ["Alder", "Alder"], "robots": ["a", "b"]}
+    where = {"floor": "hall", "floor_name": "Hall", "x_m": 3.0, "y_m": 4.0}
+    case = {"at": "2026-11-23T23:10:04.000000Z", "into_s": 28.0, **names, **where}
+    warning = {
+        "advisory": "1",
+        "open_s": 4.0,
+        "predicted_in_s": 3.0,
+        "encounter_class": "head_on",
+        "verdict": "kept_apart",
+    }
+    listed = changed["scores"][0]["warnings"]["listed"]
+    listed.update(missed=[{**case, "event": "stop"}], in_vain=[{**case, **warning}], in_vain_left_out=7)
+    html = page(changed, "Replay", page_url="http://hall:8080/")
+    assert "Warnings in vain: 8, the first 1 of them" in html
+    for row in ("m1", "v1"):
+        assert f'<tr id="{row}">' in html
+        assert f'<a href="#{row}"><circle id="dot-{row}"' in html
+        assert f'<a href="#dot-{row}">' in html
+    assert 'href="http://hall:8080/#at=2026-11-23T23%3A10%3A04.000000Z&amp;floor=hall"' in html
+    assert "<b>" not in html.split("What to look into")[1]

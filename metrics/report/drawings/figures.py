@@ -2,16 +2,28 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import cos, sin, sqrt
+from datetime import UTC, datetime
+from math import ceil, cos, sin, sqrt
 from typing import Any
 
-from metrics.report.svg import Chart, Point, fitted
+from metrics.report.drawings.svg import Chart, Point, fitted
 
 Part = Mapping[str, Any]
 COLOURS = 6
 """Number of colours that a reader can distinguish."""
 SCALES_M = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2)
 """Possible lengths of a scale bar."""
+RAISED, HAPPENED = ("true", "in_vain", "other"), ("warned", "missed")
+STACKED = {
+    "true": "warnings came true",
+    "in_vain": "warnings in vain",
+    "other": "warnings not judged",
+    "warned": "stops and encounters with a warning",
+    "missed": "stops and encounters without a warning",
+}
+"""What the timeline shows, the first nearest to its line."""
+BINS_S, MOST_BINS, MOST_TIMES = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 21600.0, 86400.0), 72, 14
+MINUTE_S = 60.0
 LEADS_S = 12
 """Number of bars, one for each whole second of lead time. The last also counts longer times."""
 
@@ -33,47 +45,56 @@ def lead_times(leads_s: Sequence[float]) -> str:
     """Number of predicted encounters by lead time."""
     counts = Counter(min(max(int(lead), 0), LEADS_S - 1) for lead in leads_s)
     chart = Chart((0.0, LEADS_S), (0.0, max(counts.values(), default=1) * 1.05))
-    chart.axes("lead time, seconds", "encounters")
+    labels = [(float(second), f"{second}") for second in range(0, LEADS_S - 1, 2)]
+    chart.axes("lead time, seconds", "encounters", [*labels, (LEADS_S - 0.5, f"{LEADS_S - 1}+")])
     for second, count in sorted(counts.items()):
         name = f"{second} s and more" if second == LEADS_S - 1 else f"{second} to {second + 1} s"
         chart.box((second + 0.08, 0.0), (second + 0.92, count), "bar", f"{name}: {count}")
     return chart.drawn("Distribution of lead times")
 
 
-def errors(models: Sequence[Part]) -> str:
-    """Median (line) and p90 (dashed) of the distance by horizon, in one colour for each vendor and model."""
-    shown = models[:COLOURS]
-    values = [row["distance_p90_m"] or 0.0 for model in shown for row in model["horizons"]]
+def errors(models: Sequence[Part], share: str) -> str:
+    """`median` or `p90` of the distance by horizon, in one colour for each vendor and model."""
+    shown, name = models[:COLOURS], f"distance_{share}_m"
+    values = [row[name] or 0.0 for model in shown for row in model["horizons"]]
     chart = Chart((0.0, 10.0), (0.0, max(values, default=1.0) or 1.0))
     chart.axes("seconds ahead", "metres off")
     for number, model in enumerate(shown):
-        for share, style in (("median", "line"), ("p90", "dashes")):
-            name = f"distance_{share}_m"
-            points = [(row["horizon_s"], row[name]) for row in model["horizons"] if row[name] is not None]
-            chart.line([(0.0, 0.0), *points], f"{style} c{number}")
-    return chart.drawn("Forecast error by horizon")
+        points = [(row["horizon_s"], row[name]) for row in model["horizons"] if row[name] is not None]
+        chart.line([(0.0, 0.0), *points], f"line c{number}")
+    return chart.drawn(f"Forecast error by horizon, {share}")
 
 
-def heat(alerts: Sequence[tuple[Point, str]]) -> str:
-    """Where conflicts were predicted. A darker cell has more; its title says how many came true."""
-    xs, ys = [x for (x, _), _ in alerts], [y for (_, y), _ in alerts]
-    reach = max(max(xs) - min(xs), max(ys) - min(ys), 8.0)
-    cell = next(size for size in (0.5, 1.0, 2.0, 5.0, 10.0, 50.0, reach) if reach / size <= 60)
-    found: dict[tuple[int, int], Counter[str]] = {}
-    for (x, y), outcome in alerts:
-        found.setdefault((int(x // cell), int(y // cell)), Counter())[outcome] += 1
-    low = (min(xs) - cell, min(ys) - cell)
-    high = (max(xs) + cell, max(ys) + cell)
-    width = round(min(max(380 * (high[0] - low[0]) / (high[1] - low[1]), 200), 700)) + 80
-    chart = fitted([low, high], width, 460, 40)
-    chart.axes("metres", "metres")
-    most = max(sum(counts.values()) for counts in found.values())
-    for (column, row), counts in sorted(found.items()):
-        total = sum(counts.values())
-        title = f"({column * cell:g}, {row * cell:g}): {total} alerts, {counts['y']} came true"
-        corner = (column * cell, row * cell)
-        chart.box(corner, (corner[0] + cell, corner[1] + cell), "heat", title, 0.15 + 0.85 * total / most)
-    return chart.drawn("Where conflicts were predicted")
+def timeline(minutes: Sequence[Part]) -> str:
+    """Warnings by the time at which they were raised, upwards, and stops and encounters, downwards."""
+    first_s, last_s = minutes[0]["at_s"], minutes[-1]["at_s"] + MINUTE_S
+    every_s = next((bin_s for bin_s in BINS_S if (last_s - first_s) / bin_s <= MOST_BINS), BINS_S[-1])
+    bins: dict[float, Counter[str]] = {}
+    for row in minutes:
+        counts = {name: row[name] for name in (*RAISED, *HAPPENED)}
+        bins.setdefault(row["at_s"] // every_s * every_s, Counter()).update(counts)
+    up, down = (max(sum(bin_[name] for name in names) for bin_ in bins.values()) for names in (RAISED, HAPPENED))
+    first_s, last_s = min(bins), max(bins) + every_s
+    chart = Chart((first_s, last_s), (-1.1 * max(down, 1), 1.1 * max(up, 1)), 1140, 260, (12, 14, 40, 48), True)
+    count = round((last_s - first_s) / every_s)
+    step = ceil(count / MOST_TIMES)
+    times = [(at_s, _clock(at_s)) for at_s in (first_s + every_s * number for number in range(0, count, step))]
+    chart.axes("", "events | warnings", times)
+    for at_s, counts in bins.items():
+        when = f"{_clock(at_s)} to {_clock(at_s + every_s)}"
+        for names, sign in ((RAISED, 1), (HAPPENED, -1)):
+            begin = 0
+            for name in names:
+                ends = sorted((sign * begin, sign * (begin + counts[name])))
+                box = (at_s + 0.06 * every_s, ends[0]), (at_s + 0.94 * every_s, ends[1])
+                chart.box(*box, f"{name}", f"{when}: {counts[name]} {STACKED[name]}")
+                begin += counts[name]
+    chart.line([(first_s, 0.0), (last_s, 0.0)], "zero")
+    return chart.drawn("Warnings and events by time")
+
+
+def _clock(at_s: float) -> str:
+    return datetime.fromtimestamp(at_s, UTC).strftime("%H:%M")
 
 
 def scene(document: Part) -> str:
@@ -96,12 +117,20 @@ def scene(document: Part) -> str:
                 for outline in outlines:
                     chart.polygon(_placed(outline, pose), f"outline c{number}")
     for number, bodies in enumerate(robots):
+        chart.polygon(_nose(bodies[0][1], bodies[0][0][document["nearest"]]), f"nose c{number}")
         for track, outlines in bodies:
             for outline in outlines:
                 corners = _placed(outline, track[document["nearest"]])
                 chart.polygon(corners, f"envelope c{number}", document["robots"][number])
     _scale(chart)
     return chart.drawn("Two envelopes where they were nearest")
+
+
+def _nose(outlines: Sequence[Sequence[Point]], pose: tuple[float, float, float]) -> list[Point]:
+    """A triangle in front of a robot, which shows where it heads."""
+    front_m = max(ahead for outline in outlines for ahead, _ in outline)
+    half_m = max(left for outline in outlines for _, left in outline)
+    return _placed([(front_m + half_m, 0.0), (front_m, half_m / 2), (front_m, -half_m / 2)], pose)
 
 
 def _scale(chart: Chart) -> None:

@@ -14,10 +14,12 @@ class Chart:
 
     x_range: tuple[float, float]
     y_range: tuple[float, float]
-    width: int = 360
-    height: int = 260
+    width: int = 560
+    height: int = 320
     margin: tuple[int, int, int, int] = (12, 14, 40, 48)
     """Top, right, bottom, left."""
+    mirrored: bool = False
+    """Whether values below 0 are counts downwards."""
     marks: list[str] = field(default_factory=list)
 
     def at(self, x: float, y: float) -> Point:
@@ -35,6 +37,14 @@ class Chart:
     def polygon(self, points: Iterable[Point], style: str, title: str = "") -> None:
         placed = " ".join(f"{x:.1f},{y:.1f}" for x, y in (self.at(*point) for point in points))
         self.marks.append(f'<polygon class="{style}" points="{placed}">{_title(title)}</polygon>')
+
+    def link(self, target: str, name: str, point: Point, style: str, title: str) -> None:
+        """A dot named `name` that leads to another part of the page."""
+        x, y = self.at(*point)
+        self.marks.append(
+            f'<a href="#{escape(target)}"><circle id="{escape(name)}" class="{style}" cx="{x:.1f}" cy="{y:.1f}" r="5">'
+            f"{_title(title)}</circle></a>"
+        )
 
     def dot(self, point: Point, radius: float, style: str, title: str = "") -> None:
         x, y = self.at(*point)
@@ -55,17 +65,17 @@ class Chart:
             f'<text class="{style}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(content)}</text>'
         )
 
-    def axes(self, x_label: str, y_label: str) -> None:
-        """Add ticks with grid lines, and the labels of the axes."""
+    def axes(self, x_label: str, y_label: str, x_ticks: Sequence[tuple[float, str]] | None = None) -> None:
+        """Add ticks with grid lines, and the labels of the axes. `x_ticks` are places and texts of ticks."""
         top, right, bottom, left = self.margin
-        for value in ticks(*self.x_range):
+        for value, label in x_ticks or [(value, f"{value:g}") for value in ticks(*self.x_range)]:
             x, y = self.at(value, self.y_range[0])
             self.marks.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{y:.1f}"/>')
-            self.text(x, y + 14, f"{value:g}", "tick")
+            self.text(x, y + 14, label, "tick")
         for value in ticks(*self.y_range):
             x, y = self.at(self.x_range[0], value)
             self.marks.append(f'<line class="grid" x1="{x:.1f}" x2="{self.width - right}" y1="{y:.1f}" y2="{y:.1f}"/>')
-            self.text(x - 6, y + 4, f"{value:g}", "tick", "end")
+            self.text(x - 6, y + 4, f"{abs(value) if self.mirrored else value:g}", "tick", "end")
         self.text((left + self.width - right) / 2, self.height - 8, x_label, "axis")
         middle = (top + self.height - bottom) / 2
         self.marks.append(

@@ -1,0 +1,58 @@
+"""A picture of a floor: what stands on it, where warnings were raised, and dots that lead to the listed cases."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from metrics.report.drawings.svg import Chart, Point, fitted
+
+CELLS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 50.0)
+WIDTH, MOST_HIGH = 560, 620
+
+
+@dataclass(slots=True)
+class DrawnFloor:
+    """What is drawn of one floor, in metres of its frame."""
+
+    name: str
+    outlines: list[tuple[str, str, Sequence[Point]]] = field(default_factory=list)
+    """Kind, name and corners of what stands there."""
+    warnings: list[tuple[Point, str]] = field(default_factory=list)
+    """Each with "y" if it came true, "n" if it was in vain."""
+    dots: list[tuple[str, str, Point, str]] = field(default_factory=list)
+    """Style, id of the row that it leads to, place and text of each listed case."""
+
+    def points(self) -> list[Point]:
+        corners = [corner for _, _, outline in self.outlines for corner in outline]
+        return [*corners, *(point for point, _ in self.warnings), *(point for _, _, point, _ in self.dots)]
+
+
+def floor_picture(floor: DrawnFloor) -> str:
+    """A darker cell has more warnings; its title says how many came true."""
+    points = floor.points()
+    xs, ys = [x for x, _ in points], [y for _, y in points]
+    wide_m, high_m = max(max(xs) - min(xs), 8.0), max(max(ys) - min(ys), 8.0)
+    high = round(min(max((WIDTH - 80) * high_m / wide_m + 80, 220), MOST_HIGH))
+    chart = fitted([(min(xs), min(ys)), (max(xs), max(ys))], WIDTH, high, 40)
+    chart.axes("x, metres →", "y, metres →")
+    for kind, name, outline in floor.outlines:
+        chart.polygon(outline, f"place {kind}", name)
+    _cells(chart, floor.warnings, max(wide_m, high_m))
+    for style, row, point, text in floor.dots:
+        chart.link(row, f"dot-{row}", point, style, text)
+        if "missed" in style:
+            x, y = chart.at(*point)
+            chart.text(x + 6, y + 3, row.upper(), "mark", "start")
+    return chart.drawn(f"{floor.name}, from above")
+
+
+def _cells(chart: Chart, warnings: Sequence[tuple[Point, str]], reach_m: float) -> None:
+    cell = next((size for size in CELLS_M if reach_m / size <= 60), reach_m)
+    found: dict[tuple[int, int], Counter[str]] = {}
+    for (x, y), outcome in warnings:
+        found.setdefault((int(x // cell), int(y // cell)), Counter())[outcome] += 1
+    most = max((counts.total() for counts in found.values()), default=1)
+    for (column, row), counts in sorted(found.items()):
+        total, corner = counts.total(), (column * cell, row * cell)
+        title = f"x {corner[0]:g}, y {corner[1]:g}: {total} warnings, {counts['y']} came true, {counts['n']} in vain"
+        chart.box(corner, (corner[0] + cell, corner[1] + cell), "heat", title, 0.15 + 0.6 * total / most)

@@ -1,0 +1,168 @@
+"""The first page of a replay's report, for a meeting: what happened, when and where, and each case to look into."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from urllib.parse import quote
+
+from deconflict.settings.shared_places import Resource, Zone, outlines
+from deconflict.settings.site import Site
+from metrics.report.drawings import figures
+from metrics.report.drawings.floor_picture import DrawnFloor, floor_picture
+from metrics.report.html_cells import Part, figure, linked_table, moment, number, percent
+from metrics.report.replay_summary import count_events, findings, first_sentences
+
+EVENTS = {"stop": "one stopped or swerved for the other", "encounter": "came within the clearance"}
+KEY = '<span class="key {}"></span>'
+
+
+def opening(result: Part, site: Site, page_url: str) -> Iterator[str]:
+    """`page_url` is the address of the operator's page, to which cases lead; empty if there is none."""
+    warnings = result["scores"][0]["warnings"]
+    yield f'<p class="lead">{escape(first_sentences(result))}</p>{_tiles(result, warnings)}'
+    yield f'<p class="note">{escape(_source(result))}</p>'
+    yield f"<ul>{''.join(f'<li>{escape(sentence)}</li>' for sentence in findings(result))}</ul>"
+    if warnings["by_minute"]:
+        yield f"<h2>The course of the log</h2>{_timeline(warnings['by_minute'])}"
+    if drawn := _floors(result, warnings, site):
+        yield f"<h2>Where</h2>{drawn}"
+    yield "<h2>What to look into</h2>" + _lists(warnings["listed"], page_url)
+
+
+def _tiles(result: Part, warnings: Part) -> str:
+    """The key figures, each with what it means."""
+    events, warned, early, earlier = (
+        count_events(warnings, name) for name in ("fresh", "told_at_any_time", "told_2_s", "told_4_s")
+    )
+    interval, situations = warnings["intervals"]["precision"], result["situations"]
+    between = f" (95 % interval {percent(interval[0])} to {percent(interval[1])})" if interval else ""
+    judged, clearance_m = warnings["true"] + warnings["in_vain"], result["scores"][0]["clearance_m"]
+    stops, encounters = warnings["stops"]["fresh"], warnings["encounters"]["fresh"]
+    met = f"{stops:,} stops or swerves for another robot, {encounters:,} encounters within {clearance_m:g} m"
+    ahead = f"share with a warning in the 10 s before: {early:,} at least 2 s before, {earlier:,} at least 4 s"
+    true = f"{warnings['true']:,} of {judged:,} with a known outcome{between}"
+    rate = f"{warnings['alerts']:,} in {warnings['robot_hours']:.1f} hours of robots on the floor"
+    useful = f"what people see; {percent(situations['came_true_or_prevented'])} came true or were prevented"
+    tiles = (
+        (f"{events:,}", "times in each other's way", met),
+        (percent(warned / events if events else None), "warned of", ahead),
+        (percent(warnings["precision"]), "of warnings came true", true),
+        (number(warnings["alerts_per_robot_hour"]), "warnings per robot-hour", rate),
+        (f"{situations['situations']:,}", "situations", useful),
+    )
+    drawn = "".join(f"<div><b>{value}</b><span>{name}</span><small>{text}</small></div>" for value, name, text in tiles)
+    return f'<div class="tiles">{drawn}</div>'
+
+
+def _source(result: Part) -> str:
+    late = (
+        f" {result['late_messages']:,} messages come after messages that were received up to {result['late_by_s']:g} s"
+        " later; they were read in the order of the log."
+        if "late_messages" in result
+        else ""
+    )
+    when = f" from {moment(result['from'])} to {moment(result['until'])}" if "from" in result else ""
+    return (
+        f"{result['messages']:,} messages{when}, through the engine that the live service uses.{late}"
+        " Advisory, not safety rated."
+    )
+
+
+def _timeline(minutes: Sequence[Part]) -> str:
+    legend = (
+        f"{KEY.format('true')}warnings that came true {KEY.format('vain')}in vain {KEY.format('other')}not judged."
+        f" Below the line: {KEY.format('warned')}stops and encounters with a warning {KEY.format('missed')}without."
+        " Times in UTC"
+    )
+    return f"<figure>{figures.timeline(minutes)}<figcaption>{legend}</figcaption></figure>"
+
+
+def _floors(result: Part, warnings: Part, site: Site) -> str:
+    floors = _drawn_floors(warnings["listed"], result["floors"], site)
+    drawn = [figure(floor_picture(floor), f"{floor.name}: {len(floor.warnings):,} warnings") for floor in floors]
+    if not drawn:
+        return ""
+    legend = (
+        f'<p class="note">From above, x to the right, y up. {KEY.format("heat")}warnings, darker where there were more'
+        f" {KEY.format('vain')}in vain {KEY.format('missed')}missed. Point at a cell or a dot to read what it is; a dot"
+        " leads to its row below.</p>"
+    )
+    return f'<div class="row">{"".join(drawn)}</div>{legend}'
+
+
+def _drawn_floors(listed: Part, names: Mapping[str, str], site: Site) -> list[DrawnFloor]:
+    """The floors on which something is to be shown."""
+    floors: dict[str, DrawnFloor] = {}
+
+    def floor(floor_id: str) -> DrawnFloor:
+        return floors.setdefault(floor_id, DrawnFloor(names.get(floor_id) or floor_id[:8] or "no floor"))
+
+    for place, outcome in zip(listed["places"], listed["came_true"], strict=True):
+        if place:
+            x, y, floor_id = place.split(" ", 2)
+            floor(floor_id).warnings.append(((float(x), float(y)), outcome))
+    for style, prefix, cases in (("vain", "v", listed["in_vain"]), ("missed", "m", listed["missed"])):
+        for row, case in enumerate(cases, 1):
+            if case["x_m"] is not None:
+                point, text = (case["x_m"], case["y_m"]), f"{prefix.upper()}{row}: {' and '.join(case['names'])}"
+                floor(case["floor"]).dots.append((f"dot {style}", f"{prefix}{row}", point, text))
+    for floor_id, drawn in floors.items():
+        drawn.outlines += _outlines(site, floor_id)
+    return [floors[floor_id] for floor_id in sorted(floors)]
+
+
+def _outlines(site: Site, floor_id: str) -> Iterator[tuple[str, str, Sequence[tuple[float, float]]]]:
+    for obstacle in site.obstacles:
+        if floor_id == (obstacle.floor or site.datums[0].id):
+            yield "obstacle", obstacle.name or obstacle.kind, obstacle.outline_m
+    places: list[Resource | Zone] = [*site.resources, *site.zones]
+    for place in places:
+        for datum, outline in outlines(place):
+            if datum == floor_id:
+                yield "shared", place.label, outline
+
+
+def _lists(listed: Part, page_url: str) -> str:
+    missed = [
+        [*_case("m", row, case, page_url), EVENTS[case["event"]], _place(case)]
+        for row, case in enumerate(listed["missed"], 1)
+    ]
+    in_vain = [
+        [
+            *_case("v", row, case, page_url),
+            case["encounter_class"].replace("_", " "),
+            _place(case),
+            f"{case['predicted_in_s']:.1f}",
+            f"{case['open_s']:.1f}",
+        ]
+        for row, case in enumerate(listed["in_vain"], 1)
+    ]
+    head = ("", "when", "robots", "what", "place")
+    return (
+        f"<h3>Without a warning: {_count(listed, 'missed')}</h3>"
+        + (linked_table("m", head, missed) if missed else "<p>None.</p>")
+        + f"<h3>Warnings in vain: {_count(listed, 'in_vain')}</h3>"
+        + (linked_table("v", (*head, "predicted in, s", "open for, s"), in_vain) if in_vain else "<p>None.</p>")
+    )
+
+
+def _count(listed: Part, name: str) -> str:
+    left_out = listed[f"{name}_left_out"]
+    return f"{len(listed[name]) + left_out:,}" + (f", the first {len(listed[name]):,} of them" if left_out else "")
+
+
+def _case(prefix: str, row: int, case: Part, page_url: str) -> list[str]:
+    """The first cells of a case, as HTML: a link to its dot, and when, as a link to the operator's page."""
+    when = f"{case['at'][11:21]}, {case['into_s']:.0f} s"
+    if page_url:
+        target = f"{page_url}#at={quote(case['at'])}&floor={quote(case['floor'])}"
+        when = f'<a href="{escape(target)}">{when}</a>'
+    names = escape(" and ".join(case["names"]))
+    label = f"{prefix.upper()}{row}"
+    dot = label if case["x_m"] is None else f'<a href="#dot-{prefix}{row}">{label}</a>'
+    return [dot, when, names]
+
+
+def _place(case: Part) -> str:
+    if case["x_m"] is None:
+        return "-"
+    return escape(f"{case['floor_name'] or case['floor'][:8]}, x {case['x_m']:.1f}, y {case['y_m']:.1f}")
