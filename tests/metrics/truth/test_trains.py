@@ -10,7 +10,7 @@ import pytest
 
 from ingest.batch import Forecasts
 from ingest.shapes import Shape, Trailer, shapes_of
-from metrics.report import figures
+from metrics.report.drawings import figures
 from metrics.truth.encounters import EncounterFinder
 
 TRAILERS = (Trailer(1.0, 0.8, 1.5),) * 4
