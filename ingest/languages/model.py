@@ -1,5 +1,6 @@
 """What a message in any language says: an identity, a status, an update, or why it is rejected."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
 from typing import NamedTuple
@@ -8,6 +9,9 @@ import msgspec
 
 from ingest.batch import Amounts, Basis
 from ingest.shapes import Shape
+
+MOST_CODES, MOST_CODE_LETTERS = 100, 200
+"""Error codes that are read of a status, and of each of them."""
 
 Row = tuple[float, float, float, float]
 """t_s, x, y, yaw_rad: time by the sender's clock, place in the sender's frame and unit. The yaw is nan if unknown."""
@@ -99,6 +103,7 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """The rotation made in one second."""
     amounts: Amounts
     error_codes: tuple[str, ...]
+    """At most `MOST_CODES`, each with at most `MOST_CODE_LETTERS` characters."""
     destinations: Path
     path: Path
     findings: tuple[str, ...]
@@ -138,3 +143,8 @@ class Rejection:
 
 
 Message = Identity | Status | Update | Rejection
+
+
+def bounded_codes(codes: Sequence[str]) -> tuple[str, ...]:
+    """The error codes that are read."""
+    return tuple(code[:MOST_CODE_LETTERS] for code in codes[:MOST_CODES])

@@ -27,8 +27,8 @@ class FairDelivery:
     ) -> None:
         self.slices = TimeSlices()
         self._rate_limits = RateLimits(_rates(settings))
-        self._backlog = Backlog(self.slices, self._deliver_timed, overtaken)
-        self._deliver, self._measures = deliver, measures
+        self._backlog = Backlog(self.slices, self._deliver_timed, self._note_overtaken)
+        self._deliver, self._overtaken, self._measures = deliver, overtaken, measures
         self._delivering_s = 0.0
         """Processor time spent on deliveries so far."""
         self._draining: asyncio.Task[None] | None = None
@@ -68,7 +68,11 @@ class FairDelivery:
         finally:
             spent_s = time.thread_time() - began_s
             self._delivering_s += spent_s
-            self._rate_limits.charge_processor(_sender(connection), spent_s, time.monotonic())
+            self._rate_limits.delivered(_sender(connection), len(raw), spent_s, time.monotonic())
+
+    def _note_overtaken(self, message: ArrivedMessage, uuid: str) -> None:
+        self._rate_limits.delivered(_sender(message.connection), len(message.raw), 0.0, time.monotonic())
+        self._overtaken(message, uuid)
 
     async def _drain(self) -> None:
         while self._rate_limits.waiting:

@@ -15,6 +15,10 @@ BURST_S = 1.0
 """A vendor may send this many seconds' worth of messages at once."""
 READING_SHARE = 0.2
 """The part of a core that may be spent on the sockets of one vendor, without the reading of messages."""
+MOST_IN_HAND_S = 0.1
+"""Processor time that admitted messages of one vendor may need until they are delivered, so that others soon follow."""
+USUAL_S_PER_BYTE, LEARNING_RATE = 1e-7, 0.1
+"""Processor time of a message until more is known, and the weight of each further message in its average."""
 MOST_WAITING = 10_000
 """Robots of one vendor with a waiting message. Beyond it, the message that has waited longest is dropped."""
 MOST_WAITING_BYTES = 32 << 20
@@ -54,6 +58,10 @@ class TokenBucket:
     reading_s: float
     filled_s: float
     """When the vendor was last given anything."""
+    in_hand_bytes: int = 0
+    """Messages that are admitted and not yet delivered."""
+    s_per_byte: float = USUAL_S_PER_BYTE
+    """Processor time that its messages take, on average."""
     waiting: OrderedDict[bytes, ArrivedMessage] = field(default_factory=OrderedDict)
     """By robot and kind of report, oldest first."""
     waiting_bytes: int = 0
@@ -75,17 +83,26 @@ class TokenBucket:
 
     def grants_message(self) -> bool:
         """Whether a message may be delivered now."""
-        return self.messages >= 1 and self.message_bytes > 0 and self.processor_s > 0
+        is_room = self.in_hand_bytes * self.s_per_byte < MOST_IN_HAND_S
+        return is_room and self.messages >= 1 and self.message_bytes > 0 and self.processor_s > 0
 
-    def charge_message(self, message: ArrivedMessage) -> None:
-        """Take off what a message costs that is delivered now. Its processor time is not known yet."""
+    def admit(self, message: ArrivedMessage) -> None:
+        """Take off what a message costs that is to be delivered now. Its processor time is not known yet."""
         self.messages -= 1
         self.message_bytes -= len(message.raw)
+        self.in_hand_bytes += len(message.raw)
+
+    def delivered(self, message_bytes: int, spent_s: float, rates: Rates) -> None:
+        """Take off the processor time of a message that was admitted."""
+        self.in_hand_bytes = max(self.in_hand_bytes - message_bytes, 0)
+        self.s_per_byte += LEARNING_RATE * (spent_s / max(message_bytes, 1) - self.s_per_byte)
+        self.processor_s = max(self.processor_s - spent_s, -rates.processor_s * BURST_S)
 
     def is_idle(self, rates: Rates) -> bool:
         """Whether nothing waits and the bucket is full: as good as new."""
         return not self.waiting and (
-            self.messages >= rates.messages * BURST_S
+            not self.in_hand_bytes
+            and self.messages >= rates.messages * BURST_S
             and self.message_bytes >= rates.message_bytes * BURST_S
             and self.processor_s >= rates.processor_s * BURST_S
             and self.reading_s >= rates.reading_s * BURST_S
@@ -109,33 +126,28 @@ class RateLimits:
         """Whether the message may be delivered at once; if not, it waits. With it the messages dropped for it."""
         bucket = self._filled(vendor, now_s)
         if not bucket.waiting and bucket.grants_message():
-            bucket.charge_message(message)
+            bucket.admit(message)
             return True, []
         return False, _enqueue(bucket, message)
 
     def due(self, now_s: float) -> list[ArrivedMessage]:
         """Remove and return the messages that may be delivered now, oldest first for each vendor.
 
-        Call it many times a second. A vendor with little processor time left gets one message a call, since it is not
-        known what a message costs.
+        Call it many times a second.
         """
         due = []
         for bucket in self._buckets.values():
             bucket.fill(now_s, self.rates)
-            is_scarce = bucket.processor_s < self.rates.processor_s * BURST_S / 2
             while bucket.waiting and bucket.grants_message():
                 message = bucket.pop_oldest()
-                bucket.charge_message(message)
+                bucket.admit(message)
                 due.append(message)
-                if is_scarce:
-                    break
         self._remove_idle(now_s)
         return due
 
-    def charge_processor(self, vendor: str, spent_s: float, now_s: float) -> None:
-        """Take off processor time that reading messages took."""
-        bucket = self._filled(vendor, now_s)
-        bucket.processor_s = max(bucket.processor_s - spent_s, -self.rates.processor_s * BURST_S)
+    def delivered(self, vendor: str, message_bytes: int, spent_s: float, now_s: float) -> None:
+        """Take off the processor time of a message that was admitted; 0 if a newer one took its place."""
+        self._filled(vendor, now_s).delivered(message_bytes, spent_s, self.rates)
 
     def charge_reading(self, vendor: str, spent_s: float, now_s: float) -> float:
         """Take off processor time that a socket took. Returns for how long the socket should not be read."""

@@ -160,6 +160,19 @@ def _keys_and_types() -> Iterator[Vector]:
     yield Vector(
         "an error code twice", said(errorCodes=["a", "a"]), ("duplicate-items",), reads={"error_codes": ("a", "a")}
     )
+    codes = [f"E{number}" for number in range(150)]
+    yield Vector(
+        "many error codes", said(errorCodes=codes), ("codes-too-many",), reads={"error_codes": (*codes[:100],)}
+    )
+    yield Vector(
+        "a long error code", said(errorCodes=["a" * 300]), ("codes-too-many",), reads={"error_codes": ("a" * 200,)}
+    )
+    yield Vector(
+        "many numbers for error codes",
+        said(errorCodes=[1] * 150),
+        ("codes-too-many", "text-as-number", "duplicate-items"),
+        reads={"error_codes": ("1",) * 100},
+    )
     yield Vector("a destination twice", said(destinations=[at(T + 60)] * 2), ("duplicate-items",))
     yield Vector(
         "a battery in words", said(batteryPercentage="full"), ("value-unreadable",), reads={"amounts.battery_pct": nan}

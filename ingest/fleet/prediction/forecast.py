@@ -8,7 +8,9 @@ used, only its measured velocity. A robot with a blocking error is an obstacle w
 with a lost error may be off by `lost_doubt_m`.
 """
 
+import re
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import chain
 from math import atan2, ceil, cos, hypot, isnan, nan, sin
 from operator import itemgetter
@@ -30,6 +32,7 @@ from ingest.languages.model import Path, Status
 
 DESTINATION_SPEED_MPS = 1.0
 """Assumed towards a destination without a usable time, if the robot's greatest speed is not known."""
+NO_LETTERS = re.compile(r"[\W_]+")
 AWAY_M = 0.1
 """An idle robot whose path leads no further than this stands."""
 
@@ -58,12 +61,13 @@ def matches(codes: tuple[str, ...], parts: tuple[str, ...]) -> bool:
     """Whether an error code contains one of the parts. Case, hyphens and underscores are ignored."""
     if not codes:
         return False
-    plain = [_plain(code) for code in codes]
-    return any(_plain(part) in code for part in parts for code in plain)
+    plain_codes = _plain_texts(codes)
+    return any(part in code for part in _plain_texts(parts) for code in plain_codes)
 
 
-def _plain(text: str) -> str:
-    return "".join(character for character in text.casefold() if character.isalnum())
+@lru_cache(maxsize=256)
+def _plain_texts(texts: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(NO_LETTERS.sub("", text.casefold()) for text in texts)
 
 
 def _route(status: Status, here: Sighting, context: ForecastContext, findings: list[str]) -> tuple[Basis, Route]:

@@ -71,6 +71,7 @@ _KEYS_AND_TYPES = (
     Rule("text-as-number", "A text was sent as a number; read as text.", "schema"),
     Rule("single-not-list", "One value stands where a list belongs; read as a list of one.", "schema"),
     Rule("duplicate-items", "A list that should hold different items repeats one; kept.", "schema"),
+    Rule("codes-too-many", "More than 100 error codes, or one has more than 200 letters; cut.", "schema"),
     Rule("value-unreadable", "An optional value can't be read as what belongs there; left out.", "schema"),
 )
 _WHEN = (

@@ -9,7 +9,14 @@ from ingest.languages.massrobotics import amounts, fast_decoder, path_points, re
 from ingest.languages.massrobotics.json_objects import Report, value_type
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.massrobotics.report_reader import decoded_report
-from ingest.languages.model import Identity, Rejection, Status
+from ingest.languages.model import (
+    MOST_CODE_LETTERS,
+    MOST_CODES,
+    Identity,
+    Rejection,
+    Status,
+    bounded_codes,
+)
 from ingest.languages.rules import Findings, RejectedError
 
 MAX_ENVELOPE_M = 100.0
@@ -141,6 +148,9 @@ def _parts(model: type[Report]) -> list[str]:
 
 
 def _error_codes(codes: Sequence[str], findings: Findings) -> tuple[str, ...]:
+    if len(codes) > MOST_CODES or max(map(len, codes)) > MOST_CODE_LETTERS:
+        findings["codes-too-many"] = None
+        codes = bounded_codes(codes)
     if len(set(codes)) < len(codes):
         findings["duplicate-items"] = None
     if not all(code.strip() for code in codes):

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from ingest.languages.massrobotics.json_objects import Report, value_type
 from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
+from ingest.languages.model import MOST_CODES
 from ingest.languages.rules import Findings
 
 
@@ -55,6 +56,9 @@ def _list(value: Any, kind: type, findings: Findings) -> list[Any]:
     if not isinstance(value, list):
         findings["single-not-list"] = None
         value = [value]
+    if kind is str and len(value) > MOST_CODES:
+        findings["codes-too-many"] = None
+    value = value[: MOST_CODES if kind is str else MOST_POINTS_USED]
     if None in value:
         findings["null-value"] = None
     return [_item(item, kind, findings) for item in value if item is not None]

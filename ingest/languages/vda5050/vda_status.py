@@ -5,7 +5,7 @@ from operator import lt
 
 from ingest.batch import Amounts, Basis
 from ingest.languages import timestamps
-from ingest.languages.model import NO_PATH, LoadBox, Path, Row, Status
+from ingest.languages.model import NO_PATH, LoadBox, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
@@ -56,7 +56,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         linear_mps,
         turn_radps,
         _amounts(state, findings),
-        tuple(error.error_type for error in state.errors or () if error.error_type.strip()),
+        bounded_codes([error.error_type for error in state.errors or () if error.error_type.strip()]),
         planned if driven.destinations is NO_PATH else driven.destinations,
         path,
         tuple(findings),

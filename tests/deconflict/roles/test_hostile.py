@@ -46,10 +46,14 @@ OWN = tuple(f"M-{i}" for i in range(1, 10))
 async def come_in(service: Running) -> None:
     """Be known with the robots that the abuse is about, before made up ones fill what the vendor may have."""
     async with mallory(service.robots_url) as socket, asyncio.timeout(PATIENCE_S):
-        while sum(row["vendor"] == "Mallory" for row in (await service.get("/robots")).json()["robots"]) < len(OWN):
+        while robots_of((await service.get("/robots")).json(), "Mallory") < len(OWN):
             for name in OWN:
                 await socket.send(status(name, time.time(), 500.0, 150.0))
             await asyncio.sleep(0.1)
+
+
+def robots_of(answer: dict[str, Any], vendor: str) -> int:
+    return sum(row["vendor"] == vendor for row in answer["robots"])
 
 
 async def be_in_two_places(url: str, found: Callable[[], Awaitable[Any]]) -> Any:
@@ -87,8 +91,9 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
     async with run_in_one_process(SITE, tmp_path, render) as roles:
         service = Running(*roles)
         await come_in(service)
-        abusing = [asyncio.create_task(abuse(service.robots_url)) for abuse in ABUSES]
         driving = asyncio.create_task(drive(f"{service.robots_url}/Alder", CROSSING, 40, time.time() + 8))
+        await service.until("/robots", lambda answer: robots_of(answer, "Alder") == len(CROSSING))
+        abusing = [asyncio.create_task(abuse(service.robots_url)) for abuse in ABUSES]
         advisory = await first_advisory(service, "conflict")
         assert (advisory.state, set(advisory.robots)) == (AdvisoryState.RAISED, {robot("A-1"), robot("B-1")})
         await asyncio.gather(*abusing)

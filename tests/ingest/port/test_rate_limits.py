@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ingest.port.connection import Connection
-from ingest.port.rate_limits import MOST_BUCKETS, MOST_WAITING_BYTES, ArrivedMessage, RateLimits, Rates
+from ingest.port.rate_limits import MOST_BUCKETS, MOST_IN_HAND_S, MOST_WAITING_BYTES, ArrivedMessage, RateLimits, Rates
 from tests.helpers.saying import identity, status
 
 ALDER, BASALT = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
@@ -79,12 +79,25 @@ def test_a_vendor_may_send_a_limited_number_of_bytes_in_a_second() -> None:
 def test_a_vendor_whose_messages_take_long_waits_until_it_has_processor_time_again() -> None:
     limits = RateLimits(Rates(1000.0, processor_s=0.4))
     assert at_once(limits, "Alder", arrived(b"first"), 0.0)
-    limits.charge_processor("Alder", 0.6, 0.0)
+    limits.delivered("Alder", 5, 0.6, 0.0)
     assert not at_once(limits, "Alder", arrived(status("A-1", 0.0)), 0.0)
     assert not at_once(limits, "Alder", arrived(status("A-2", 0.0)), 0.0)
     assert limits.due(0.4) == []
-    assert len(limits.due(0.6)) == 1
+    assert len(limits.due(0.6)) >= 1
     assert at_once(limits, "Basalt", arrived(status("B-1", 0.0), connection=BASALT), 0.0)
+
+
+def test_messages_that_take_long_are_admitted_a_few_at_a_time() -> None:
+    limits, late = RateLimits(Rates(1000.0, message_bytes=1e9)), 0.006
+    sent = [arrived(status(f"A-{i}", 0.0, note="x" * 60_000)) for i in range(200)]
+    in_hand = [message for message in sent if at_once(limits, "Alder", message, 0.0)]
+    most_in_hand = 0
+    for step in range(1, 40):
+        for message in in_hand:
+            limits.delivered("Alder", len(message.raw), late, step * 0.1)
+        in_hand = limits.due(step * 0.1)
+        most_in_hand = max(most_in_hand, len(in_hand))
+    assert 1 <= most_in_hand <= MOST_IN_HAND_S / late + 2
 
 
 def test_a_vendor_whose_sockets_take_long_is_not_read_for_so_long_that_it_keeps_its_share() -> None:
@@ -99,6 +112,7 @@ def test_addresses_that_come_once_are_forgotten() -> None:
     shares = RateLimits(Rates(10.0))
     for i in range(3 * MOST_BUCKETS):
         shares.admit(f"2001:db8::{i:x}", arrived(b"{}"), i / 10)
+        shares.delivered(f"2001:db8::{i:x}", 2, 0.0, i / 10)
     assert len(shares) <= MOST_BUCKETS
 
 
