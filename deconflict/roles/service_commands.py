@@ -23,7 +23,8 @@ from deconflict.runtime.data_lock import locked
 from deconflict.runtime.kernel_preparation import compile_kernels, report_on_terminal
 from deconflict.runtime.systemd import Notifier
 from deconflict.settings import site, site_file
-from deconflict.settings.importers.heard_robots import proposed_site
+from deconflict.settings.importers.heard_robots import HeardRobots, proposed_site
+from deconflict.settings.importers.site_questions import SiteAnswers, asked
 from ingest.fleet import fleet_report
 from ingest.settings import ReceiverSettings
 
@@ -148,12 +149,16 @@ def add_site_new(parts: Commands) -> None:
     new_parser = add_command(
         parts,
         "new",
-        "listen to the robots for a while, and print a site file with the vendors, datums and models that were heard",
+        "listen to the robots for a while, ask a few questions, and print a site file of what was heard",
         "deconflict site new > SITE.toml",
         "deconflict site new --seconds 120 --host 0.0.0.0 --open > SITE.toml",
     )
     new_parser.add_argument(
-        "--seconds", type=float, default=60.0, metavar="S", help="how long to listen (default: %(default)s)"
+        "--seconds",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="how long to listen; 0 only asks (default: %(default)s)",
     )
     new_parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
     new_parser.add_argument(
@@ -166,12 +171,21 @@ def add_site_new(parts: Commands) -> None:
 def _site_new(args: argparse.Namespace) -> int:
     settings = site.Site(receiver=ReceiverSettings(host=args.host, port=args.robots_port))
     check_access(settings, args.open)
-    documents = asyncio.run(_heard(settings, args.seconds))
-    sys.stderr.write(f"{len(documents)} robots were heard\n")
-    if not documents:
+    heard = HeardRobots(asyncio.run(_heard(settings, args.seconds)))
+    sys.stderr.write(f"{sum(map(len, heard.by_vendor.values()))} robots were heard\n")
+    is_person_there = sys.stdin.isatty() and sys.stderr.isatty()
+    answers = asked(_ask, heard.by_vendor, heard.site_datums()) if is_person_there else SiteAnswers()
+    if not heard.by_vendor and not answers.expected:
         raise site_file.SiteError([f"no robot connected to ws://{args.host}:{args.robots_port}/; see docs/access.md"])
-    sys.stdout.write(proposed_site(documents))
+    sys.stdout.write(proposed_site(heard, answers))
     return 0
+
+
+def _ask(question: str, default: str) -> str:
+    """Ask on standard error: standard output is the site file. The end of the input is an empty answer."""
+    sys.stderr.write(f"{question}{f' [{default}]' if default else ''}: ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip() or default
 
 
 async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:

@@ -5,6 +5,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from deconflict.settings.importers.site_questions import SiteAnswers
 from ingest.languages.visible_text import visible
 
 RobotDocument = Mapping[str, Any]
@@ -12,26 +13,41 @@ RobotDocument = Mapping[str, Any]
 NIL = "00000000-0000-0000-0000-000000000000"
 
 
-def proposed_site(robots: Iterable[RobotDocument]) -> str:
-    """A site file in TOML. A datum that several vendors send is the site's; another one is a vendor's own map."""
-    by_vendor: defaultdict[str, list[RobotDocument]] = defaultdict(list)
-    for robot in sorted(robots, key=lambda each: str(each["name"])):
-        by_vendor[robot["vendor"]].append(robot)
-    senders: defaultdict[str, Counter[str]] = defaultdict(Counter)
-    for vendor, own in by_vendor.items():
-        for robot in own:
-            if robot["floor"] not in (None, "", NIL):
-                senders[robot["floor"]][vendor] += 1
-    site_datums = [datum for datum, vendors in senders.items() if len(vendors) > 1] or _most_sent(senders)
+class HeardRobots:
+    """Robots by vendor and by datum."""
+
+    def __init__(self, robots: Iterable[RobotDocument]) -> None:
+        self.by_vendor: defaultdict[str, list[RobotDocument]] = defaultdict(list)
+        for robot in sorted(robots, key=lambda each: str(each["name"])):
+            self.by_vendor[robot["vendor"]].append(robot)
+        self.senders: defaultdict[str, Counter[str]] = defaultdict(Counter)
+        """By datum, how many robots of each vendor sent it."""
+        for vendor, own in self.by_vendor.items():
+            for robot in own:
+                if robot["floor"] not in (None, "", NIL):
+                    self.senders[robot["floor"]][vendor] += 1
+
+    def site_datums(self) -> list[str]:
+        """A datum that several vendors send is the site's; another one is a vendor's own map."""
+        return [datum for datum, vendors in self.senders.items() if len(vendors) > 1] or _most_sent(self.senders)
+
+
+def proposed_site(heard: HeardRobots, answers: SiteAnswers) -> str:
+    """A site file in TOML."""
+    site_datums, senders = heard.site_datums(), heard.senders
     lines = [
         "# Proposed from what robots sent. Look through each part, then run `deconflict check`.",
-        'name = "My site"',
+        f"name = {json.dumps(answers.name)}",
     ]
+    if answers.clearance_m is not None:
+        lines += ["", "[conflict]", f"clearance_m = {answers.clearance_m:g}"]
     for datum in site_datums:
-        lines += _datum_lines(datum, senders[datum])
-    for vendor, own in sorted(by_vendor.items()):
+        lines += _datum_lines(datum, answers.floor_names.get(datum, "Ground floor"), senders[datum])
+    for vendor, own in sorted(heard.by_vendor.items()):
         own_datums = [datum for datum, vendors in senders.items() if vendor in vendors and datum not in site_datums]
-        lines += _vendor_lines(vendor, own, own_datums, site_datums)
+        lines += _vendor_lines(vendor, own, own_datums, site_datums, vendor in answers.people)
+    for vendor in answers.expected:
+        lines += _vendor_lines(vendor, [], [], site_datums, vendor in answers.people)
     return "\n".join(map(visible, lines)) + "\n"
 
 
@@ -39,24 +55,26 @@ def _most_sent(senders: Mapping[str, Counter[str]]) -> list[str]:
     return sorted(senders, key=lambda datum: -senders[datum].total())[:1]
 
 
-def _datum_lines(datum: str, vendors: Counter[str]) -> Iterator[str]:
+def _datum_lines(datum: str, name: str, vendors: Counter[str]) -> Iterator[str]:
     heard = ", ".join(f"{count} of {vendor}" for vendor, count in sorted(vendors.items()))
     yield from (
         "",
         f"# Robots that sent it: {heard}.",
         "[[datums]]",
         f"id = {json.dumps(datum)}",
-        'name = "Ground floor"',
+        f"name = {json.dumps(name)}",
     )
     yield "# To be measured: four marks or more, spread over the floor, in metres; vendors with own maps read the same."
     yield '# reference_points = [{ id = "mark-1", name = "Column A1", x = 0.0, y = 0.0 }]'
 
 
 def _vendor_lines(
-    vendor: str, robots: list[RobotDocument], own_datums: list[str], site_datums: list[str]
+    vendor: str, robots: list[RobotDocument], own_datums: list[str], site_datums: list[str], are_people: bool
 ) -> Iterator[str]:
     unnamed = sum(not robot["identified"] for robot in robots)
     yield from ("", "[[vendors]]", f"name = {json.dumps(vendor)}")
+    if are_people:
+        yield 'participant = "person"'
     yield f"# {len(robots)} robots were heard{f', {unnamed} of them without an identity report' if unnamed else ''}."
     makers = sorted({maker for robot in robots if (maker := _identity(robot, "manufacturerName"))} - {vendor})
     if makers:

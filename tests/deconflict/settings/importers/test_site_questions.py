@@ -1,0 +1,43 @@
+from pathlib import Path
+
+from deconflict.settings.importers.heard_robots import HeardRobots, proposed_site
+from deconflict.settings.importers.site_questions import asked
+from deconflict.settings.site_file import site_from_toml
+
+HALL = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b301"
+
+
+def heard(vendor: str) -> dict[str, object]:
+    return {
+        "vendor": vendor,
+        "name": vendor,
+        "floor": HALL,
+        "identified": False,
+        "identity": None,
+        "envelope": {"length_m": 1.2, "width_m": 0.8},
+    }
+
+
+def test_the_answers_of_a_person_are_in_the_proposed_site() -> None:
+    robots = HeardRobots([heard("Alder"), heard("Walkers")])
+    answers = iter(["Hall 7", "wide", "-1", "0,5", "Lower hall", "Corvid, Basalt", "n", "Yes", "", "n"])
+
+    def ask(_: str, default: str) -> str:
+        return next(answers) or default
+
+    answered = asked(ask, robots.by_vendor, robots.site_datums())
+    site = site_from_toml(proposed_site(robots, answered).encode(), Path("proposed.toml"))
+    assert (site.name, site.conflict.clearance_m, site.datums[0].name) == ("Hall 7", 0.5, "Lower hall")
+    assert {vendor.name: vendor.participant for vendor in site.vendors} == {
+        "Alder": "robot",
+        "Walkers": "person",
+        "Corvid": "robot",
+        "Basalt": "robot",
+    }
+
+
+def test_who_answers_nothing_gets_what_was_heard() -> None:
+    robots = HeardRobots([heard("Alder")])
+    answered = asked(lambda _, default: default, robots.by_vendor, robots.site_datums())
+    site = site_from_toml(proposed_site(robots, answered).encode(), Path("proposed.toml"))
+    assert (site.name, [vendor.name for vendor in site.vendors]) == ("My site", ["Alder"])
