@@ -44,6 +44,7 @@ def batch_of(forecasts: Forecasts) -> Batch:
         event_s=zeros,
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=zeros,
+        reports_within_s=zeros,
         amounts=np.zeros(n, AMOUNTS),
         forecasts=forecasts,
         destinations=Destinations(np.zeros(n + 1, np.int64), none, none, none, np.zeros(0, np.int64)),

@@ -229,6 +229,9 @@ class Batch:
     """(n,) `Basis` of each forecast."""
     doubt_m: Floats
     """(n,) how far off the position may be as reported."""
+    reports_within_s: Floats
+    """(n,) the next status may come as late as this by the rules of the robot's language; 0 if there is no such
+    rule."""
     amounts: NDArray[Any]
     """(n,) of `AMOUNTS`."""
     forecasts: Forecasts
@@ -300,6 +303,7 @@ class Batch:
         for name in Amounts._fields:
             if name in arrays:  # an earlier release may not have it
                 amounts[name] = arrays.pop(name)
+        arrays.setdefault("reports_within_s", np.zeros(len(amounts)))  # nor this
         now_s = document.pop("now_s")
         claims = tuple(
             Claim(owner, claimant, tuple(robots), *rest) for owner, claimant, robots, *rest in document.pop("claims")
@@ -318,5 +322,5 @@ def _concatenated(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
 
 _ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states")
 _HEAD_KEYS = ("now_s", "floors", *_ROBOT_TEXTS, "gone", "claims")
-_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "amounts")
+_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "amounts")
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

@@ -30,7 +30,7 @@ class RobotSweep:
     def add(self, batch: Batch, new_robots: Iterable[str]) -> None:
         """Add the forecasts of a batch; `new_robots` are those that were not live before it."""
         for uuid in new_robots:
-            heappush(self._quiet, (self._live.robots[uuid].event_s + self._reading.quiet_after_s, uuid))
+            heappush(self._quiet, (self._quiet_s(self._live.robots[uuid]), uuid))
         self._update(batch.robots, batch.forecasts, 2 * batch.doubt_m)
 
     def discard(self, robots: Iterable[str]) -> None:
@@ -48,6 +48,10 @@ class RobotSweep:
         for _, reason in self.sweeper.update(robots, _widened(forecasts, widened_m), widened_m):
             self._measures.count("deconflict_invalid_forecasts_total", reason)
 
+    def _quiet_s(self, robot: LiveRobot) -> float:
+        """From when on a robot is quiet, if it is not heard before."""
+        return robot.event_s + max(self._reading.quiet_after_s, robot.reports_within_s)
+
     def _grow_quiet(self, now_s: float) -> set[str]:
         """Grow the robots whose next step of growth is due; return them."""
         grown = set()
@@ -56,7 +60,7 @@ class RobotSweep:
             robot = self._live.robots.get(uuid)
             if robot is None:
                 continue
-            next_s = robot.event_s + self._reading.quiet_after_s
+            next_s = self._quiet_s(robot)
             if next_s <= now_s:
                 next_s = self._grow(robot, now_s - next_s, next_s)
                 grown.add(uuid)

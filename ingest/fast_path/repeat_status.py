@@ -84,6 +84,7 @@ class RepeatReader:
         if not knots:
             return None
         robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
+        robot.reports_within_s = 0.0
         robot.amounts = scanned.amounts
         robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))

@@ -33,6 +33,7 @@ def batch(
         event_s=_column(robots, "seen.t_s"),
         basis=_column(forecasts, "basis", np.int64),
         doubt_m=_column(robots, "doubt_m"),
+        reports_within_s=_column(robots, "reports_within_s"),
         amounts=np.array(list(_values(robots, "amounts")), AMOUNTS),
         forecasts=_forecasts(forecasts),
         destinations=_destinations(list(_values(robots, "stops"))),

@@ -155,7 +155,7 @@ class Fleet:
             assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before
             found = status.findings + self._update_status(robot, status, scanned.raw, arrival_s, event_s)
         else:
-            findings += plausibility.frequency(gap_s, self.reading.quiet_after_s)
+            findings += plausibility.frequency(gap_s, max(self.reading.quiet_after_s, robot.reports_within_s))
             self._note_newest(robot, scanned.raw, arrival_s)
             self._changed[robot.uuid] = robot
         self._accept(robot, reader.connection, found + findings)
@@ -212,7 +212,7 @@ class Fleet:
         frame, sighting = self._placement.sighting(robot, status, event_s)
         if robot.seen:
             gap_s = arrival_s - robot.arrival_s
-            findings += plausibility.frequency(gap_s, self.reading.quiet_after_s)
+            findings += plausibility.frequency(gap_s, max(self.reading.quiet_after_s, robot.reports_within_s))
             if NOWHERE not in (sighting.floor, robot.seen.floor):
                 self._claims.add_sighting(robot.uuid, robot.vendor, robot.seen, sighting, gap_s, arrival_s)
             if event_s < robot.seen.t_s:

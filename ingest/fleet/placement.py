@@ -85,6 +85,7 @@ class Placement:
         is_lost = status.is_lost or matches(status.error_codes, self._reading.lost_errors)
         most_m = self._reading.lost_doubt_m
         robot.doubt_m = most_m if is_lost else min(status.deviation_m, most_m)
+        robot.reports_within_s = status.reports_within_s
         unknown = () if frame.known else ("datum-unknown",)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *unknown, *too_many)

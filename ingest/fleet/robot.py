@@ -56,6 +56,8 @@ class Robot:
     """The destinations ahead, as `prediction.forecast.stops` returns them."""
     doubt_m: float = 0.0
     """How far off its position may be."""
+    reports_within_s: float = 0.0
+    """Its next status may come as late as this by the rules of its language; 0 if there is no such rule."""
     amounts: Amounts = NO_AMOUNTS
     """Those of its newest status."""
     owned: bool = False

@@ -118,6 +118,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """How far off its position may be, as far as the robot knows."""
     load: LoadBox | None = None
     """Where its load is, if it says that."""
+    reports_within_s: float = 0.0
+    """The next status may come as late as this by the rules of the language; 0 if it has no such rule."""
 
 
 class Update(msgspec.Struct, frozen=True, gc=False, eq=False):

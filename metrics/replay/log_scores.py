@@ -49,7 +49,7 @@ class LogScores:
         self.names.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self.names.name_of.update(zip(batch.robots, batch.names, strict=True))
         self.names.floors = batch.floors
-        self.truth.report(batch.robots, batch.forecasts)
+        self.truth.report(batch.robots, batch.forecasts, batch.reports_within_s)
         self.absences.add_batch(batch)
         self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, outputs[0].bands_m))
         self.arrivals.add_batch(batch)

@@ -13,7 +13,7 @@ from math import floor, inf
 
 import numpy as np
 
-from ingest.batch import Forecasts, Ints, Pair
+from ingest.batch import Floats, Forecasts, Ints, Pair
 from metrics.truth.nearest_scenes import NearestScenes
 from metrics.truth.recorded_motion import RecordedMotion, RecordedPlace, SampledMotion
 from metrics.truth.separations import Separations, separations
@@ -65,10 +65,11 @@ class EncounterFinder:
             return inf
         return -inf if self._next is None else (self._next - 1) * STEP_S
 
-    def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
-        """Add the present poses of robots that have reported. These are the first knots of the forecasts."""
+    def report(self, robots: Sequence[str], forecasts: Forecasts, reports_within_s: Floats | None = None) -> None:
+        """Add the present poses of robots that have reported. These are the first knots of the forecasts.
+        `reports_within_s` (n,) as in a batch."""
         self.motion.report(robots, forecasts)
-        self.silences.report(robots, forecasts)
+        self.silences.report(robots, forecasts, reports_within_s)
         if self._next is None and len(robots):
             self._next = floor(float(forecasts.t_s[forecasts.start[:-1]].min()) / STEP_S) + 1
 

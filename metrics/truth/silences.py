@@ -46,6 +46,8 @@ class Silences:
         """Number of known intervals between reports."""
         self._gaps_s = np.zeros((0, GAPS))
         """The newest intervals between reports."""
+        self._within_s = np.zeros(0)
+        """How late the next report may come by the rules of the robot's language."""
         self._place = np.zeros((0, 8))
         """x_m, y_m, yaw_rad, floor, half sides, bottom and top, by the newest report."""
         self._of: dict[int, list[RobotSilence]] = {}
@@ -54,12 +56,12 @@ class Silences:
         self.by_minute_s: defaultdict[int, float] = defaultdict(float)
         """Total presence of all robots, by minute since the epoch."""
 
-    def report(self, robots: Sequence[str], forecasts: Forecasts) -> None:
+    def report(self, robots: Sequence[str], forecasts: Forecasts, reports_within_s: Floats | None = None) -> None:
         """Add the present poses of robots that have reported. These are the first knots of the forecasts."""
         rows, _ = self._slots.assign(robots)
         if (more := len(self._slots) - len(self._heard_s)) > 0:
             more = max(more, len(self._heard_s), 64)
-            lengthen(self, ("_heard_s", "_there_s", "_known", "_gaps_s", "_place"), more)
+            lengthen(self, ("_heard_s", "_there_s", "_known", "_gaps_s", "_within_s", "_place"), more)
             self._heard_s[-more:] = -inf
         knots = forecasts.start[:-1]
         is_newer = forecasts.t_s[knots] > self._heard_s[rows]
@@ -67,6 +69,7 @@ class Silences:
         heard_s = forecasts.t_s[knots]
         self._count(rows, heard_s, heard_s - self._heard_s[rows])
         self._heard_s[rows] = heard_s
+        self._within_s[rows] = 0.0 if reports_within_s is None else reports_within_s[is_newer]
         columns = (getattr(forecasts, name)[knots] for name in ("x_m", "y_m", "yaw_rad", "floor"))
         sizes_m = (forecasts.length_m[is_newer] / 2, forecasts.width_m[is_newer] / 2)
         levels_m = (forecasts.bottom_m[is_newer], forecasts.top_m[is_newer])
@@ -143,7 +146,7 @@ class Silences:
 
     def _limit_s(self, row: int) -> float:
         """How long a robot may send no report before it is silent."""
-        return grace_after_s(self._gaps_s[row, : self._known[row]].tolist())
+        return max(grace_after_s(self._gaps_s[row, : self._known[row]].tolist()), float(self._within_s[row]))
 
 
 def _near(places: Floats, sampled: SampledMotion) -> Bools:

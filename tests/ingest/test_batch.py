@@ -64,6 +64,7 @@ def batch_of(*knots: int) -> Batch:
         event_s=np.arange(n, dtype=np.float64) + 0.2,
         basis=np.full(n, int(Basis.PATH)),
         doubt_m=np.zeros(n),
+        reports_within_s=np.full(n, 35.0),
         amounts=np.array([(20.0 + row, np.nan, 60.0) for row in range(n)], AMOUNTS),
         forecasts=forecasts(*knots),
         destinations=Destinations(
@@ -87,7 +88,7 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
     for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims"):
         assert getattr(back, name) == getattr(batch, name)
-    for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m"):
+    for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s"):
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
     for name in Amounts._fields:
         np.testing.assert_array_equal(back.amounts[name], batch.amounts[name])

@@ -53,8 +53,8 @@ class RobotTable(Mapping[str, RobotView]):
         self._zones = self._outlines(geometry.zone_boxes())
         self._places = list(geometry.resources)
         self._place_number = {place: number for number, place in enumerate(self._places)}
-        self._names: dict[str, tuple[str, str, str, bool]] = {}
-        """By UUID: vendor, name, state, and whether it pulls trailers."""
+        self._names: dict[str, tuple[str, str, str, bool, float]] = {}
+        """By UUID, the first fields of its view."""
         self._here: dict[int, tuple[str, float]] = {}
         """By slot, the resource that a robot has, and since when."""
         self._passages: dict[int, dict[str, ZonePassage]] = {}

@@ -21,6 +21,8 @@ class RobotView:
     """Operational state as reported."""
     pulls_trailers: bool
     """Whether it can't back, because its trailers would fold."""
+    reports_within_s: float
+    """Its next report may come as late as this by the rules of its language; 0 if there is no such rule."""
     event_s: float
     """Time of the newest pose."""
     x_m: float
@@ -59,8 +61,9 @@ class RobotView:
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
 
 
-def first_fields(batch: Batch) -> Iterator[tuple[str, str, str, bool]]:
-    """Of each robot of a batch the fields of its view from `vendor` to `pulls_trailers`."""
+def first_fields(batch: Batch) -> Iterator[tuple[str, str, str, bool, float]]:
+    """Of each robot of a batch the fields of its view from `vendor` to `reports_within_s`."""
     trains = set(rows_of_trains(batch.forecasts))
     pulls_trailers = (row in trains for row in range(len(batch)))
-    return zip(batch.vendors, batch.names, batch.states, pulls_trailers, strict=True)
+    texts = batch.vendors, batch.names, batch.states
+    return zip(*texts, pulls_trailers, batch.reports_within_s.tolist(), strict=True)

@@ -30,7 +30,7 @@ def needs_person(robot: RobotView, quiet_after_s: float, now_s: float) -> bool:
 
 def is_silent(robot: RobotView, quiet_after_s: float, now_s: float) -> bool:
     """Whether a robot has not been heard lately."""
-    return now_s - robot.event_s >= quiet_after_s
+    return now_s - robot.event_s >= max(quiet_after_s, robot.reports_within_s)
 
 
 def task_at(robot: RobotView, is_quiet: bool) -> str:

@@ -80,6 +80,10 @@ class LiveRobot:
         return float(self.batch.doubt_m[self.row])
 
     @property
+    def reports_within_s(self) -> float:
+        return float(self.batch.reports_within_s[self.row])
+
+    @property
     def batch_forecasts(self) -> Forecasts:
         """Forecasts of all robots of its batch, with envelopes as reported."""
         return self.batch.forecasts

@@ -18,7 +18,7 @@ FEWEST_GAPS = 2
 """With fewer times between reports, it is not known how often a robot reports."""
 GRACE_S, GRACE_GAPS, GRACE_UNKNOWN_S = 5.0, 3.0, 30.0
 """A robot is silent after the first time, or after so many of its usual gaps if that is longer. It is silent after the
-third number if its usual gap is not known."""
+third number if its usual gap is not known. It is not silent as long as the rules of its language allow."""
 STOOD_MPS, STOOD_LEAST_M, STOOD_MOST_M = 0.05, 0.02, 0.1
 """A robot stood between two reports if it moved at most at this speed. Up to the second number it always stood; beyond
 the third it never did."""
@@ -34,6 +34,7 @@ HEARD = np.dtype(
         ("floor", np.int64),  # index of the floor in the batches
         ("stood", np.bool_),  # whether it had stood since the report before
         ("reports", np.int64),  # how many reports came
+        ("reports_within_s", np.float64),  # the next report may come as late as this by the rules of its language
         ("gaps_s", np.float64, (GAPS,)),  # times between the last reports, the newest at `(reports - 2) % GAPS`
     ],
     align=True,
@@ -73,7 +74,7 @@ class Legs(NamedTuple):
 
 @kernel(
     numba.types.Tuple((numba.int64[::1], _HEARD, *[numba.float64[::1]] * 2, *[_BOTH] * 3, _BOTH_INTS))(  # type: ignore[no-untyped-call]
-        _HEARD, *[numba.int64[::1]], *[_FLOATS] * 2, *[_INTS] * 2, *[_FLOATS] * 3, _INTS
+        _HEARD, *[numba.int64[::1]], *[_FLOATS] * 3, *[_INTS] * 2, *[_FLOATS] * 3, _INTS
     )
 )
 def _add_reports(
@@ -81,6 +82,7 @@ def _add_reports(
     slots: Ints,
     arrival_s: Floats,
     event_s: Floats,
+    reports_within_s: Floats,
     statuses: Ints,
     start: Ints,
     x_m: Floats,
@@ -100,6 +102,7 @@ def _add_reports(
         row, was = rows[leg], before[leg]
         robot, knot = heard[slots[row]], start[row]
         robot.arrival_s, robot.event_s, robot.due_s = arrival_s[row], event_s[row], arrival_s[row] + GRACE_S
+        robot.reports_within_s = reports_within_s[row]
         robot.x_m, robot.y_m, robot.yaw_rad, robot.floor = x_m[knot], y_m[knot], yaw_rad[knot], floor[knot]
         if was.reports:
             gap_s[leg], took_s[leg] = robot.arrival_s - was.arrival_s, robot.event_s - was.event_s
@@ -127,7 +130,8 @@ class ReportIntervals:
         f = batch.forecasts
         places = ready(f.x_m), ready(f.y_m), ready(f.yaw_rad), ready(f.floor, np.int64)
         counts = ready(batch.statuses, np.int64), ready(f.start, np.int64)
-        legs = _add_reports(self.heard, slots, ready(batch.arrival_s), ready(batch.event_s), *counts, *places)
+        times = ready(batch.arrival_s), ready(batch.event_s), ready(batch.reports_within_s)
+        legs = _add_reports(self.heard, slots, *times, *counts, *places)
         return Legs(*legs), new
 
     def overdue(self, now_s: float) -> list[str]:
@@ -165,7 +169,7 @@ class ReportIntervals:
 def grace_s(record: np.void) -> float:
     """How long a robot may say nothing before it counts as silent, by its record."""
     gaps = min(max(int(record["reports"]) - 1, 0), GAPS)
-    return grace_after_s(record["gaps_s"][:gaps].tolist())
+    return max(grace_after_s(record["gaps_s"][:gaps].tolist()), float(record["reports_within_s"]))
 
 
 def grace_after_s(gaps_s: Sequence[float]) -> float:

@@ -26,6 +26,8 @@ MOST_WAYPOINTS = 200
 LONGEST_LOAD_M = 100.0
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
+STANDING_REPORTS_S = 35.0
+"""A robot that does not drive sends a state every 30 s. A few seconds are for the way to here."""
 NO_STATE = StateMessage()
 
 
@@ -65,6 +67,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         load=_load_box(state.loads or []),
+        reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
     )
 
 

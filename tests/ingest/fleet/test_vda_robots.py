@@ -113,6 +113,15 @@ def test_how_far_a_position_may_be_off(keys: dict[str, Any], doubt_m: float) -> 
     assert robot.doubt_m == doubt_m
 
 
+@pytest.mark.parametrize(("driving", "too_rare"), [(False, 0), (True, 1)])
+def test_a_standing_robot_may_send_a_state_each_30_seconds(driving: bool, too_rare: int) -> None:
+    of = floor_of()
+    place = {"x": 0.0, "y": 0.0, "theta": 0.0, "mapId": MAP, "positionInitialized": True}
+    for t_s in (NOW_S, NOW_S + 31.0):
+        tell(of, "state", state(t_s, driving=driving, agvPosition=place), t_s)
+    assert counted(of, "deviations_total").get((MAKER, "status-too-rare"), 0) == too_rare
+
+
 def test_a_robot_in_an_emergency_stop_stands_whatever_its_order() -> None:
     of = floor_of()
     robot = on_its_way(of)

@@ -43,6 +43,7 @@ def report_of(
         event_s=np.array([now_s]),
         basis=np.array([0]),
         doubt_m=zero,
+        reports_within_s=zero,
         amounts=np.full(1, np.nan, AMOUNTS),
         forecasts=Forecasts(
             np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], values, values, zero, values

@@ -3,6 +3,7 @@ import pytest
 from deconflict.foresight.presence.report_intervals import ReportIntervals
 from tests.deconflict.foresight.presence.made_watch import NOW_S, Watch
 from tests.helpers.saying import robot
+from tests.helpers.vda_saying import line, position, state
 
 
 def reported(every_s: float, reports: int) -> ReportIntervals:
@@ -29,6 +30,20 @@ def test_a_robot_is_silent_after_the_longer_of_five_seconds_and_three_of_its_usu
     every_s: float, reports: int, grace_s: float
 ) -> None:
     assert reported(every_s, reports).grace_s(robot("A")) == pytest.approx(grace_s)
+
+
+@pytest.mark.parametrize(("driving", "grace_s"), [(False, 35.0), (True, 5.0)])
+def test_a_standing_robot_is_not_silent_before_its_language_wants_its_next_report(
+    driving: bool, grace_s: float
+) -> None:
+    """A robot of VDA 5050 that stands sends its state each 30 s."""
+    watch, intervals = Watch(), ReportIntervals()
+    for at_s in range(4):
+        raw = state(NOW_S + at_s, driving=driving, agvPosition=position(0.0, 0.0, 0.0))
+        watch.fleet.receive(raw, NOW_S + at_s, line("state"))
+        intervals.add_batch(watch.fleet.next_batch(NOW_S + at_s))
+    (uuid,) = watch.fleet.robots
+    assert intervals.grace_s(uuid) == grace_s
 
 
 def test_one_long_gap_does_not_change_what_is_usual() -> None:

@@ -71,6 +71,7 @@ class Stage:
             event_s=np.full(n, now_s),
             basis=np.full(n, int(Basis.PATH)),
             doubt_m=np.zeros(n),
+            reports_within_s=np.zeros(n),
             amounts=np.full(n, np.nan, AMOUNTS),
             forecasts=Forecasts.joined(walk.forecast(t_s) for walk in self.walks.values()),
             destinations=NO_STOPS,
