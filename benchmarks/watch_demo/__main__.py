@@ -12,10 +12,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.watch_demo.following import Follow
 from benchmarks.watch_demo.judging import rows_of, stops_of, summary
 from benchmarks.watch_demo.situation_truth import situation_truth
 from benchmarks.watch_demo.watching import Watch
+from deconflict.simulation.demo.advice_follower import Follow
 from metrics.report.situation_section import sentence
 
 

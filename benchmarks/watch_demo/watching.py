@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
-from benchmarks.watch_demo.following import Follow, Follower
-from benchmarks.watch_demo.lost_time import LostTimeCounter
 from deconflict.advisories.situations.situation import Situation, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
@@ -17,7 +15,9 @@ from deconflict.engine.engine import Engine
 from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site_file import load
+from deconflict.simulation.demo.advice_follower import Follow, Follower
 from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.driving.lost_time import LostTimeCounter
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from metrics.scoring.contention_scores import ContentionScores
@@ -70,7 +70,7 @@ class Watch:
             AdvisedWaits(),
         )
         self._is_followed = follow is not Follow.NONE
-        self.follower = Follower(self.floor.world, follow, START_S)
+        self.follower = Follower(self.floor.world, follow)
         self.lost_time = LostTimeCounter(self.floor.world)
         self.alerts: dict[str, Alert] = {}
         self.most_open = 0
@@ -93,7 +93,7 @@ class Watch:
         revisions = self._engine.step(now_s)
         published = self.situations.published(now_s, revisions)
         for revision in published:
-            self.follower.pass_on(revision)
+            self.follower.pass_on(revision, now_s)
         for advisory in revisions:
             self._take(advisory)
         self._score(now_s, batch, revisions, situations_of(published))

@@ -62,6 +62,7 @@ class OperatorCalls:
             "begin_anew": self._begin_anew,
             "measures": self._measures,
             "health": self._health,
+            "notice": self._notice,
         }
 
     async def forward_answer(self, advisory_id: str, answer: Acknowledgement) -> None:
@@ -183,3 +184,8 @@ class OperatorCalls:
 
     async def _health(self, _: bytes) -> bytes:
         return json.dumps(await self._sources.health()).encode()
+
+    async def _notice(self, text: bytes) -> bytes:
+        """Set the sentence that the page shows below its title."""
+        self._sources.notice = text.decode()
+        return b"shown"

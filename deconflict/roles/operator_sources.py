@@ -54,6 +54,8 @@ class OperatorSources:
         self._receiver = AsyncCaller(runtime, "follower" if site.cluster else "receiver")
         self._archive = Archive(data / FOLDER)
         self.history = History(site, data / "log")
+        self.notice = ""
+        """A sentence for people that the page shows."""
 
     async def robots(self) -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots")
@@ -100,6 +102,7 @@ class OperatorSources:
             "restarts": restarts(self._runtime),
             "preparing": preparation(self._runtime),
             "effort": self._effort(),
+            "notice": self.notice,
             "delivery": delivery,
             "site": {key: results[key] for key in ("problems", "needs_restart")} if results else {},
         }
@@ -142,6 +145,7 @@ class OperatorSources:
             },
             "preparing": preparation(self._runtime),
             "effort": self._effort(),
+            "notice": self.notice,
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "unidentified": unidentified,
             "fading": presence["fading"],

@@ -26,10 +26,17 @@ def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
         "run the service with simulated vendors on a bundled site",
         "deconflict demo",
         "deconflict demo --robots 60 --seconds 120 --data build/demo",
+        "deconflict demo --robots 60 --advice      # what does following the advice save?",
     )
     _add_simulated_world(demo_parser)
     demo_parser.add_argument(
         "--seconds", type=float, metavar="S", help="stop so long after the start; 60 without a terminal, else never"
+    )
+    demo_parser.add_argument(
+        "--advice",
+        action=argparse.BooleanOptionalAction,
+        default=False,
+        help="let the robots follow the advice of situations, and show what that saves; by default they ignore it",
     )
     add_ports(demo_parser)
     demo_parser.add_argument(
@@ -111,11 +118,12 @@ def _drill_named(name: str) -> "Drill":
 
 
 def _demo(args: argparse.Namespace) -> int:
-    from deconflict.simulation import demo  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.demo.demo_floor import DemoFloor  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.demo.demo_run import demo  # noqa: PLC0415 - loads the simulated world
 
     settings = settings_of(args, demo_site())
     check_access(settings, args.open)
-    return demo.demo(settings, args.robots, args.seconds, args.seed, args.data)
+    return demo(settings, DemoFloor(args.robots, args.seed, follows_advice=args.advice), args.seconds, args.data)
 
 
 def _drill(exposition: Exposition, args: argparse.Namespace) -> int:
@@ -126,13 +134,14 @@ def _drill(exposition: Exposition, args: argparse.Namespace) -> int:
 
 
 def _simulate(args: argparse.Namespace) -> int:
-    from deconflict.simulation.vendors.senders import simulate  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.vendors.senders import SimulatedFloor, simulate  # noqa: PLC0415 - loads the simulated world
 
     async def run() -> dict[str, int]:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stop.set)
-        return await simulate(args.url, args.robots, args.seconds, args.seed, broker=args.broker, stop=stop)
+        floor = SimulatedFloor(args.robots, args.seed)
+        return await simulate(args.url, floor, args.seconds, broker=args.broker, stop=stop)
 
     sys.stdout.write(json.dumps(asyncio.run(run())) + "\n")
     return 0

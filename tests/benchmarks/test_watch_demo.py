@@ -5,10 +5,10 @@ from math import inf
 
 import pytest
 
-from benchmarks.watch_demo.following import Follow
 from benchmarks.watch_demo.judging import PairEvent, rows_of, summary, verdict
 from benchmarks.watch_demo.situation_truth import situation_truth
 from benchmarks.watch_demo.watching import Alert, Watch
+from deconflict.simulation.demo.advice_follower import Follow
 
 YIELDED, MET, ORDERED = PairEvent(20.0, 24.0, "yielded"), PairEvent(40.0, 41.0, "met"), PairEvent(20.0, 24.0, "ordered")
 

@@ -139,6 +139,7 @@ function draw(at) {
   const [name, text] = state();
   if (root.dataset.state !== name) root.dataset.state = name;
   if ($("status").textContent !== text) $("status").textContent = text;
+  if ($("notice").textContent !== (live.health.notice ?? "")) $("notice").textContent = live.health.notice;
   floor ??= floors()[0]?.id ?? null;
   const shown = scene();
   if (!moved && shown.robots.length + shown.marks.length) camera.fit(bounds(shown));

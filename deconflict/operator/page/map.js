@@ -164,7 +164,7 @@ export class FloorMap {
     const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)], size = 12 * unit;
     pen.font = `${size}px system-ui, sans-serif`;
     const width = pen.measureText(name).width;
-    if (width > right - left || size > bottom - top) return;
+    if (width > 1.5 * (right - left) || size > bottom - top) return;
     if (right - left > bottom - top) this.text(name, left + width / 2 + size, (top + bottom) / 2 + size / 3, 12, ink.faint);
     else this.text(name, (left + right) / 2, bottom - size, 12, ink.faint);
   }

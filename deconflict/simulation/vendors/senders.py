@@ -132,28 +132,37 @@ async def listening(line: Sender, port: int) -> AsyncIterator[None]:
         yield
 
 
+class SimulatedFloor:
+    """The simulated robots: those of the halls, and those of the annex."""
+
+    def __init__(self, robots: int, seed: int) -> None:
+        members, self.annex = split(participants(robots))
+        self.world = World(layout_for(robots), members, np.random.default_rng(seed))
+        self.world.spread_start()
+
+    def step(self) -> None:
+        """Advance by `STEP_S`."""
+        self.world.step(STEP_S)
+
+
 async def simulate(
     url: str,
-    robots: int,
+    floor: SimulatedFloor,
     seconds: float | None,
-    seed: int,
     *,
     speed: float = 1.0,
     fleet_port: int | None = None,
     broker: tuple[str, int] | None = None,
     stop: asyncio.Event,
 ) -> dict[str, int]:
-    """Run robots of four vendors against a service until `stop`, or for `seconds` of their own time.
+    """Run the robots of a floor against a service until `stop`, or for `seconds` of their own time.
 
     `speed` is the world's time per real time. If it is not 1, the senders' clocks run fast or slow. With `fleet_port`
     Basalt's fleet manager does not connect but listens on this port. With `broker`, its host and port, Basalt speaks
     VDA 5050 and Alder ISO 21423 there. Returns the number of sent messages by vendor.
     """
-    rng = np.random.default_rng(seed)
-    members, annex = split(participants(robots))
-    world = World(layout_for(robots), members, rng)
-    world.spread_start()
-    senders = _senders([*members, *annex.members], broker)
+    rng = np.random.default_rng()
+    senders = _senders([*floor.world.members, *floor.annex.members], broker)
     tasks: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as servers:
         for sender in dict.fromkeys(senders):
@@ -165,7 +174,7 @@ async def simulate(
                 path = f"/{sender.vendor}" if sender.vendor in OWN_PATH else ""
                 tasks.append(asyncio.create_task(call(url.rstrip("/") + path, sender, rng)))
         try:
-            await _run(world, annex, senders, seconds, speed, stop)
+            await _run(floor, senders, seconds, speed, stop)
         finally:
             for task in tasks:
                 task.cancel()
@@ -194,9 +203,10 @@ def _senders(members: Sequence[Participant], broker: tuple[str, int] | None) -> 
 
 
 async def _run(
-    world: World, annex: Annex, senders: Sequence[AnySender], seconds: float | None, speed: float, stop: asyncio.Event
+    floor: SimulatedFloor, senders: Sequence[AnySender], seconds: float | None, speed: float, stop: asyncio.Event
 ) -> None:
     """Advance the world with the clock and let the robots report in turn. The robots of the annex come last."""
+    world, annex = floor.world, floor.annex
     every_s = np.array([member.make.report_every_s for member in (*world.members, *annex.members)])
     phase_s = every_s * (np.arange(len(every_s)) * 0.618 % 1.0)
     start_s = time.time() - world.t_s
@@ -208,7 +218,7 @@ async def _run(
         if late_s > LATE_S:
             start_s += (late_s - STEP_S) / speed
         before = np.floor((world.t_s + phase_s) / every_s)
-        world.step(STEP_S)
+        floor.step()
         due = np.flatnonzero(np.floor((world.t_s + phase_s) / every_s) > before)
         now_s = start_s + world.t_s
         _report(world, annex, due, senders, now_s)

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from deconflict.settings.site_file import fit_problems, load
-from deconflict.simulation.demo import DemoView, advisory_line, tables
+from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
 from deconflict.simulation.demo_site import ROBOTS, demo_site
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.made_advisories import cleared, made
@@ -47,7 +47,7 @@ def test_the_demo_shows_any_name_as_it_is(name: str) -> None:
     view.add_advisory(made(1, summary=f"{name} meets B-1", vendors=(name, "Basalt")))
     view.values["deconflict_robots"] = {(name, "idle"): 1}
     console = Console(file=StringIO(), width=200)
-    console.print(tables(view))
+    console.print(tables(view, ""))
     for advisory in (made(1, summary=name), cleared(1, names=(name, "Basalt B-1"))):
         console.print(advisory_line(advisory), soft_wrap=True)
     text = console.file.getvalue()  # type: ignore[attr-defined]

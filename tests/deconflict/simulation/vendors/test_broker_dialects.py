@@ -22,7 +22,7 @@ from deconflict.simulation.participants import VendorName, participants
 from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.scripted_annex import split
 from deconflict.simulation.vendors.broker_sender import ON_BROKERS
-from deconflict.simulation.vendors.senders import simulate
+from deconflict.simulation.vendors.senders import SimulatedFloor, simulate
 from deconflict.simulation.vendors.vda_dialect import TopicMessage
 from ingest.batch import Basis
 from ingest.fleet.fleet import Fleet
@@ -122,7 +122,9 @@ async def test_simulated_vendors_report_to_a_real_broker() -> None:
     async with broker() as port, asyncio.timeout(PATIENCE_S), Client("127.0.0.1", port) as client:
         await client.subscribe("#")
         url = f"ws://127.0.0.1:{free_ports(1)[0]}"
-        simulating = asyncio.create_task(simulate(url, 8, None, 1, broker=("127.0.0.1", port), stop=stop))
+        simulating = asyncio.create_task(
+            simulate(url, SimulatedFloor(8, 1), None, broker=("127.0.0.1", port), stop=stop)
+        )
         async for message in client.messages:
             heard.add(message.topic.value.rpartition("/")[2])
             if heard >= {"factsheet", "state", "identity", "odometry"}:

@@ -26,10 +26,10 @@ class Follow(StrEnum):
 
 
 class Follower:
-    """Passes advice on to the robots of a world. Its time 0 is `start_s`, seconds since the epoch."""
+    """Passes advice on to the robots of a world."""
 
-    def __init__(self, world: World, follow: Follow, start_s: float) -> None:
-        self._world, self._follow, self._start_s = world, follow, start_s
+    def __init__(self, world: World, follow: Follow) -> None:
+        self._world, self._follow = world, follow
         self._row = {member.uuid: row for row, member in enumerate(world.members)}
         self._instructed_s: dict[str, float] = {}
         """By robot, when it was told something last, in the world's time."""
@@ -43,9 +43,9 @@ class Follower:
         """What was passed on, and what was left out because the robot had been told something else meanwhile, was not
         driving, or can't do it."""
 
-    def pass_on(self, revision: AnyRevision) -> None:
-        """Pass on the advice of one revision."""
-        at_s = revision.updated_at.timestamp() - self._start_s
+    def pass_on(self, revision: AnyRevision, now_s: float) -> None:
+        """Pass on the advice of one revision. `now_s` is the clock by which revisions are dated."""
+        at_s = self._world.t_s - (now_s - revision.updated_at.timestamp())
         if isinstance(revision, Situation):
             if self._follow is Follow.SITUATIONS:
                 self._pass_on_actions(revision.id, revision.advice, at_s)

@@ -1,0 +1,60 @@
+"""The demo's robots, the time that they lose, and what following advice saves."""
+
+from dataclasses import asdict
+from typing import Any
+
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.simulation.demo.advice_follower import Follow, Follower
+from deconflict.simulation.driving.lost_time import LostTime, LostTimeCounter
+from deconflict.simulation.vendors.senders import STEP_S, SimulatedFloor
+
+SHOWN = ("lost_s", "waited_s", "stops", "trips")
+"""The sums of `LostTime` that the demo prints."""
+
+
+class DemoFloor(SimulatedFloor):
+    """The robots that report. If they follow advice, the same robots without advice move beside them, unreported."""
+
+    def __init__(self, robots: int, seed: int, *, follows_advice: bool) -> None:
+        super().__init__(robots, seed)
+        self._lost = LostTimeCounter(self.world)
+        self._follower = Follower(self.world, Follow.SITUATIONS) if follows_advice else None
+        self._without_advice = DemoFloor(robots, seed, follows_advice=False) if follows_advice else None
+
+    @property
+    def follows_advice(self) -> bool:
+        return self._follower is not None
+
+    def step(self) -> None:
+        super().step()
+        self._lost.update(STEP_S)
+        if self._without_advice:
+            self._without_advice.step()
+
+    def pass_on(self, revision: AnyRevision, now_s: float) -> None:
+        """Pass on the advice of a revision, if the robots follow advice. `now_s` is seconds since the epoch."""
+        if self._follower:
+            self._follower.pass_on(revision, now_s)
+
+    def lost_time(self) -> LostTime:
+        return self._lost.now()
+
+    def result(self) -> dict[str, Any]:
+        """The sums over the robots of the halls; with advice, those of the same robots without it beside them."""
+        sums = asdict(self.lost_time())
+        shown: dict[str, Any] = {name: sums[name] for name in SHOWN}
+        if self._without_advice:
+            shown["without_advice"] = self._without_advice.result()
+        return shown
+
+    def sentence(self) -> str:
+        """What following advice saved so far; empty if the robots follow none."""
+        if not self._without_advice or not self._follower:
+            return ""
+        own, other = self.lost_time(), self._without_advice.lost_time()
+        orders = sum(self._follower.counts[action] for action in ("wait", "slow_down", "back_out"))
+        return (
+            f"Robots follow advice: {orders} orders so far. They lost {own.lost_s:.0f} s on their way, "
+            f"{other.lost_s:.0f} s without advice; {own.stops} long stops, {other.stops} without; "
+            f"{own.trips} arrivals, {other.trips} without"
+        )

@@ -1,0 +1,187 @@
+"""The demo: the whole service, four simulated vendors that connect to it over real sockets, and a live table."""
+
+import asyncio
+import json
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed
+
+from deconflict.advisories.situations.situation import REVISION, Situation
+from deconflict.advisory import AdvisoryState
+from deconflict.roles.service import runtime_directory
+from deconflict.roles.supervisor import Supervisor
+from deconflict.runtime.rpc import AsyncCaller, LinkDownError
+from deconflict.settings.site import Site
+from deconflict.simulation.demo.demo_floor import DemoFloor
+from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
+from deconflict.simulation.vendors.senders import simulate
+from ingest.languages.visible_text import visible
+
+SECONDS_WITHOUT_TERMINAL = 60.0
+START_WITHIN_S = 60.0
+"""For its ports to open; the engine may take longer."""
+REFRESH_S = 0.5
+
+
+def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None) -> int:
+    """Run the demo. It ends `seconds` after the engine is up, or after a minute if there is no terminal."""
+    console = Console()
+    if seconds is None and not console.is_terminal:
+        seconds = SECONDS_WITHOUT_TERMINAL
+    site = _on_free_ports(site, console)
+    with TemporaryDirectory(prefix="deconflict-demo-") as discarded, runtime_directory() as runtime:
+        kept = data or Path(discarded)
+        kept.mkdir(parents=True, exist_ok=True)
+        stop = threading.Event()
+        supervisor = threading.Thread(target=Supervisor(site, kept, Path(runtime)).run, args=(stop,))
+        supervisor.start()
+        try:
+            view = asyncio.run(_show(site, Path(runtime), console, floor, seconds))
+        except TimeoutError:
+            sys.stderr.write(f"deconflict: the service did not start within {START_WITHIN_S:.0f} s; its log says why\n")
+            return 1
+        finally:
+            stop.set()
+            supervisor.join()
+    sys.stdout.write(json.dumps(view.result() | floor.result()) + "\n")
+    return 0
+
+
+def _on_free_ports(site: Site, console: Console) -> Site:
+    """The site with every occupied port replaced by a free one. Prints each replacement."""
+    changed = {}
+    for name in ("receiver", "operator"):
+        section = getattr(site, name)
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((section.host, section.port))
+                port = probe.getsockname()[1]
+            except OSError:
+                probe.bind((section.host, 0))
+                port = probe.getsockname()[1]
+                console.print(f"Port {section.port} is in use. The {name} listens on {port} instead.")
+        changed[name] = section.model_copy(update={"port": port})
+    return site.model_copy(update=changed)
+
+
+async def _show(site: Site, runtime: Path, console: Console, floor: DemoFloor, seconds: float | None) -> DemoView:
+    stop, loop, view = asyncio.Event(), asyncio.get_running_loop(), DemoView()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    operator = AsyncCaller(runtime, "operator")
+    console.print("Starting the service …")
+    await _until_ports_open(operator, stop)
+    _print_addresses(site, console, floor)
+    limit = _stop_later(operator, view, console, seconds, stop)
+    async with _background(_follow(site, floor, view, console), _measure(operator, floor, view), limit):
+        simulating = asyncio.create_task(simulate(_robots_url(site), floor, None, stop=stop))
+        if console.is_terminal:
+            with Live(console=console, screen=False, auto_refresh=False) as live:
+                while not simulating.done():
+                    live.update(tables(view, floor.sentence()), refresh=True)
+                    await asyncio.wait({simulating}, timeout=REFRESH_S)
+        await simulating
+        await asyncio.sleep(site.engine.tick_s)
+        view.measure(json.loads(await operator.call("measures")))
+    return view
+
+
+@asynccontextmanager
+async def _background(*work: Any) -> AsyncIterator[None]:
+    tasks = [asyncio.create_task(coroutine) for coroutine in work]
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _until_ports_open(operator: AsyncCaller, stop: asyncio.Event) -> None:
+    """Raises `TimeoutError`."""
+    async with asyncio.timeout(START_WITHIN_S):
+        while not stop.is_set():
+            with suppress(LinkDownError):
+                if json.loads(await operator.call("health"))["roles"]["receiver"] == "up":
+                    return
+            await asyncio.sleep(0.05)
+
+
+async def _stop_later(
+    operator: AsyncCaller, view: DemoView, console: Console, seconds: float | None, stop: asyncio.Event
+) -> None:
+    """Show how far the engine is, and stop `seconds` after it is up."""
+    while not stop.is_set():
+        with suppress(LinkDownError):
+            health = json.loads(await operator.call("health"))
+            if health["roles"]["engine"] == "up":
+                break
+            if health["preparing"] and view.preparing is None and not console.is_terminal:
+                console.print("Robots move. The engine is being prepared, once on this machine: a minute or two")
+            view.preparing = health["preparing"]
+        await asyncio.sleep(REFRESH_S)
+    if view.preparing and not console.is_terminal:
+        console.print("The engine is ready: conflicts are predicted from now on")
+    view.preparing = None
+    if seconds is not None:
+        await asyncio.sleep(seconds)
+        stop.set()
+
+
+def _robots_url(site: Site) -> str:
+    return f"ws://{site.receiver.host}:{site.receiver.port}"
+
+
+def _print_addresses(site: Site, console: Console, floor: DemoFloor) -> None:
+    robots = len(floor.world) + len(floor.annex.members)
+    face = f"{site.operator.host}:{site.operator.port}"
+    console.print(
+        Text(f"{visible(site.name)}: {robots} simulated robots of four vendors connect to {_robots_url(site)}")
+    )
+    console.print(f"Open http://{face}/ to see the floor and the predictions", style="bold")
+    console.print(f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream")
+    console.print(f"Robots      http://{face}/robots       metrics http://{face}/metrics")
+
+
+async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console) -> None:
+    """Follow the stream as a site service does: from the last sequence number, again after every lost connection."""
+    seen = 0
+    while True:
+        url = f"ws://{site.operator.host}:{site.operator.port}/advisories/stream?after={seen}"
+        url += "&kinds=situation,advisory" if floor.follows_advice else ""
+        try:
+            async with connect(url) as stream:
+                async for message in stream:
+                    revision = REVISION.validate_json(message)
+                    seen = revision.seq
+                    floor.pass_on(revision, time.time())
+                    if isinstance(revision, Situation):
+                        continue
+                    view.add_advisory(revision)
+                    if not console.is_terminal and revision.state is not AdvisoryState.UPDATED:
+                        console.print(advisory_line(revision), soft_wrap=True)
+        except (OSError, ConnectionClosed):
+            await asyncio.sleep(REFRESH_S)
+
+
+async def _measure(operator: AsyncCaller, floor: DemoFloor, view: DemoView) -> None:
+    while True:
+        with suppress(LinkDownError):
+            view.measure(json.loads(await operator.call("measures")))
+            if floor.follows_advice:
+                await operator.call("notice", floor.sentence().encode())
+        await asyncio.sleep(2 * REFRESH_S)
