@@ -2,9 +2,6 @@
 
 import asyncio
 import json
-import os
-import shutil
-import subprocess
 import time
 from pathlib import Path
 
@@ -17,26 +14,13 @@ from ingest.settings import Datum
 from metrics.replay.conformance_counts import conform
 from metrics.replay.replay import replay
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
+from tests.helpers.node_libraries import ENVIRONMENT, needs_library
 from tests.helpers.patience import PATIENCE_S
 
 SENDERS = Path(__file__).with_name("virtual_agvs.js")
 SECONDS = 15
 SITE = Site(datums=(Datum(id="hall", name="Hall"),))
-ENVIRONMENT = os.environ | {"NODE_PATH": os.environ.get("NODE_PATH") or str(Path("build/node/node_modules").absolute())}
-
-
-def has_library() -> bool:
-    if not shutil.which("node"):
-        return False
-    find = ["node", "-e", "require.resolve('vda-5050-lib')"]
-    return subprocess.run(find, env=ENVIRONMENT, capture_output=True, check=False).returncode == 0
-
-
-pytestmark = [
-    needs_mosquitto,
-    pytest.mark.slow,
-    pytest.mark.skipif(not has_library(), reason="npm install --prefix build/node vda-5050-lib"),
-]
+pytestmark = [needs_mosquitto, pytest.mark.slow, needs_library("vda-5050-lib")]
 
 
 async def captured(port: int, path: Path) -> None:

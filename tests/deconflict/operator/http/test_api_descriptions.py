@@ -1,3 +1,6 @@
+import json
+import subprocess
+from pathlib import Path
 from typing import Any
 
 from jsonschema import Draft202012Validator
@@ -6,6 +9,7 @@ from openapi_spec_validator import validate
 from deconflict.advisory import Severity
 from deconflict.operator.http.api_descriptions import asyncapi, openapi
 from tests.helpers.made_advisories import deadlock, made, situation
+from tests.helpers.node_libraries import ENVIRONMENT, needs_library
 
 
 def references(part: Any) -> set[str]:
@@ -47,6 +51,15 @@ def test_every_operation_has_a_group_a_name_for_clients_and_its_refusals() -> No
 def test_a_discriminator_of_the_asyncapi_document_is_the_name_of_a_property() -> None:
     schemas = asyncapi()["components"]["schemas"]
     assert [schema["discriminator"] for schema in schemas.values() if "discriminator" in schema] == ["kind"]
+
+
+@needs_library("@asyncapi/parser")
+def test_the_asyncapi_document_is_valid_for_the_official_parser() -> None:
+    program, document = Path(__file__).with_name("asyncapi_parser.js"), json.dumps(asyncapi())
+    read = subprocess.run(
+        ["node", program], input=document, env=ENVIRONMENT, capture_output=True, text=True, check=False
+    )
+    assert (read.returncode, read.stdout, read.stderr) == (0, "", "")
 
 
 def test_every_reference_of_the_asyncapi_document_resolves() -> None:
