@@ -1,7 +1,8 @@
 """The whole service under load: `python -m benchmarks.endtoend [--robots 100 1000] [--seconds 60] [--json OUT]`.
 
 The service runs as with `deconflict serve`: one process for each role, with everything switched on. The load comes from
-its own process over real sockets. On a machine with two cores, the load and the service share them.
+its own process over real sockets, or with `--language` from a broker (mosquitto). On a machine with two cores, they all
+share these.
 """
 
 import argparse
@@ -14,12 +15,13 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import offer
+from benchmarks import broker_offer, offer
+from benchmarks.broker_offer import BrokerLoad
 from deconflict.roles.service import runtime_directory
 from deconflict.roles.supervisor import Supervisor
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -29,6 +31,8 @@ from ingest.settings import Datum, Vendor
 
 LATENCY = "deconflict_message_to_advisory_seconds"
 LATE_S = 1.0
+WEBSOCKETS, MIXED = "massrobotics", "mixed"
+"""The language of robots that are not at a broker; and as many robots of each language."""
 
 
 @dataclass(frozen=True)
@@ -185,16 +189,32 @@ class Load:
 
 
 def measured(
-    robots: int, seconds: float, settle_s: float = 10.0, load_core: int | None = None, *, docks: bool = False
+    robots: int,
+    seconds: float,
+    settle_s: float = 10.0,
+    load_core: int | None = None,
+    *,
+    docks: bool = False,
+    language: str = WEBSOCKETS,
 ) -> tuple[Row, dict[str, float]]:
-    """The figures of a run after `settle_s`, and the figures of the load."""
-    with service(robots if docks else 0) as running:
-        load = Load(running.url, robots, settle_s + seconds, load_core, docks=docks)
+    """The figures of a run after `settle_s`, and the figures of the load over WebSockets, if there is one."""
+    languages = [WEBSOCKETS, *broker_offer.LANGUAGES] if language == MIXED else [language]
+    at_broker = [name for name in languages if name != WEBSOCKETS]
+    at_sockets = robots // len(languages) if WEBSOCKETS in languages else 0
+    changes = {"mqtt_sources": broker_offer.sources(at_broker)}
+    with (
+        broker_offer.broker() if at_broker else nullcontext(),
+        service(robots if docks else 0, None, changes) as running,
+    ):
+        load = Load(running.url, at_sockets, settle_s + seconds, load_core, docks=docks) if at_sockets else None
+        others = BrokerLoad(robots - at_sockets, settle_s + seconds, at_broker) if at_broker else None
         time.sleep(settle_s)
         running.row(robots)
         time.sleep(seconds - 1)
         row = running.row(robots)
-        return row, load.result()
+        if others:
+            others.join()
+        return row, load.result() if load else {}
 
 
 def print_row(row: Row, load: dict[str, float] | None = None) -> None:
@@ -220,11 +240,13 @@ def main() -> None:
     arguments.add_argument("--seconds", type=float, default=60.0)
     arguments.add_argument("--load-core", type=int, help="pin the load to this core")
     arguments.add_argument("--docks", action="store_true", help="add a dock and a crossing for every ten robots")
+    choices = [WEBSOCKETS, *broker_offer.LANGUAGES, MIXED]
+    arguments.add_argument("--language", choices=choices, default=WEBSOCKETS, help="what the robots speak")
     arguments.add_argument("--json", type=Path)
     args = arguments.parse_args()
     runs = []
     for robots in args.robots:
-        row, load = measured(robots, args.seconds, load_core=args.load_core, docks=args.docks)
+        row, load = measured(robots, args.seconds, load_core=args.load_core, docks=args.docks, language=args.language)
         print_row(row, load)
         runs.append(asdict(row) | {"load": load})
     if len(runs) > 1:

@@ -84,12 +84,10 @@ class TrailerTracks:
         for slot in slots:
             self._trains.pop(slot, None)
 
-    def reaches_m(self, slots: int) -> Floats:
-        """(slots,) `reach_m` of each train; 0 for other robots."""
-        reaches_m = np.zeros(slots)
-        for slot, train in self._trains.items():
-            reaches_m[slot] = train.reach_m
-        return reaches_m
+    def reaches_m(self) -> tuple[Ints, Floats]:
+        """(t,) the slots of all trains, and `reach_m` of each."""
+        slots = np.fromiter(self._trains, np.int64, len(self._trains))
+        return slots, np.array([train.reach_m for train in self._trains.values()])
 
     def are_trains(self, slots: Ints) -> Bools:
         """Which of these robots pull trailers."""

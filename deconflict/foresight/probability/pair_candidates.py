@@ -51,7 +51,8 @@ class PairCandidates:
         robots, slots = self._robots, np.flatnonzero(self._robots.is_used)
         columns = (slots, robots.records, robots.half_m)
         near_m = reach_m(bands_m, *columns, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
-        near_m += np.maximum(robots.trailers.reaches_m(len(near_m)) - np.hypot(*robots.half_m), 0.0)
+        trains, reaches_m = robots.trailers.reaches_m()
+        near_m[trains] += np.maximum(reaches_m - np.hypot(*robots.half_m[:, trains]), 0.0)
         a, b = pending.candidate_pairs(has_news, slots, robots.rank, near_m, now_s, self._horizon_s).T
         is_level = heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])
         is_crowded = robots.is_crowded()

@@ -1,10 +1,9 @@
-"""The whole service with robots at a broker: `python -m benchmarks.brokers [--robots 100 1000] [--language vda5050]`.
+"""A load of robots at a broker, in the languages that are spoken there.
 
-A broker (mosquitto) and the robots run in processes of their own. Each robot reports once a second: a state of VDA 5050
-along an order, or an odometry and a trajectory of ISO 21423. The figures are those of `benchmarks.endtoend`.
+Each robot reports once a second: a state of VDA 5050 along an order, or an odometry and a trajectory of ISO 21423. They
+drive beside each other, to and fro, apart from the robots of `benchmarks/offer.py`.
 """
 
-import argparse
 import asyncio
 import multiprocessing
 import shutil
@@ -17,12 +16,10 @@ from typing import Any
 from aiomqtt import Client
 
 from benchmarks import offer
-from benchmarks.endtoend import print_row, service
 from ingest.settings import MqttSource
 from tests.helpers import iso_saying, vda_saying
 
 APART_M, WAY_M, LANES = 3.0, 30.0, 50
-"""Robots drive beside each other, to and fro."""
 PORT = 18950
 Messages = Iterator[tuple[str, bytes]]
 
@@ -32,7 +29,7 @@ def _place(robot: int, t_s: float) -> tuple[float, float, int]:
     lap, along_m = divmod(t_s + robot, WAY_M)
     on = int(lap) % 2
     x_m = (robot // LANES) * (WAY_M + APART_M) + (along_m if on else WAY_M - along_m)
-    return x_m, (robot % LANES) * APART_M, on
+    return x_m, -(robot % LANES + 1) * APART_M, on
 
 
 def _vda(robot: int, now_s: float, t_s: float) -> Messages:
@@ -70,6 +67,11 @@ def _iso(robot: int, now_s: float, t_s: float) -> Messages:
 LANGUAGES: dict[str, Callable[[int, float, float], Messages]] = {"vda5050": _vda, "iso21423": _iso}
 
 
+def sources(languages: list[str]) -> tuple[MqttSource, ...]:
+    """The section of the site file by which a service hears them."""
+    return tuple(MqttSource(name=name, host="127.0.0.1", port=PORT, language=name) for name in languages)
+
+
 def send(robots: int, seconds: float, languages: list[str]) -> None:
     """Publish for all robots, spread over each second."""
     asyncio.run(_send(robots, seconds, languages))
@@ -88,38 +90,27 @@ async def _send(robots: int, seconds: float, languages: list[str]) -> None:
                     paho.publish(topic, raw)
 
 
-def main() -> None:
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000])
-    arguments.add_argument("--seconds", type=float, default=30.0)
-    arguments.add_argument("--language", choices=[*LANGUAGES, "mixed"], default="mixed")
-    args = arguments.parse_args()
-    languages = list(LANGUAGES) if args.language == "mixed" else [args.language]
-    mosquitto = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin")
-    if mosquitto is None:
-        raise SystemExit("install mosquitto: it is the broker of this benchmark")
-    sources = tuple(MqttSource(name=name, host="127.0.0.1", port=PORT, language=name) for name in languages)
-    for robots in args.robots:
-        with _broker(mosquitto), service(changes={"mqtt_sources": sources}) as running:
-            spawn = multiprocessing.get_context("spawn")
-            load = spawn.Process(target=send, args=(robots, args.seconds + 12, languages))
-            load.start()
-            time.sleep(10)
-            running.row(robots)
-            time.sleep(args.seconds)
-            print_row(running.row(robots))
-            load.join()
+class BrokerLoad:
+    """The load, in its own process."""
+
+    def __init__(self, robots: int, seconds: float, languages: list[str]) -> None:
+        self._process = multiprocessing.get_context("spawn").Process(target=send, args=(robots, seconds, languages))
+        self._process.start()
+
+    def join(self) -> None:
+        """Wait for its end."""
+        self._process.join()
 
 
 @contextmanager
-def _broker(mosquitto: str) -> Iterator[None]:
+def broker() -> Iterator[None]:
+    """A broker, until the block ends."""
+    mosquitto = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin")
+    if mosquitto is None:
+        raise SystemExit("install mosquitto: it is the broker of this benchmark")
     quiet = subprocess.DEVNULL
     with subprocess.Popen([mosquitto, "-p", str(PORT)], stdout=quiet, stderr=quiet) as process:
         try:
             yield
         finally:
             process.terminate()
-
-
-if __name__ == "__main__":
-    main()
