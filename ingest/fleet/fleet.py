@@ -265,7 +265,7 @@ class Fleet:
         vendor = vendor or connection.vendor or UNKNOWN
         self.measures.count("deconflict_messages_total", vendor, "rejected")
         self.measures.count("deconflict_rejections_total", vendor, rule)
-        self.quarantine.add(rejected_message(raw, rule, reason, connection.id, arrival_s), vendor)
+        self.quarantine.add(rejected_message(raw, rule, reason, connection.id, arrival_s), vendor, connection.peer)
 
     def count_overtaken(self, uuid: str, arrival_s: float, connection: Connection) -> None:
         """Count a status of the robot `uuid` that is not read because a newer one has come."""

@@ -1,15 +1,19 @@
-"""Rejected messages, kept for people to read: the newest of each vendor, limited in number and size."""
+"""Rejected messages, kept for people to read: the newest of each vendor, limited in number and size.
 
-from collections import deque
+Messages that no vendor can be named for are kept by the address that they come from.
+"""
+
+from collections import OrderedDict, deque
 from dataclasses import dataclass
 from typing import Any
 
 from ingest.languages import timestamps
+from ingest.settings import UNKNOWN
 
 KEPT_BYTES = 2048
 """Of each message; enough to see what is wrong with it."""
 KEPT_PER_VENDOR = 100
-MOST_VENDORS = 100
+MOST_VENDORS, MOST_ADDRESSES = 100, 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,24 +32,39 @@ class RejectedMessage:
 
 
 class Quarantine:
-    """The newest rejected messages of each vendor, so that many of one vendor do not displace those of others."""
+    """The newest rejected messages of each sender, so that many of one sender do not displace those of others."""
 
     def __init__(self) -> None:
         self._by_vendor: dict[str, deque[RejectedMessage]] = {}
+        self._by_address: OrderedDict[str, deque[RejectedMessage]] = OrderedDict()
+        """The address that was heard longest ago first."""
         self.displaced = 0
         """How many messages were displaced or not kept."""
 
-    def add(self, message: RejectedMessage, vendor: str) -> None:
-        if vendor not in self._by_vendor and len(self._by_vendor) >= MOST_VENDORS:
+    def add(self, message: RejectedMessage, vendor: str, address: str) -> None:
+        kept = self._of_address(address) if vendor == UNKNOWN else self._of_vendor(vendor)
+        if kept is None:
             self.displaced += 1
-            return
-        kept = self._by_vendor.setdefault(vendor, deque(maxlen=KEPT_PER_VENDOR))
-        self.displaced += len(kept) == KEPT_PER_VENDOR
-        kept.append(message)
+        else:
+            self.displaced += len(kept) == KEPT_PER_VENDOR
+            kept.append(message)
+
+    def _of_vendor(self, vendor: str) -> deque[RejectedMessage] | None:
+        if vendor not in self._by_vendor and len(self._by_vendor) >= MOST_VENDORS:
+            return None
+        return self._by_vendor.setdefault(vendor, deque(maxlen=KEPT_PER_VENDOR))
+
+    def _of_address(self, address: str) -> deque[RejectedMessage]:
+        kept = self._by_address.setdefault(address, deque(maxlen=KEPT_PER_VENDOR))
+        self._by_address.move_to_end(address)
+        if len(self._by_address) > MOST_ADDRESSES:
+            self.displaced += len(self._by_address.popitem(last=False)[1])
+        return kept
 
     def documents(self) -> list[dict[str, Any]]:
         """JSON-ready, newest first."""
         messages = [(message, vendor) for vendor, kept in self._by_vendor.items() for message in kept]
+        messages += [(message, UNKNOWN) for kept in self._by_address.values() for message in kept]
         messages.sort(key=lambda pair: pair[0].arrival_s, reverse=True)
         return [_document(message, vendor) for message, vendor in messages]
 

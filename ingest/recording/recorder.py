@@ -11,12 +11,14 @@
     {"tick": "...Z", "effort": 1, "pending": 2}
     {"engine": "started", "at": "...Z"}
 
-An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines, is
-quoted as `raw`, or as `base64` if it is not UTF-8. A message `overtaken` by a newer status of its robot was never
-read, so its content may be anything; a replay leaves it out as well. `vendor` is absent if the connection has none,
-`language` and `topic` if the message came over a WebSocket. A robot is `given` to a vendor by a person. A tick has an
-`effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), and a number `pending` of
-answers if advice was still being computed (`deconflict/advice/deferred_answers.py`).
+An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines,
+is quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's share of the log does not admit
+whole (`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and `sha256` of the whole. A
+message `overtaken` by a newer status of its robot was never read, so its content may be anything; a replay leaves
+it out as well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a
+WebSocket. A robot is `given` to a vendor by a person. A tick has an `effort` if the engine had no time for
+everything (`deconflict/engine/load_shedding.py`), and a number `pending` of answers if advice was still being
+computed (`deconflict/advice/deferred_answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -29,6 +31,7 @@ import base64
 import binascii
 import json
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +40,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
+from ingest.recording.rejected_shares import HEAD_BYTES, RecordedPart, RejectedShares
 from ingest.settings import RecorderSettings
 
 FLUSH_BYTES = 1 << 18
@@ -61,6 +65,7 @@ class Recorder:
         self._enabled, self._measures = settings.enabled, measures
         self._files = RotatingLog(settings, directory, clock)
         self._writer = LogWriter(self._files.write, MOST_WAITING_BYTES)
+        self._rejected_shares = RejectedShares()
         self._lines: list[bytes] = []
         self._bytes = 0
         """The size of `_lines`."""
@@ -83,13 +88,14 @@ class Recorder:
 
     def received(self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None) -> None:
         """Record a message, and the rule that rejected it if one did."""
+        if rejected:
+            self._add_rejected(raw, arrival_s, connection, rejected)
+            return
         begin = self._line_begin(arrival_s, connection)
-        if rejected is None and raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw:
+        if raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw:
             self._add(b'{"received":"%b",%b,"message":%b}\n' % (*begin, raw))
         else:
-            rule = f',"rejected":{json.dumps(rejected)}' if rejected else ""
-            keys = f"{rule},{_quoted(raw)}".encode()
-            self._add(b'{"received":"%b",%b%b}\n' % (*begin, keys))
+            self._add(b'{"received":"%b",%b,%b}\n' % (*begin, _quoted(raw).encode()))
 
     def overtaken(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """Record a message that was not read, because a newer one came first."""
@@ -130,6 +136,18 @@ class Recorder:
         if self._writer.close(CLOSE_S):
             self._files.close()
         self._count()
+
+    def _add_rejected(self, raw: bytes, arrival_s: float, connection: Connection, rule: str) -> None:
+        recorded = self._rejected_shares.admit(connection.vendor or connection.peer, len(raw), arrival_s)
+        if recorded is not RecordedPart.WHOLE:
+            self._measures.count("deconflict_rejected_cut_total", recorded.value)
+        if recorded is RecordedPart.NOTHING:
+            return
+        content = _quoted(raw)
+        if recorded is RecordedPart.HEAD:
+            content = f'{_quoted(raw[:HEAD_BYTES])},"size_bytes":{len(raw)},"sha256":"{sha256(raw).hexdigest()}"'
+        keys = f'"rejected":{json.dumps(rule)},{content}'.encode()
+        self._add(b'{"received":"%b",%b,%b}\n' % (*self._line_begin(arrival_s, connection), keys))
 
     def _line_begin(self, arrival_s: float, connection: Connection) -> tuple[bytes, bytes]:
         """The parts with which the line of a message begins: its arrival and its connection."""

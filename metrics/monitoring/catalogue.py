@@ -108,6 +108,10 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_recorded_lines_dropped_total": counter(
         "Lines that were lost because the recording could not write them."
     ),
+    "deconflict_rejected_cut_total": counter(
+        "Rejected messages beyond their sender's share of the recording: recorded as beginning and hash, or nothing.",
+        "recorded",
+    ),
     "deconflict_ticks_total": counter("Ticks of the engine. At each tick it receives the changes since the last one."),
     "deconflict_sweep_duration_seconds": histogram("Duration of one pass of the engine."),
     "deconflict_advice_waiting": gauge("Groups of conflicts that wait for advice to be requested."),

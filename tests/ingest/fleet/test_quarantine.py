@@ -1,8 +1,16 @@
-from ingest.fleet.quarantine import KEPT_BYTES, KEPT_PER_VENDOR, MOST_VENDORS, Quarantine, rejected_message
+from ingest.fleet.quarantine import (
+    KEPT_BYTES,
+    KEPT_PER_VENDOR,
+    MOST_ADDRESSES,
+    MOST_VENDORS,
+    Quarantine,
+    rejected_message,
+)
+from ingest.settings import UNKNOWN
 
 
-def add(to: Quarantine, vendor: str, arrival_s: float, raw: bytes = b"{") -> None:
-    to.add(rejected_message(raw, "not-json", "send JSON", 1, arrival_s), vendor)
+def add(to: Quarantine, vendor: str, arrival_s: float, raw: bytes = b"{", address: str = "10.0.0.1") -> None:
+    to.add(rejected_message(raw, "not-json", "send JSON", 1, arrival_s), vendor, address)
 
 
 def test_a_rejected_message_is_kept_with_what_a_person_needs() -> None:
@@ -47,3 +55,21 @@ def test_vendors_are_bounded() -> None:
         add(quarantine, f"V{i}", 1.0)
     assert len(quarantine.documents()) == MOST_VENDORS
     assert quarantine.displaced == MOST_VENDORS
+
+
+def test_many_rejected_messages_of_one_address_without_a_vendor_do_not_displace_those_of_others() -> None:
+    quarantine = Quarantine()
+    add(quarantine, UNKNOWN, 1.0, b"of another", "10.0.0.1")
+    for i in range(1000):
+        add(quarantine, UNKNOWN, 2.0 + i, address="10.0.0.2")
+    assert [document["message"] for document in quarantine.documents()].count("of another") == 1
+
+
+def test_addresses_are_bounded_and_displace_no_vendor() -> None:
+    quarantine = Quarantine()
+    add(quarantine, "Alder", 1.0, b"of a vendor")
+    for i in range(3 * MOST_ADDRESSES):
+        add(quarantine, UNKNOWN, 2.0 + i, address=f"2001:db8::{i:x}")
+    kept = [document["message"] for document in quarantine.documents()]
+    assert (len(kept), kept.count("of a vendor")) == (MOST_ADDRESSES + 1, 1)
+    assert quarantine.displaced == 2 * MOST_ADDRESSES
