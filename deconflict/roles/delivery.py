@@ -121,6 +121,10 @@ class Delivery:
         if not parts:
             self._add(WaitingParcel(b"", arrivals_s))
 
+    def add_canary(self, canary: dict[str, Any]) -> None:
+        """Queue what the engine made of a canary."""
+        self._add(WaitingParcel(packed_parcel({"canary": canary}), {}))
+
     def keep(self, learned: dict[str, Part]) -> None:
         """Deliver the learned state after the next parcel. Replaces one that still waits."""
         self._learned.append(learned)

@@ -17,6 +17,9 @@ from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.engine.place_names import PlaceNames
 from deconflict.roles.delivery import RETRY_S, Delivery
+from deconflict.roles.health.canary_engine import judged
+from deconflict.roles.health.canary_pair import WITH_CANARY
+from deconflict.roles.health.canary_pair import unpacked as unpacked_canary
 from deconflict.roles.restoration import StoredState, stored_state
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
@@ -81,14 +84,17 @@ class EngineRole:
                 continue
             pending = engine.pending()
             try:
-                payload = b"%b %d %d" % (request, self._load.effort, pending)
-                batch = Batch.from_bytes(self._receiver.call("batch", payload))
+                payload = b"%b %d %d %b" % (request, self._load.effort, pending, WITH_CANARY)
+                reply, canary = unpacked_canary(self._receiver.call("batch", payload))
+                batch = Batch.from_bytes(reply)
             except LinkDownError:
                 request = EVERYTHING
                 stop.wait(RETRY_S)
                 continue
             arrived_s = {} if self._is_first else arrivals_s(batch, time.time())
             self._run_pass(engine, batch, pending, arrived_s, timed=request != EVERYTHING)
+            if canary:
+                self._delivery.add_canary(judged(canary))
             self._is_first = False
             request = b"changes"
             if changed := self._current_site.changed():

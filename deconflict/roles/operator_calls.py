@@ -115,6 +115,8 @@ class OperatorCalls:
             self._engine.delivery.arrived(head["queued_s"])
         if lines and not await self._is_published(map(self._revision, lines)):
             return REFUSED
+        if head.get("canary"):
+            self._engine.canary.arrived(head["canary"])
         if head.get("near_misses"):
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
             await asyncio.to_thread(self._keeper.note, pairs)

@@ -18,6 +18,7 @@ from deconflict.operator.outlets.outlets import Outlets
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import PRUNED, Publisher
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.roles.health.canary_health import CanaryHealth
 from deconflict.roles.operator_calls import OperatorCalls
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
@@ -45,7 +46,7 @@ class OperatorRole:
         self.port = 0
         self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data, follows_stream=bool(site.cluster))
-        engine = EngineReport()
+        engine = EngineReport(CanaryHealth(self._store))
         self.sources = OperatorSources(site, runtime, data, engine)
         self._app = create_app(self._store, self.sources, exposition, site)
         self._publisher: Publisher = self._app.state.publisher

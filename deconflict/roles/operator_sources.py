@@ -14,8 +14,10 @@ from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.operator.vendor_health import vendor_health
-from deconflict.roles.delivery_health import DELAY, DeliveryHealth
-from deconflict.roles.role_files import preparation, restarts, role_processes
+from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
+from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
+from deconflict.roles.health.recording_health import RecordingHealth
+from deconflict.roles.role_files import preparation, restarts, role_processes, supervisor_health
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
 from deconflict.settings.site import Site
@@ -38,6 +40,7 @@ def _no_silent_robots() -> dict[str, Any]:
 class EngineReport:
     """The last report of the engine."""
 
+    canary: CanaryHealth
     received_s: float = float("-inf")
     """When it came, monotonic time."""
     measures: list[dict[str, Any]] = field(default_factory=list)
@@ -56,6 +59,7 @@ class OperatorSources:
         self.history = History(site, data / "log")
         self.notice = ""
         """A sentence for people that the page shows."""
+        self._recording = RecordingHealth()
 
     async def robots(self) -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots")
@@ -85,6 +89,8 @@ class OperatorSources:
         up, own = await self._roles_up(receiver is not None), Measures()
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
+        if not self._is_cluster:
+            own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
         for role, count in restarts(self._runtime).items():
             own.count("deconflict_role_restarts_total", role, by=count)
         if results := reload_results(self._runtime):
@@ -93,17 +99,26 @@ class OperatorSources:
         return [own.as_document(), *self._engine.measures, *(receiver or [])]
 
     async def health(self) -> dict[str, Any]:
-        answers = not self._is_cluster and await self._receiver_measures() is not None
-        up, results = await self._roles_up(answers), reload_results(self._runtime)
-        delivery = self._engine.delivery.document(time.monotonic(), self._engine.measures)
+        receiver = await self._receiver_measures()
+        up, results = await self._roles_up(receiver is not None), reload_results(self._runtime)
+        if receiver is not None:
+            self._recording.note_measures(receiver, time.monotonic())
+        parts = {
+            "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
+            "recording": self._recording.document(time.monotonic()),
+            "supervisor": supervisor_health(self._runtime),
+        }
+        if not self._is_cluster:
+            parts["canary"] = self._engine.canary.document(time.monotonic())
+        is_ok = all(up.values()) and all(part["status"] == "ok" for part in parts.values())
         return {
-            "status": "ok" if all(up.values()) and delivery["status"] == "ok" else "degraded",
+            "status": "ok" if is_ok else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
             "restarts": restarts(self._runtime),
             "preparing": preparation(self._runtime),
             "effort": self._effort(),
             "notice": self.notice,
-            "delivery": delivery,
+            **parts,
             "site": {key: results[key] for key in ("problems", "needs_restart")} if results else {},
         }
 

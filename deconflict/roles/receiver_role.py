@@ -14,6 +14,7 @@ from pathlib import Path
 from random import Random
 
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
+from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_fast_path
 from deconflict.settings.hot_reload import CurrentSite
@@ -68,6 +69,7 @@ class ReceiverRole:
         found = recover(self.fleet, segments(log) if log.is_dir() else [], self._now_s())
         if found.messages:
             logger.info("the floor is restored: %s messages read from the recording", found.messages)
+        self._canary = CanaryPair(self._now_s)
         self._owners = OwnerFile(log.parent, self.fleet.owners, self.measures)
         self.recorder = Recorder(site.recorder, log, self.measures, self._now_s)
         self.receiver = Receiver(
@@ -110,7 +112,7 @@ class ReceiverRole:
         await self._open_port()
         self._dial()
         self._hear_brokers(self.site)
-        loops = [asyncio.create_task(loop) for loop in (self._reload(), self._owners.keep())]
+        loops = [asyncio.create_task(loop) for loop in (self._reload(), self._owners.keep(), self._canary.run())]
         try:
             async with listening(socket_path(self._runtime, "receiver"), calls):
                 self.ready.set()
@@ -199,10 +201,13 @@ class ReceiverRole:
         """The batch of the next tick.
 
         The payload is `everything` (the first call of an engine) or `changes`, then the engine's effort and the number
-        of solver answers that it waits for. Unless the disk is slow, the messages of the batch are recorded before
-        this returns, so that a replay has what the engine has seen even if this process is killed.
+        of solver answers that it waits for, and perhaps `canary` for an answer with the canary that is due. Unless the
+        disk is slow, the messages of the batch are recorded before this returns, so that a replay has what the engine
+        has seen even if this process is killed.
         """
-        arguments = payload.split()
+        *arguments, last = payload.split() or [b""]
+        with_canary = last == WITH_CANARY
+        arguments += [] if with_canary else [last]
         everything = arguments[:1] == [b"everything"]
         effort, pending = map(int, arguments[1:]) if arguments[1:] else (0, 0)
         early_s = self._tick_s + self.site.engine.tick_s - self._now_s()
@@ -220,7 +225,7 @@ class ReceiverRole:
         self._recent.add(now_s, batch)
         if not was_behind and self.recorder.behind:
             await asyncio.to_thread(self.recorder.sync, DISK_TIMEOUT_S)
-        return batch
+        return packed(batch, self._canary.take()) if with_canary else batch
 
     def _ask_for_fast_path(self) -> None:
         messages = sum(self.measures.values["deconflict_messages_total"].values())
@@ -301,6 +306,7 @@ class ReceiverRole:
     async def _measures(self, _: bytes) -> bytes:
         fleet_report.measure(self.fleet, self._now_s())
         self.measures.level("deconflict_host_clock_off_seconds", {(): self._clock.off_s})
+        self.measures.level("deconflict_recording_failing", {(): float(bool(self.recorder.failing))})
         return json.dumps([self.measures.as_document()]).encode()
 
     def _now_s(self) -> float:

@@ -11,6 +11,8 @@ from deconflict.settings.hot_reload import write
 
 ROLES_FILE = "roles.json"
 """What the supervisor writes about its processes: `RoleProcess.document` by role."""
+SUPERVISOR_SILENCE_S = 5.0
+"""A supervisor that has not touched `ROLES_FILE` for this long is reported; it does so each second."""
 PREPARATION_FILE = "preparation.json"
 """While the engine compiles its kernels: how many are `done` of the `total`."""
 
@@ -50,6 +52,18 @@ def role_processes(runtime: Path) -> dict[str, dict[str, Any]]:
     """The contents of `ROLES_FILE`; empty without a supervisor."""
     path = runtime / ROLES_FILE
     return json.loads(path.read_text()) if path.exists() else {}
+
+
+def supervisor_health(runtime: Path) -> dict[str, Any]:
+    """Whether the supervisor runs, by how long ago it touched its file. Ok where there is none."""
+    try:
+        age_s = time.time() - (runtime / ROLES_FILE).stat().st_mtime
+    except FileNotFoundError:
+        return {"status": "ok"}
+    if abs(age_s) <= SUPERVISOR_SILENCE_S:
+        return {"status": "ok"}
+    reason = f"the supervisor has been silent for {age_s:.0f} s; it restarts no role and reads no changed site file"
+    return {"status": "degraded", "reason": reason}
 
 
 def restarts(runtime: Path) -> dict[str, int]:

@@ -29,6 +29,8 @@ PORTS = {"receiver": "robots connect to ws%s://%s:%s/", "operator": "the page is
 STOP_TIMEOUT_S = 10.0
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a role that ends repeatedly is restarted. The first restart is at once."""
+WRITE_EVERY_S = 1.0
+"""How often it writes about its roles, so that health can see that it runs."""
 STEADY_S = 10.0
 """A role that ran for this long does not end repeatedly."""
 MEMORY = {"MALLOC_ARENA_MAX": "2"}
@@ -119,7 +121,7 @@ class Supervisor:
         """`read` reads the site file again for `Reloader`; None if there is no site file."""
         self._site, self._manager, self._ready = site, manager or Notifier({}), False
         roles = chain.from_iterable((CLUSTER_PARTS if site.cluster else PARTS)[part] for part in parts)
-        self._runtime = runtime
+        self._runtime, self._written_s = runtime, float("-inf")
         self.reloader = Reloader(site, read or (lambda: site), runtime)
         self.roles = [
             RoleProcess(role, [sys.executable, "-m", "deconflict", "role", role, str(runtime), str(data)])
@@ -131,7 +133,7 @@ class Supervisor:
         try:
             while not stop.is_set():
                 changed = [role.role for role in self.roles if role.ensure(time.monotonic())]
-                if changed:
+                if changed or time.monotonic() - self._written_s >= WRITE_EVERY_S:
                     self._write_roles()
                 self._reload()
                 self._notify_manager()
@@ -167,4 +169,5 @@ class Supervisor:
             log.info(PORTS[name], "s" if section.tls else "", host, section.port)
 
     def _write_roles(self) -> None:
+        self._written_s = time.monotonic()
         write(self._runtime / ROLES_FILE, json.dumps({role.role: role.document() for role in self.roles}))

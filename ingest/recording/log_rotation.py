@@ -74,7 +74,7 @@ class RotatingLog:
     def _segment(self) -> FileIO:
         """The file to write to: a new one at first, and when the last one is long or old enough."""
         is_old = abs(self._clock() - self._begun_s) >= DAY_S
-        if self._file is None or self._written >= self.settings.segment_bytes or is_old:
+        if self._file is None or self._written >= self.settings.segment_bytes or is_old or self._is_removed(self._file):
             self.close()
             self._directory.mkdir(parents=True, exist_ok=True)
             existing = sorted(self._directory.glob(PATTERN))
@@ -82,6 +82,13 @@ class RotatingLog:
             self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
             self._written, self._released_bytes, self._begun_s = 0, 0, self._clock()
         return self._file
+
+    def _is_removed(self, file: FileIO) -> bool:
+        """Whether somebody has removed the file: then nobody can read what is written to it."""
+        is_removed = os.fstat(file.fileno()).st_nlink == 0
+        if is_removed:
+            log.error("the newest file of the log was removed with %d bytes in it; a new one begins", self._written)
+        return is_removed
 
     def _name(self, existing: list[Path]) -> str:
         """A name that sorts after all others, even if the clock was set back."""

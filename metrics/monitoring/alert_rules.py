@@ -11,6 +11,7 @@ OBJECTIVE_S = 0.25
 """The objective: a valid status is reflected in the advisories within this time (`docs/metrics.md`)."""
 OBJECTIVE_SHARE = 0.99
 """Share of valid statuses for which this must hold, over 30 days."""
+CANARY_LATE_S = 10
 MOST_SITUATIONS = 8
 """More open situations at once nobody can follow."""
 RUNBOOK = "docs/runbook.md"
@@ -222,6 +223,22 @@ ALERTING_RULES = (
         "The database of advisories is full",
         '{{ printf "%.0f" $value }} cleared advisories were removed in the last hour to keep the database within '
         "store.advisories_bytes. They are younger than store.keep_days.",
+    ),
+    AlertingRule(
+        "DeconflictCanaryLate",
+        f"{level('deconflict_canary_latency_seconds')} > {CANARY_LATE_S}",
+        "30s",
+        "page",
+        "Warnings do not come through",
+        "A made-up conflict takes {{ $value }} s from its messages to the store. Warnings of real ones may be as late.",
+    ),
+    AlertingRule(
+        "DeconflictNotRecorded",
+        f"{level('deconflict_recording_failing')} > 0",
+        "1m",
+        "ticket",
+        "Messages are not recorded",
+        "For a minute nothing could be recorded. Warnings go on; replays and black boxes of this time will be missing.",
     ),
     AlertingRule(
         "DeconflictStoreRenewed",

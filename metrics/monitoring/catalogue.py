@@ -222,6 +222,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_delivery_delay_seconds": gauge(
         "Age of the oldest decision of the engine that is not stored. Rises while the store refuses them."
     ),
+    "deconflict_canary_latency_seconds": gauge(
+        "From the messages of two made-up robots to the stored advisory about them. Grows while none is stored."
+    ),
     "deconflict_advisories_set_aside_total": counter(
         "Revisions of advisories that nobody receives, by reason: invalid (not a valid advisory), or unwritable "
         "(cannot be written though others can). The log names each.",
@@ -238,6 +241,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "1 if the database of advisories was damaged, set aside and begun anew since the operator face has started."
     ),
     "deconflict_store_failures_total": counter("Attempts to store advisories that failed."),
+    "deconflict_recording_failing": gauge("1 while nothing can be recorded; the log of the receiver says why."),
     "deconflict_owners_failures_total": counter(
         "Failed attempts to read or write the register of robots' owners.", "what"
     ),

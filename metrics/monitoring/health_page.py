@@ -85,6 +85,11 @@ ENGINE = Dashboard(
                 "s",
                 measured("deconflict_delivery_delay_seconds", legend="delay", over="max"),
             ),
+            panel(
+                "From made-up messages to a stored advisory",
+                "s",
+                measured("deconflict_canary_latency_seconds", legend="canary", over="max"),
+            ),
             panel("Advisory database", "bytes", measured("deconflict_store_bytes", legend="size", over="max")),
             panel(
                 "Database begun anew after damage",

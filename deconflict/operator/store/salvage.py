@@ -2,6 +2,7 @@
 
 import sqlite3
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -66,14 +67,14 @@ def salvage(damaged: Path, new: Path, known_seq: int, clock: Callable[[], float]
         _replace_first_page(damaged, new)
     with read_only(damaged) as old, closing(sqlite3.connect(new, isolation_level=None)) as db:
         db.execute("BEGIN IMMEDIATE")
-        last = max(known_seq, _number(old, "SELECT seq FROM sqlite_sequence WHERE name = 'revisions'", 0))
-        result = _copy_revisions(old, db, last, lambda: clock() < until_s)
+        given = _number(old, "SELECT seq FROM sqlite_sequence WHERE name = 'revisions'", known_seq)
+        result = _copy_revisions(old, db, given, lambda: clock() < until_s)
         for table, key, columns in COPIED:
             _copy_rows(old, db, table, key, columns)
         for statement in DERIVED:
             db.execute(statement)
-        if last > last_seq(db):
-            use_up_number(db, last)
+        if max(given, known_seq) > last_seq(db):
+            use_up_number(db, max(given, known_seq))
         db.execute("COMMIT")
     return result
 
@@ -100,15 +101,15 @@ def _replace_first_page(damaged: Path, new: Path) -> None:
 def _copy_revisions(
     old: sqlite3.Connection, db: sqlite3.Connection, last: int, has_time: Callable[[], bool]
 ) -> Salvage:
-    """Copy the revisions up to number `last`, the newest first."""
+    """Copy the revisions up to number `last`, the newest first, and what lies beside damage after all others."""
     last = _number(old, "SELECT max(seq) FROM revisions", last)
     first = _number(old, "SELECT min(seq) FROM revisions", 1)
     copied = lost = 0
-    ranges = [(max(high - STEP + 1, first), high) for high in range(last, first - 1, -STEP)][::-1]
+    ranges = deque((max(high - STEP + 1, first), high) for high in range(last, first - 1, -STEP))
     while ranges:
         if not has_time():
             return Salvage(copied, lost, is_complete=False)
-        low, high = ranges.pop()
+        low, high = ranges.popleft()
         try:
             rows = old.execute(READ_REVISIONS, (low, high)).fetchall()
         except sqlite3.DatabaseError:
@@ -116,7 +117,7 @@ def _copy_revisions(
                 lost += 1
             else:
                 middle = (low + high) // 2
-                ranges += [(low, middle), (middle + 1, high)]
+                ranges += [(middle + 1, high), (low, middle)]
         else:
             db.executemany(WRITE_REVISIONS, rows)
             copied += len(rows)

@@ -22,6 +22,7 @@ from threading import RLock
 
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Listing, Location
+from deconflict.operator.store import tables
 from deconflict.operator.store.joined_answers import JoinedAnswers
 from deconflict.operator.store.listing_filter import ListingFilter, StateFilter
 from deconflict.operator.store.pending_writes import (
@@ -34,29 +35,6 @@ from deconflict.operator.store.pending_writes import (
 )
 from deconflict.operator.store.revision_pages import Page, first_page
 from deconflict.operator.store.sqlite_connections import Renewal, SqliteConnections
-from deconflict.operator.store.tables import (
-    UNWRITABLE,
-    StoredDocument,
-    after,
-    answers_of,
-    encounters_after,
-    insert,
-    last_seq,
-    latest,
-    open_after,
-    open_at,
-    position,
-    put_positions,
-    raised_between,
-    readable,
-    remove_oldest,
-    revision_of,
-    situations_since,
-    stored_revision,
-    used_bytes,
-    write_one,
-    write_revision,
-)
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from ingest.batch import Pair
 
@@ -115,13 +93,13 @@ class Store:
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
             unwritable: list[tuple[AnyRevision, Exception]] = []
             with self._connections.reading() as db:
-                seq = max(last_seq(db), pending[-1].seq if pending else 0)
+                seq = max(tables.last_seq(db), pending[-1].seq if pending else 0)
                 for advisory in advisories:
                     try:
                         known = known_pending.get((advisory.id, advisory.revision))
-                        known = known or stored_revision(db, advisory.id, advisory.revision)
+                        known = known or tables.stored_revision(db, advisory.id, advisory.revision)
                         known = known or self._answers.numbered(db, advisory, seq + 1)
-                    except UNWRITABLE as error:
+                    except tables.UNWRITABLE as error:
                         unwritable.append((advisory, error))
                         continue
                     if known.seq > seq:
@@ -144,10 +122,10 @@ class Store:
             return
         unwritable: list[tuple[AnyRevision, Exception]] = []
         with self._connections.writing() as db:
-            last = last_seq(db)
+            last = tables.last_seq(db)
             new = (revision for revision in pending if revision.seq > last)
-            unwritable += [(revision, error) for revision in new if (error := write_one(db, revision))]
-            put_positions(db, positions)
+            unwritable += [(revision, error) for revision in new if (error := tables.write_one(db, revision))]
+            tables.put_positions(db, positions)
         with self._number_lock:
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
@@ -161,14 +139,14 @@ class Store:
         sender that does not know whether it succeeded may send again.
         """
         with self._number_lock, self._writing_after_flush() as db:
-            seq = last_seq(db)
+            seq = tables.last_seq(db)
             stored = []
             for advisory in advisories:
-                known = stored_revision(db, advisory.id, advisory.revision)
+                known = tables.stored_revision(db, advisory.id, advisory.revision)
                 if known is None:
                     known = self._answers.numbered(db, advisory, seq + 1)
                     seq = known.seq
-                    write_revision(db, known)
+                    tables.write_revision(db, known)
                 stored.append(known)
         return stored
 
@@ -186,15 +164,15 @@ class Store:
             ).fetchone()
             if row is None:
                 return None
-            newest = revision_of(row[0])
-            if seq is not None and seq <= last_seq(db):
+            newest = tables.revision_of(row[0])
+            if seq is not None and seq <= tables.last_seq(db):
                 return newest
-            answered = newest.model_copy(update={"seq": seq or last_seq(db) + 1, "acknowledgement": answer})
+            answered = newest.model_copy(update={"seq": seq or tables.last_seq(db) + 1, "acknowledgement": answer})
             db.execute(
                 "UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?",
                 (answer.model_dump_json(), advisory_id),
             )
-            insert(db, answered, answers_of(db, advisory_id)[0], answer.at)
+            tables.insert(db, answered, tables.answers_of(db, advisory_id)[0], answer.at)
         return answered
 
     def after(self, seq: int, limit: int = 100) -> list[AnyRevision]:
@@ -203,14 +181,14 @@ class Store:
             rows = db.execute(
                 "SELECT document FROM revisions WHERE seq > ? ORDER BY seq LIMIT ?", (seq, limit)
             ).fetchall()
-        found = [*readable(rows), *(revision for revision in pending if revision.seq > seq)]
+        found = [*tables.readable(rows), *(revision for revision in pending if revision.seq > seq)]
         return found if limit < 0 else found[:limit]
 
     def page_after(self, seq: int, kinds: Set[str], limit: int) -> Page:
         """Up to `limit` revisions of these kinds with a number above `seq`. Returns fewer if others lie between."""
         with self._file_and_pending() as (db, pending):
             unstored = ((each.seq, each if each.kind in kinds else None) for each in pending if each.seq > seq)
-            return first_page(chain(after(db, seq, kinds), unstored), seq, limit)
+            return first_page(chain(tables.after(db, seq, kinds), unstored), seq, limit)
 
     def latest(
         self, state: StateFilter = "open", *, limit: int | None = None, **fields: str | None
@@ -219,19 +197,19 @@ class Store:
         wanted = ListingFilter(state, **fields)
         with self._file_and_pending() as (db, pending):
             seq, changed = _last(db, pending), newest_by_id(pending)
-            found = latest(db, wanted, -1 if limit is None else limit + 1 + len(changed))
+            found = tables.latest(db, wanted, -1 if limit is None else limit + 1 + len(changed))
         stored = [advisory for advisory in found if advisory.id not in changed]
         unstored = [revision for revision in changed.values() if wanted.matches(revision)]
         found = sorted([*stored, *unstored], key=lambda advisory: -advisory.seq)
         return Listing(seq=seq, advisories=found[:limit], more=limit is not None and len(found) > limit)
 
-    def open_after(self, seq: int, limit: int) -> list[StoredDocument]:
+    def open_after(self, seq: int, limit: int) -> list[tables.StoredDocument]:
         """Up to `limit` that are open and whose newest revisions have a number above `seq`, ascending."""
         with self._file_and_pending() as (db, pending):
             changed = newest_by_id(pending)
-            stored = (document for document in open_after(db, seq) if document.id not in changed)
+            stored = (document for document in tables.open_after(db, seq) if document.id not in changed)
             unstored = (
-                StoredDocument(revision.seq, revision.id, revision.kind, revision.model_dump_json())
+                tables.StoredDocument(revision.seq, revision.id, revision.kind, revision.model_dump_json())
                 for revision in sorted(changed.values(), key=attrgetter("seq"))
                 if revision.seq > seq and revision.state is not AdvisoryState.CLEARED
             )
@@ -241,7 +219,7 @@ class Store:
         """What was open at a time, the newest `limit`: the newest revision by then of each that changed in the hour
         before."""
         with self._file_and_pending(long=True) as (db, pending):
-            stored = open_at(db, now_s, limit)
+            stored = tables.open_at(db, now_s, limit)
         return open_at_time(stored, pending, now_s)[-limit:]
 
     def pending_until(self, until_s: float) -> list[AnyRevision]:
@@ -253,14 +231,14 @@ class Store:
     def raised_between(self, since_s: float, until_s: float) -> Counter[Location]:
         """How many advisories were raised at each place between two times."""
         with self._file_and_pending(long=True) as (db, pending):
-            places = Counter(raised_between(db, since_s, until_s))
+            places = Counter(tables.raised_between(db, since_s, until_s))
         unstored = (revision for revision in decided_between(pending, since_s, until_s) if revision.revision == 1)
         return places + Counter(each.location for each in unstored if each.location and each.kind != SITUATION)
 
     def situations_since(self, since_s: float, limit: int) -> list[tuple[str, str, float]]:
         """As `tables.situations_since`, of what is on disk."""
         with self._file_and_pending(long=True) as (db, _):
-            return situations_since(db, since_s, limit)
+            return tables.situations_since(db, since_s, limit)
 
     def get(self, advisory_id: str) -> list[AnyRevision]:
         """Every revision of one advisory, ascending; empty if there is no such advisory."""
@@ -269,7 +247,7 @@ class Store:
                 "SELECT document FROM revisions WHERE id = ? ORDER BY revision, answers", (advisory_id,)
             ).fetchall()
         unstored = (revision for revision in pending if revision.id == advisory_id)
-        return [*readable(rows), *unstored]
+        return [*tables.readable(rows), *unstored]
 
     def last_seq(self) -> int:
         """The highest number given so far; 0 before the first."""
@@ -279,12 +257,17 @@ class Store:
     def position(self, outlet: str) -> int | None:
         """The number of the last revision that an outlet has delivered; None for a new outlet."""
         with self._number_lock, self._connections.reading() as db:
-            return self._positions.get(outlet, position(db, outlet))
+            return self._positions.get(outlet, tables.position(db, outlet))
 
     def set_position(self, outlet: str, seq: int) -> None:
         """Set the last revision that an outlet has delivered. `flush` stores it, with or after that revision."""
         with self._number_lock:
             self._positions[outlet] = seq
+
+    def keep_canary(self, document: str) -> None:
+        """Replace the stored canary, an advisory that nobody reads. Raises `StoreError`."""
+        with self._connections.writing() as db:
+            tables.put_canary(db, document)
 
     def burdens_s(self) -> dict[str, float]:
         """How long the robots of each vendor were advised to yield, seconds, also of what was removed."""
@@ -298,7 +281,7 @@ class Store:
         """The highest encounter number of up to `limit` pairs of robots that follow `pair`, ascending, also of what was
         removed."""
         with self._file_and_pending() as (db, pending):
-            ordinals = dict(encounters_after(db, pair, limit))
+            ordinals = dict(tables.encounters_after(db, pair, limit))
             is_last = len(ordinals) < limit
         end = max(ordinals, default=pair)
         for revision in pending:
@@ -316,19 +299,19 @@ class Store:
 
     def prune_to(self, most_bytes: int) -> int:
         """Remove the cleared advisories last changed longest ago, until the file uses no more; returns how many."""
-        return self._prune(lambda db: used_bytes(db) > most_bytes, inf)
+        return self._prune(lambda db: tables.used_bytes(db) > most_bytes, inf)
 
     def used_bytes(self) -> int:
         """Size of the file without its free pages."""
         with self._connections.reading() as db:
-            return used_bytes(db)
+            return tables.used_bytes(db)
 
     def _prune(self, is_due: Callable[[sqlite3.Connection], bool], before_s: float) -> int:
         """Remove `PRUNE_STEP` advisories in one transaction, so that no revision waits long to be stored."""
         pruned = 0
         while True:
             with self._connections.writing() as db:
-                removed = remove_oldest(db, before_s, PRUNE_STEP) if is_due(db) else 0
+                removed = tables.remove_oldest(db, before_s, PRUNE_STEP) if is_due(db) else 0
             if not removed:
                 return pruned
             pruned += removed
@@ -338,7 +321,7 @@ class Store:
         """The file, and the revisions that are not in it yet. `long` is for a read that takes long."""
         pending = self._pending
         with self._connections.long_reading() if long else self._connections.reading() as db:
-            last = last_seq(db)
+            last = tables.last_seq(db)
             yield db, [revision for revision in pending if revision.seq > last]
 
     def _writing_after_flush(self) -> AbstractContextManager[sqlite3.Connection]:
@@ -347,4 +330,4 @@ class Store:
 
 
 def _last(db: sqlite3.Connection, pending: PendingWrites) -> int:
-    return pending[-1].seq if pending else last_seq(db)
+    return pending[-1].seq if pending else tables.last_seq(db)

@@ -268,6 +268,12 @@ def used_bytes(db: sqlite3.Connection) -> int:
     return (pages - free) * page_bytes
 
 
+def put_canary(db: sqlite3.Connection, document: str) -> None:
+    """Replace the stored canary. Its table is no part of the format: any release may do without."""
+    db.execute("CREATE TABLE IF NOT EXISTS canary (number INTEGER PRIMARY KEY, document TEXT NOT NULL)")
+    db.execute("INSERT OR REPLACE INTO canary VALUES (1, ?)", (document,))
+
+
 def position(db: sqlite3.Connection, outlet: str) -> int | None:
     row = db.execute("SELECT seq FROM positions WHERE outlet = ?", (outlet,)).fetchone()
     return int(row[0]) if row else None

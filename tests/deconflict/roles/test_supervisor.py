@@ -151,3 +151,14 @@ def _is_role(pid: int) -> bool:
         return b"role" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except FileNotFoundError:
         return False
+
+
+async def test_health_shows_that_the_supervisor_is_stopped(tmp_path: Path) -> None:
+    service = Served(tmp_path)
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        os.kill(pid, signal.SIGSTOP)
+        row = await service.until("/healthz", lambda health: health["supervisor"]["status"] != "ok")
+        assert (row["status"], "restarts no role" in row["supervisor"]["reason"]) == ("degraded", True)
+        os.kill(pid, signal.SIGCONT)
+        await service.until("/healthz", healthy)

@@ -314,3 +314,15 @@ def test_nothing_is_written_where_recording_is_off(tmp_path: Path) -> None:
     writer.tick(NOW_S)
     writer.close()
     assert not list(tmp_path.iterdir())
+
+
+def test_a_log_whose_newest_file_was_removed_begins_a_new_one(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    writer, _ = recorder(tmp_path)
+    writer.tick(NOW_S)
+    assert writer.sync()
+    for file in tmp_path.iterdir():
+        file.unlink()
+    writer.tick(NOW_S + 1)
+    writer.close()
+    assert read(tmp_path)[0] == [Tick(NOW_S + 1)]
+    assert "was removed" in caplog.text

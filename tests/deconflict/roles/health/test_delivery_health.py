@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.roles import delivery_health
 from deconflict.roles.delivery import Delivery
-from deconflict.roles.delivery_health import DELAY, LATE_S, SET_ASIDE_SHOWN_S, DeliveryHealth
+from deconflict.roles.health import delivery_health
+from deconflict.roles.health.delivery_health import DELAY, LATE_S, SET_ASIDE_SHOWN_S, DeliveryHealth
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.rpc import AsyncCaller
