@@ -300,9 +300,8 @@ def _time_left_s(finding: Finding, now_s: float) -> float:
 
 
 def _order(advice: Recommendation | None) -> list[tuple[str, str]]:
-    """The robots and resources of a recommendation's slots, in order; without slots, the robots and kinds of its
-    actions."""
+    """The robots and resources of a recommendation's slots, in order, and the robots and kinds of its actions."""
     if advice is None:
         return []
     slots = [(slot.robot, slot.resource) for slot in advice.slots]
-    return slots or [(action.robot, action.action) for action in advice.actions]
+    return slots + [(action.robot, action.action) for action in advice.actions]

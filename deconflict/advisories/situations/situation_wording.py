@@ -117,7 +117,7 @@ def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
 
 def _queue(contention: ContentionAdvisory, left_s: float) -> str:
     label, count = contention.resource_name, contention.queue_length
-    waiting = "1 robot waits" if count == 1 else f"{count} robots wait"
+    waiting = "1 robot has to wait" if count == 1 else f"{count} robots have to wait"
     up_to = f"up to {contention.wait_s:.0f} s"
     return f"{waiting} for {label} {_when(left_s)}, {up_to}; {len(contention.robots)} robots need it"
 

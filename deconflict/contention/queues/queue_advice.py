@@ -119,8 +119,10 @@ class QueueAdvice:
         inside = [passage is not None and passage.enter_s <= now_s for passage in passages]
         if {link.where for link in ring} != {lane} or None in passages:
             return self._detour(ring, robots, refuges, now_s)
+        waiters = tuple(link.waiter for link in ring)
         if all(inside):
-            return self._back_out(ring, robots, now_s)
+            asked = self._questions.get((lane, *waiters))
+            return self._back_out(ring, robots, asked.advice if asked else None, now_s)
         requests = [
             ServiceRequest(
                 robot=link.waiter,
@@ -133,15 +135,24 @@ class QueueAdvice:
             for link, passage, is_inside in zip(ring, passages, inside, strict=True)
             if passage
         ]
-        waiters, queue = tuple(link.waiter for link in ring), PlaceQueue(lane, 1, tuple(requests), CHANGEOVER_S)
+        queue = PlaceQueue(lane, 1, tuple(requests), CHANGEOVER_S)
         return self._advice((lane, *waiters), lambda: [queue], now_s)
 
-    def _back_out(self, ring: Sequence[RingLink], robots: Mapping[str, RobotView], now_s: float) -> Recommendation:
+    def _back_out(
+        self, ring: Sequence[RingLink], robots: Mapping[str, RobotView], standing: Recommendation | None, now_s: float
+    ) -> Recommendation:
+        """Who backs out: the one that should have waited by `standing`, unless another is cheaper by `switch_s`."""
         lane = ring[0].where
         can_back = [link for link in ring if not robots[link.waiter].pulls_trailers]
         if not can_back:
             return NO_ORDER
-        advice, robot, back_m = back_out(can_back, robots, self._geometry.lane_m(lane), now_s, self.priority)
+        lane_m, switch_s = self._geometry.lane_m(lane), self._settings.switch_s
+        advice, robot, back_m = back_out(can_back, robots, lane_m, now_s, self.priority)
+        last = max(standing.slots, key=lambda slot: slot.wait_s).robot if standing and standing.slots else None
+        if waited := [link for link in can_back if link.waiter == last]:
+            kept = back_out(waited, robots, lane_m, now_s, self.priority)
+            if kept[0].cost_s <= advice.cost_s + switch_s:
+                advice, robot, back_m = kept
         note = f"{robots[robot].name} should back out of {self._geometry.label(lane)}, {back_m:.0f} m"
         return advice.model_copy(update={"note": note})
 

@@ -97,9 +97,9 @@ export class Cards {
     setText(parts.severity, ended ? "✓ Ended" : severityOf(situation));
     setText(parts.kind, KINDS[situation.situation_kind]);
     setText(parts.when, ended ? "" : countdown(situation, nowS));
-    setText(parts.what, text);
+    setText(parts.what, ended && isCalm(situation) ? `${text}: ${outcome(situation, situations)}` : text);
     setText(parts.first, ended ? "" : first);
-    setText(parts.then, ended ? over(situation, situations) : then);
+    setText(parts.then, ended ? sentence(outcome(situation, situations)) : then);
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
     setText(parts.since, [situation.location && situation.location.datum !== floorShown && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
@@ -154,9 +154,10 @@ export function lines(list, advisories) {
   list.replaceChildren(...texts.map((textContent) => Object.assign(part("li", ""), { textContent })));
 }
 
-function over(situation, situations) {
-  const into = situations.get(situation.joined_into);
-  return into ? `Now part of “${KINDS[into.situation_kind]}”` : sentence(situation.cleared_because ?? "");
+// What became of a situation that has ended.
+function outcome({ joined_into: id, cleared_because: because }, situations) {
+  const into = situations.get(id);
+  return into ? `now part of “${KINDS[into.situation_kind]}”` : because ?? "";
 }
 
 function rank(advised, { uuid }) {

@@ -11,7 +11,7 @@ import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
 import { Shift } from "./shift.js";
 import { Vendors } from "./vendors.js";
-import { KINDS, ago, clock, isCalm, leftOf, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
+import { KINDS, ago, clock, isCalm, isOver, leftOf, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
 
 const STALE_S = 4;
 const LISTED = 200;
@@ -195,12 +195,12 @@ function list() {
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
   });
   setText($("count"), listed.length ? `(${listed.length})` : "");
-  const calm = listed.filter(isCalm).length;
-  $("none").hidden = listed.length > calm;
+  const calm = listed.filter(isCalm);
+  $("none").hidden = listed.length > calm.length;
   const left = allOpen().length - listed.length;
   $("filtered").hidden = !filters.active;
   setText($("filtered").firstElementChild, left ? `${plural(left, "situation")} hidden by the filter.` : "The filter hides nothing.");
-  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? nothing(calm) : "Loading…");
+  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? nothing(calm.filter((each) => !isOver(each)).length) : "Loading…");
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
   if ($("machines").open) lines($("machines-lines"), others);

@@ -3,7 +3,7 @@
 import { FADE_MS } from "./feed.js";
 import { inside } from "./places.js";
 import { leader } from "./labels.js";
-import { KINDS, SIGNS, countdown } from "./texts.js";
+import { KINDS, SIGNS, countdown, isOver } from "./texts.js";
 
 const ANSWERED = 0.65; // opacity of what somebody takes care of
 const FONT = (unit) => `700 ${13 * unit}px system-ui, sans-serif`;
@@ -87,7 +87,7 @@ export class SituationLayer {
 
   label(situation, nowS) {
     const { pen, unit } = this.map, { id, severity, acknowledgement, situation_kind: kind } = situation;
-    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
+    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${isOver(situation) ? "over" : countdown(situation, nowS)}`;
     pen.font = FONT(unit);
     const { box } = this.shape(situation), { camera } = this.map;
     if (box.right < 0 || box.left > camera.width || box.bottom < 0 || box.top > camera.height) return null;

@@ -32,7 +32,7 @@ export function ago(s) {
 }
 
 export function countdown(situation, nowS) {
-  if (isOver(situation)) return "over";
+  if (isOver(situation)) return "";
   const left = seconds(situation.predicted_at) - nowS;
   return left < 0.5 ? "now" : `in ${span(Math.ceil(left))}`;
 }
@@ -40,7 +40,7 @@ export function countdown(situation, nowS) {
 export function seconds(at) { return Date.parse(at) / 1000; }
 
 // Whether every advisory of a situation has ended. It stays for some seconds, in case others follow.
-function isOver({ kind, advisories }) { return kind === "situation" && !advisories.length; }
+export function isOver({ kind, advisories }) { return kind === "situation" && !advisories.length; }
 
 // The summary, without its time, which only was right when it was written (the countdown beside it is current), and without the
 // advice on an advisory: people follow that of its situation.
@@ -55,7 +55,7 @@ export function gist(situation) {
   return what(situation).replace(new RegExp(`: ${robot}(?:(?:, | and )${robot})*(?=[,;]|$)`), "");
 }
 
-export function severityOf(revision) { return `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
+export function severityOf(revision) { return isOver(revision) ? "✓ Over" : `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
 // Whether nobody has to do anything: such a card is one line until it is chosen.
 export function isCalm({ severity, advice }) { return severity === "caution" && !advice?.for_people; }

@@ -38,9 +38,18 @@ def test_of_two_that_come_to_a_lane_from_both_ends_one_waits_and_the_other_goes_
 def test_of_two_in_a_lane_one_backs_out() -> None:
     robots = {"A": Script([(0, -16, 0), (40, 24, 0)]), "B": Script([(0, 16, 0), (40, -24, 0)])}
     scene = Scene(site(aisle("lane", -8, 12)), robots)
-    (advisory,) = raised(scene.run(8), "deadlock")
-    last = [each for each in scene.run(12, from_s=8) if each.id == advisory.id][-1]
-    assert texts(last) == ["Alder A should back out of lane", "Alder B should go first"]
+    revisions = [each for each in scene.run(12) if each.kind == "deadlock"]
+    assert texts(revisions[-1]) == ["Alder A should back out of lane", "Alder B should go first"]
+
+
+def test_who_was_to_wait_before_a_lane_backs_out_of_it() -> None:
+    """Both enter at the same time. Either of them could back out; the one that was asked to wait does."""
+    robots = {"A": Script([(0, -16, 0), (40, 24, 0)]), "B": Script([(0, 20, 0), (40, -20, 0)])}
+    revisions = [each for each in Scene(site(aisle("lane", -8, 12)), robots).run(14) if each.kind == "deadlock"]
+    asked = [texts(each) for each in revisions]
+    assert asked[0][0].startswith("Alder A should wait ")
+    assert asked[-1] == ["Alder A should back out of lane", "Alder B should go first"]
+    assert {first for _, first in asked} == {"Alder B should go first"}
 
 
 def test_no_train_backs_out_of_a_lane() -> None:

@@ -230,9 +230,22 @@ async def test_the_time_of_advice_that_is_shown_is_what_is_left_of_it(browser: "
 
 
 async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:
-    await face.publish(shown(1, 0, 1, advice=None, advisories=(), ends="by itself: nothing is foreseen there any more"))
+    nothing: dict[str, Any] = {"advice": None, "advisories": (), "severity": Severity.CAUTION}
+    await face.publish(shown(1, 0, 1, **nothing, ends="by itself: nothing is foreseen there any more"))
     async with opened(browser, face) as page:
-        assert await text(page, "#situations .when") == "over"
+        assert await text(page, "#situations .severity") == "✓ Over"
+        assert not await text(page, "#situations .when")
+        await until(page, "document.getElementById('none').textContent === 'Nothing needs you.'")
+
+
+async def test_a_line_of_what_has_ended_says_how(browser: "Browser", face: Served) -> None:
+    calm = shown(1, 0, 1, advice=None, severity=Severity.CAUTION)
+    async with opened(browser, face) as page:
+        await face.publish(calm)
+        await page.wait_for_selector("#situations .calm")
+        await face.publish(cleared(calm, "they have passed each other"))
+        await page.wait_for_selector("#situations .ended")
+        assert (await text(page, "#situations .what")).endswith(": they have passed each other")
 
 
 async def test_changed_advice_says_why(browser: "Browser", face: Served) -> None:
