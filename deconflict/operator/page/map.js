@@ -48,13 +48,13 @@ export class FloorMap {
     if (scene.plan) this.plan(scene.plan);
     this.grid();
     this.obstacles(scene);
-    scene.areas.forEach((area) => this.areaName(area));
     this.places(scene);
     this.marks(scene);
     exits(this, scene);
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
     this.labels.begin(camera, this.unit, robots.length > MOST_AVOIDED ? [] : robots.map((robot) => this.boxOf(robot)));
+    if (camera.scale > 3) this.fixedNames(scene);
     if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
     this.situations.below(scene);
     this.robots(robots, scene);
@@ -150,37 +150,43 @@ export class FloorMap {
     for (const place of scene.places) {
       const contended = scene.contended.get(place.id), queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
       if (tiny && !contended) continue;
-      const xs = place.polygon.map(([x]) => camera.px(x)), ys = place.polygon.map(([, y]) => camera.py(y));
-      const box = { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
-      this.beside(place.id, box, `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint);
+      this.beside(place.id, edges(place.polygon, camera), `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint);
     }
-    if (!tiny) for (const obstacle of scene.obstacles) this.nameWithin(obstacle);
     if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
   }
 
-  // The name of an area at its western or southern end, whichever side is shorter, if there is room.
-  areaName({ name, polygon }) {
-    const { pen, camera, ink, unit } = this, xs = polygon.map(([x]) => camera.px(x)), ys = polygon.map(([, y]) => camera.py(y));
-    const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)], size = 12 * unit;
-    pen.font = `${size}px system-ui, sans-serif`;
-    const width = pen.measureText(name).width;
-    if (width > 1.5 * (right - left) || size > bottom - top) return;
-    if (right - left > bottom - top) this.text(name, left + width / 2 + size, (top + bottom) / 2 + size / 3, 12, ink.faint);
-    else this.text(name, (left + right) / 2, bottom - size, 12, ink.faint);
+  // The names of areas and obstacles, which stay where they are, so other labels keep away from them.
+  fixedNames(scene) {
+    for (const area of scene.areas) this.areaName(area.name, edges(area.polygon, this.camera));
+    for (const obstacle of scene.obstacles) this.nameWithin(obstacle.name, edges(obstacle.polygon, this.camera));
   }
 
-  // The name of an obstacle in its middle, if it is as long as its text.
-  nameWithin({ name, polygon }) {
-    const { pen, camera, ink, unit } = this, xs = polygon.map(([x]) => camera.px(x)), ys = polygon.map(([, y]) => camera.py(y));
-    const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
-    pen.font = `${11 * unit}px system-ui, sans-serif`;
-    if (pen.measureText(name).width < right - left && 11 * unit < bottom - top) this.text(name, (left + right) / 2, (top + bottom) / 2 + 4 * unit, 11, ink.faint);
+  // At the western or southern end, whichever side is shorter, if there is room.
+  areaName(name, { left, right, top, bottom }) {
+    const size = 12 * this.unit, width = this.widthOf(name, 12);
+    if (width > 1.5 * (right - left) || size > bottom - top) return;
+    if (right - left > bottom - top) this.fixedName(name, left + width / 2 + size, (top + bottom) / 2 + size / 3, 12);
+    else this.fixedName(name, (left + right) / 2, bottom - size, 12);
+  }
+
+  // In the middle, if the obstacle is as long as its name.
+  nameWithin(name, { left, right, top, bottom }) {
+    if (this.widthOf(name, 11) < right - left && 11 * this.unit < bottom - top) this.fixedName(name, (left + right) / 2, (top + bottom) / 2 + 4 * this.unit, 11);
+  }
+
+  fixedName(name, x, y, size) {
+    const wide = this.widthOf(name, size), high = size * this.unit;
+    this.labels.take({ left: x - wide / 2, top: y - 0.85 * high, wide, high });
+    this.text(name, x, y, size, this.ink.faint);
+  }
+
+  widthOf(text, size) {
+    this.pen.font = `${size * this.unit}px system-ui, sans-serif`;
+    return this.pen.measureText(text).width;
   }
 
   beside(id, thing, text, size, colour) {
-    const { pen, unit } = this;
-    pen.font = `${size * unit}px system-ui, sans-serif`;
-    const [wide, high] = [pen.measureText(text).width, size * unit], box = this.labels.place(id, thing, wide, high, { rings: 1 });
+    const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { rings: 1 });
     if (box) this.text(text, box.left + wide / 2, box.top + high * 0.85, size, colour);
   }
 
@@ -390,6 +396,12 @@ function toEdge({ left, top, wide, high }, thing) {
   const near = (value, low, top) => Math.min(Math.max(value, low), top), x = (thing.left + thing.right) / 2, y = (thing.top + thing.bottom) / 2;
   const from = [near(x, left, left + wide), near(y, top, top + high)];
   return [...from, near(from[0], thing.left, thing.right), near(from[1], thing.top, thing.bottom)];
+}
+
+// The box around a polygon, in pixels.
+function edges(polygon, camera) {
+  const xs = polygon.map(([x]) => camera.px(x)), ys = polygon.map(([, y]) => camera.py(y));
+  return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
 }
 
 function rankOf({ uuid }, { robot, highlighted, first, advised, involved }) {

@@ -106,10 +106,14 @@ export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }
 
+// Most severe first, then what can still be prevented, then what costs most.
 export function urgency(a, b) {
   const rank = SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity);
-  return rank || cost(b) - cost(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
+  return rank || isLost(a) - isLost(b) || cost(b) - cost(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
 }
+
+// Whether people can prevent nothing of it any more.
+function isLost({ preventable_s: s }) { return s === null; }
 
 // The seconds that robots are expected to lose, in steps, so that cards do not change places for a second.
 function cost({ cost_s: s }) { return Math.round((s ?? 0) / COST_STEP_S); }

@@ -27,6 +27,7 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives 
 CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with")
 
+MEZZANINE = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b302"
 PICTURES = Path(__file__).parents[3] / "build" / "page"
 PATIENCE_MS = 1000 * PATIENCE_S
 WARNED = "#situations li, #machines:not([hidden])"
@@ -220,6 +221,20 @@ def test_the_slider_goes_back_to_what_was_recorded_and_live_returns(browser: "Br
         page.click("#live")
         page.wait_for_selector('[data-state="live"]')
         until(page, "document.getElementById('shown').textContent === 'live'")
+
+
+def test_a_link_to_a_moment_shows_it_and_its_floor(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        until(page, "document.querySelectorAll('#tabs [role=tab]').length === 2")
+        until(
+            page,
+            "((moment) => !moment.disabled && moment.max > Number(moment.min) + 5)(document.getElementById('moment'))",
+        )
+        at = page.evaluate("new Date(1000 * (Number(document.getElementById('moment').min) + 2)).toISOString()")
+        page.evaluate(f"location.hash = 'at={at}&floor={MEZZANINE}'")
+        page.wait_for_selector('[data-state="past"]')
+        until(page, "document.querySelector('#tabs [aria-selected=true]').textContent.startsWith('Mezzanine')")
+        until(page, f"new Date(1000 * document.getElementById('moment').value).toISOString() === '{at}'")
 
 
 @pytest.mark.parametrize(
