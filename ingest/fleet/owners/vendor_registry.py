@@ -52,10 +52,12 @@ class VendorRegistry:
         if known:
             return known
         name = visible(manufacturer.strip())[:MAX_NAME] or UNKNOWN
-        if name in self._unconfigured or len(self._unconfigured) < MAX_UNCONFIGURED:
-            self._unconfigured.setdefault(name, Vendor(name=name))
+        if name in self._unconfigured:
             return name
-        return OTHER
+        if len(self._unconfigured) >= MAX_UNCONFIGURED:
+            return OTHER
+        self._unconfigured[name] = Vendor(name=name)
+        return name
 
     def settled_name(self, name: str, *, was_configured: bool) -> str | None:
         """What a vendor of earlier settings is called now. None if the site file named it and does so no longer."""

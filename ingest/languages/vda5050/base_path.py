@@ -102,14 +102,17 @@ def _leg(order: Order, number: int, node: OrderNode) -> OrderLeg:
 
 
 def _legs_of_state(state: StateMessage, order: Order | None) -> Iterator[OrderLeg]:
-    curves = {edge.sequence_id: edge.trajectory for edge in state.edge_states or () if edge.trajectory}
+    edge_states = state.edge_states
+    curves = {edge.sequence_id: edge.trajectory for edge in edge_states if edge.trajectory} if edge_states else {}
     nodes, edges = (order.nodes, order.edges) if order else ({}, {})
+    last_number, last_id = state.last_node_sequence_id, state.last_node_id
     for node in sorted(state.node_states or (), key=_SEQUENCE_ID):
         number = node.sequence_id
-        if number == state.last_node_sequence_id and node.node_id == state.last_node_id:
+        if number == last_number and node.node_id == last_id:
             continue
         ordered, edge = nodes.get(number), edges.get(number - 1)
-        place = on_earth(node.node_position) or (ordered.place if ordered else None)
+        place = on_earth(node.node_position) if node.node_position else None
+        place = place or (ordered.place if ordered else None)
         if edge is None and (trajectory := curves.get(number - 1)):
             edge = OrderEdge(None, None, None, False, polyline(trajectory))
         yield OrderLeg(node.released, place, ordered.stops if ordered else (), edge or NO_EDGE)
@@ -145,7 +148,7 @@ class _Walk:
         """The ends of base and horizon, for a robot that has driven the first legs when the path ends."""
         (t_s, x, y, _), datum = self.rows[-1], self.datums[-1]
         last = len(legs) - 1
-        base_end = max((row for row, leg in enumerate(legs) if leg.is_released), default=last)
+        base_end = next((row for row in range(last, -1, -1) if legs[row].is_released), last)
         rows, datums = [], []
         for row in range(min(driven, base_end), len(legs)):
             place = legs[row].place
@@ -184,8 +187,10 @@ class _Walk:
 
     def _limit_mps(self, edge: OrderEdge) -> float:
         """The least of the edge's and the robot's speed."""
-        limit_mps = min(edge.max_speed_mps or inf, self._abilities.max_speed_mps or inf)
-        return limit_mps if limit_mps < inf else max(self._speed_mps, ASSUMED_MPS)
+        limit_mps, most_mps = edge.max_speed_mps, self._abilities.max_speed_mps
+        if limit_mps is None:
+            return most_mps or max(self._speed_mps, ASSUMED_MPS)
+        return min(limit_mps, most_mps or inf)
 
 
 def _curve_ahead(curve: Polyline | None, here: Row) -> Polyline:

@@ -167,16 +167,16 @@ def _read_motion(
     message: VdaMotion, topic: _VdaTopic, stamp: timestamps.Stamp, memory: VdaMemory, findings: Findings
 ) -> tuple[Message, VdaMemory]:
     position, is_newest = message.position, memory.pose is None or stamp.t_s >= memory.pose.stamp.t_s
+    changes: dict[str, Any] = {}
     if isinstance(message, StateMessage):
-        memory = msgspec.structs.replace(memory, state=message, is_order_newer=False, connection="ONLINE")
+        changes = {"state": message, "is_order_newer": False, "connection": "ONLINE"}
     if position is None:
         findings["position-missing"] = None
     elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
     elif is_newest:
         pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
-        memory = msgspec.structs.replace(memory, pose=pose)
+        memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
-        if status:
-            return status, memory
-    return Update(topic.sender.uuid, tuple(findings)), memory
+        return status or Update(topic.sender.uuid, tuple(findings)), memory
+    return Update(topic.sender.uuid, tuple(findings)), msgspec.structs.replace(memory, **changes)
