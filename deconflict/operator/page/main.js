@@ -252,10 +252,11 @@ function detail() {
   $("detail").replaceChildren(title, facts);
 }
 
-// New situations are announced politely, critical ones at once. `before` is the revision before, if it was open.
+// New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.
+// `before` is the revision before, if it was open.
 function announce(situation, before) {
   if (situation?.state === "cleared") ends(situation);
-  else if (situation && past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !situation.acknowledgement) {
+  else if (situation && past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !(situation.acknowledgement && situation.severity !== "critical")) {
     const { first, then } = toDo(situation, live.nowS()), isCritical = situation.severity === "critical";
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
     if (isCritical && before?.severity !== "critical") {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from deconflict.advisories.situations.situation import Situation, SituationAdvice
-from deconflict.advisory import Action, ConflictAdvisory, Location, Severity, moment
+from deconflict.advisory import Acknowledgement, Action, ConflictAdvisory, Location, Severity, moment
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -426,6 +426,11 @@ async def test_critical_situations_are_announced_at_once_and_others_politely(bro
         await face.publish(shown(1, 0, 1, revision=2, severity="critical"))
         await until(page, "document.getElementById('say').textContent.includes('Column 1')")
         assert await page.get_attribute("#say", "aria-live") == "assertive"
+        await face.publish(shown(2, 4, 5))
+        seen = Acknowledgement(name="Kim", reason="seen", at=moment(time.time()))
+        await face.app.state.publisher.acknowledge("situation-2", seen)
+        await face.publish(shown(2, 4, 5, revision=2, severity="critical"))
+        await until(page, "document.getElementById('say').textContent.includes('Column 2')")
 
 
 async def test_a_situation_is_outlined_on_the_map_and_can_be_chosen_there(browser: "Browser", face: Served) -> None:
