@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.installed
 READY := $(VENV)/.ready
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo check test lint types audit check-wheel docs clean
+.PHONY: demo check test lint types audit lock artefacts check-wheel release sign docs clean
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; set PYTHON=python3.x") if sys.version_info < (3, 11) else None'
@@ -45,15 +45,48 @@ audit:
 	build/audit/bin/python -m pip install --quiet pip-audit
 	build/audit/bin/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt
 
-# Installs the built wheel in an empty environment and runs the demo from it.
-check-wheel: $(INSTALLED)
-	rm -rf build/wheel && mkdir -p build/wheel
-	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/wheel .
+# Writes the locks with hashes anew, after a change of constraints.txt or of the dependencies in pyproject.toml.
+lock:
+	rm -rf build/lock locks && mkdir -p locks
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9'
+	$(LOCK) pyproject.toml --output-file locks/runtime.txt
+	$(LOCK) pyproject.toml $(EXTRAS:%=--extra %) --output-file locks/development.txt
+	echo hatchling | $(LOCK) - --output-file locks/build.txt
+LOCK := build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
+	--no-header --constraint constraints.txt
+EXTRAS := dev dask cluster plot fuzz
+
+# What a release consists of, in build/release: the wheel, its lock, and a bill of materials of both as installed.
+artefacts:
+	rm -rf build/release build/wheel && mkdir -p build/release build/wheel
+	$(PYTHON) -m venv build/wheel/builder
+	$(call LOCKED,build/wheel/builder,locks/build.txt)
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) build/wheel/builder/bin/python -m pip wheel --quiet --no-deps \
+		--disable-pip-version-check --no-build-isolation --wheel-dir build/release .
 	$(PYTHON) -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt build/wheel/*.whl
+	$(call LOCKED,build/wheel/venv,locks/runtime.txt)
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps build/release/*.whl
+	build/wheel/builder/bin/python -m pip install --quiet --disable-pip-version-check 'cyclonedx-bom>=7,<8'
+	build/wheel/builder/bin/cyclonedx-py environment --output-reproducible --mc-type application --pyproject pyproject.toml \
+		--output-file build/release/sbom.cdx.json build/wheel/venv/bin/python
+	cp locks/runtime.txt build/release/requirements.txt
+LOCKED = $(1)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $(2)
+
+# Runs the demo from the wheel in an empty environment.
+check-wheel: artefacts
 	cd build/wheel && venv/bin/deconflict --version
 	cd build/wheel && venv/bin/deconflict demo --seconds 10 > demo.txt || { cat demo.txt; exit 1; }
 	tail -n 1 build/wheel/demo.txt
+
+release: check-wheel sign
+
+# Signs the hashes of what is in $(DIST) with the private SSH key $(KEY).
+DIST ?= build/release
+sign:
+	@test -n "$(KEY)" || { echo "Set KEY to the private SSH key that signs releases: make release KEY=FILE"; exit 2; }
+	cd "$(DIST)" && rm -f SHA256SUMS SHA256SUMS.sig && sha256sum -- * > SHA256SUMS
+	ssh-keygen -q -Y sign -f "$(KEY)" -n amr-deconflict-release "$(DIST)/SHA256SUMS"
 
 # Builds the documentation as a site. Fails on a page that is not in the menu; tests check the links.
 docs:
