@@ -19,7 +19,7 @@ from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.service import cluster_problems, run_role, runtime_directory
 from deconflict.roles.supervisor import PARTS, Supervisor
 from deconflict.runtime.command_parsers import Commands, add_command
-from deconflict.runtime.data_lock import locked
+from deconflict.runtime.data_lock import create_data_directory, locked
 from deconflict.runtime.kernel_preparation import compile_kernels, report_on_terminal
 from deconflict.runtime.systemd import Notifier
 from deconflict.settings import site, site_file
@@ -127,7 +127,7 @@ def _serve(args: argparse.Namespace) -> int:
     if problems := cluster_problems(settings.cluster, args.part or ()):
         raise site_file.SiteError(problems)
     data = args.data or Path(settings.store.directory)
-    data.mkdir(parents=True, exist_ok=True)
+    create_data_directory(data)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

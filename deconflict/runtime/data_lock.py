@@ -1,10 +1,14 @@
-"""File locks on a data directory: two services there would write into each other's recordings and advisories."""
+"""The data directory: who may read it, and a lock, since two services would write into each other's recordings."""
 
 import fcntl
 import logging
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+OTHERS = 0o027
+"""Rights that nobody gets: writing for the group, and all for others."""
 
 log = logging.getLogger(__name__)
 
@@ -14,6 +18,12 @@ class DataTakenError(OSError):
 
     def __init__(self, directory: Path) -> None:
         super().__init__(f"{directory} is in use by another service; set another store.directory, or --data")
+
+
+def create_data_directory(directory: Path) -> None:
+    """Create it if needed. What this process and its children write from now on is for its user and group only."""
+    os.umask(os.umask(OTHERS) | OTHERS)
+    directory.mkdir(parents=True, exist_ok=True)
 
 
 @contextmanager

@@ -1,18 +1,22 @@
-"""Limits on the connections of a port: by open files, and before a connection is admitted."""
+"""Limits on the connections of a port: by open files, before a connection is admitted, and by TCP keepalive."""
 
 import asyncio
 import logging
 import resource
+import socket as sockets
 from collections.abc import Callable
 from typing import Any, cast
 
-from ingest.port.frame_cutter import FrameCuttingServer
+from ingest.port.frame_cutter import FrameCuttingConnection, FrameCuttingServer
 from ingest.security.tls_handshakes import TlsHandshakes, abort_without_handshake
 
 SPARE_FILES = 200
 """File descriptors left for everything but robots."""
 HANDSHAKE_FILES = 80
 """Of those, descriptors for connections that are not yet admitted or refused. An accept takes up to 100 at once."""
+
+KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}
+"""Seconds until the first probe of a silent peer, seconds between probes, and unanswered probes to give up after."""
 
 log = logging.getLogger(__name__)
 
@@ -70,3 +74,14 @@ def max_open_files() -> int:
     except (ValueError, OSError):
         return soft
     return wanted
+
+
+def keep_alive(socket: FrameCuttingConnection) -> None:
+    """Find a peer that has vanished without a word."""
+    raw: sockets.socket | None = socket.transport.get_extra_info("socket")
+    if raw is None or raw.fileno() < 0:
+        return
+    raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_KEEPALIVE, 1)
+    for name, value in KEEPALIVE.items():
+        if option := getattr(sockets, name, None):
+            raw.setsockopt(sockets.IPPROTO_TCP, option, value)

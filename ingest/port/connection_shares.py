@@ -64,3 +64,8 @@ def site_of(address: str) -> str:
         return address
     mapped = parsed.ipv4_mapped
     return str(mapped or ipaddress.ip_network((parsed, IPV6_SITE_BITS), strict=False).network_address)
+
+
+def holder_of(vendor: str | None, peer: str) -> str:
+    """To whom a connection counts if there are too many."""
+    return f"vendor {vendor}" if vendor else site_of(peer)

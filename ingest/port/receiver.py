@@ -7,7 +7,6 @@ sends nothing is closed.
 
 import asyncio
 import logging
-import socket as sockets
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -23,12 +22,14 @@ from websockets.protocol import State
 
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit
+from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit, keep_alive
+from ingest.port.connection_shares import ConnectionShares, holder_of
 from ingest.port.fair_delivery import Deliver, FairDelivery
 from ingest.port.frame_cutter import FrameCuttingConnection
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.security.certificates import Certificates, names
-from ingest.security.origin_check import is_page_elsewhere
+from ingest.security.failed_sign_ins import FailedSignIns
+from ingest.security.origin_check import is_cross_site, is_page_elsewhere
 from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.security.vendor_credentials import Refusal, VendorCredentials
 from ingest.settings import UNKNOWN, ReceiverSettings
@@ -39,8 +40,9 @@ Refuse = Callable[[str, str, float, Connection], None]
 IDLE_CHECK_S = 5.0
 CLOSE_TIMEOUT_S = 2.0
 """How long a peer may take to answer a close frame."""
-KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}
-"""Seconds until the first probe of a silent peer, seconds between probes, and unanswered probes to give up after."""
+MOST_CLOSING = HANDSHAKE_FILES // 2
+"""Connections that are being closed to make room, at once."""
+
 
 log = logging.getLogger(__name__)
 
@@ -98,6 +100,8 @@ class Receiver:
         self._reaper: asyncio.Task[None] | None = None
         self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
+        self._shares: ConnectionShares[Session] = ConnectionShares()
+        self._failed_sign_ins = FailedSignIns()
         self._delivery = FairDelivery(settings, deliver, overtaken, measures)
         self._slices = self._delivery.slices
 
@@ -210,8 +214,10 @@ class Receiver:
             self._slices.when_room(transport.resume_reading)
 
     def _add(self, session: Session) -> None:
-        _keep_alive(session.socket)
-        self._sessions.setdefault(session.connection.peer, {})[session.connection.id] = session
+        keep_alive(session.socket)
+        connection = session.connection
+        self._sessions.setdefault(connection.peer, {})[connection.id] = session
+        self._shares.add(session, holder_of(connection.vendor, connection.peer))
         self._total += 1
         self._measure()
 
@@ -225,7 +231,8 @@ class Receiver:
 
     def _forget(self, connection: Connection) -> None:
         same_peer = self._sessions.get(connection.peer, {})
-        same_peer.pop(connection.id, None)
+        if session := same_peer.pop(connection.id, None):
+            self._shares.remove(session)
         if not same_peer:
             self._sessions.pop(connection.peer, None)
 
@@ -242,22 +249,36 @@ class Receiver:
         elif code in {CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA}:
             self._count_refused("protocol-error")
 
-    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+    async def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         if request.path.partition("?")[0] == "/healthz":
             return connection.respond(HTTPStatus.OK, "ok\n")
-        if self._total >= self._limit:
-            self._count_full()
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again later\n")
-        vendor = self._vendor_of(connection, request)
+        vendor, peer = self._vendor_of(connection, request), _peer(connection)
         if isinstance(vendor, Refusal):
             self._count_refused(vendor.counted_as)
+            if vendor.status == HTTPStatus.UNAUTHORIZED and "Authorization" in request.headers:
+                await asyncio.sleep(self._failed_sign_ins.delay_s(peer, asyncio.get_running_loop().time()))
             return connection.respond(HTTPStatus(vendor.status), f"{vendor.reason}\n")
+        if self._total >= self._limit and not self._has_replaced(holder_of(vendor, peer)):
+            self._count_full()
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again later\n")
         return None
+
+    def _has_replaced(self, holder: str) -> bool:
+        """Close the oldest connection of the vendor or address with most, if a newcomer's has fewer."""
+        if len(self._closing) >= MOST_CLOSING or not len(self._shares):
+            return False
+        largest = self._shares.largest_holder()
+        if self._shares.held(largest) <= self._shares.held(holder) + 1:
+            return False
+        reason = "all places are taken, and you have most; use fewer"
+        self._close_and_count(self._shares.oldest(largest), "replaced", CloseCode.TRY_AGAIN_LATER, reason)
+        return True
 
     def _vendor_of(self, connection: ServerConnection, request: Request) -> str | Refusal | None:
         origins, hosts = request.headers.get_all("Origin"), request.headers.get_all("Host")
-        if not self._credentials.needed and any(is_page_elsewhere(origin, "".join(hosts)) for origin in origins):
-            return Refusal(403, "another-site", "pages of other sites may not speak for robots; give vendors tokens")
+        is_foreign = is_cross_site if self._credentials.needed else is_page_elsewhere
+        if any(is_foreign(origin, "".join(hosts)) for origin in origins):
+            return Refusal(403, "another-site", "pages of other sites may not speak for robots")
         encrypted = connection.transport.get_extra_info("ssl_object")
         certificate_names = names(encrypted.getpeercert()) if encrypted else ()
         tokens = request.headers.get_all("Authorization")
@@ -266,7 +287,7 @@ class Receiver:
 
     async def _converse(self, socket: ServerConnection) -> None:
         """Receive from an admitted connection. Its socket is a `BoundedConnection`, as `serve` was asked to create."""
-        peer = str(socket.remote_address[0]) if socket.remote_address else ""
+        peer = _peer(socket)
         if socket.request is None:
             return
         vendor = self._vendor_of(socket, socket.request)
@@ -325,11 +346,5 @@ class Receiver:
         self._measures.level("deconflict_connections", {(): self._total})
 
 
-def _keep_alive(socket: FrameCuttingConnection) -> None:
-    raw: sockets.socket | None = socket.transport.get_extra_info("socket")
-    if raw is None or raw.fileno() < 0:
-        return
-    raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_KEEPALIVE, 1)
-    for name, value in KEEPALIVE.items():
-        if option := getattr(sockets, name, None):
-            raw.setsockopt(sockets.IPPROTO_TCP, option, value)
+def _peer(socket: ServerConnection) -> str:
+    return str(socket.remote_address[0]) if socket.remote_address else ""

@@ -35,6 +35,16 @@ def host_of(header: str) -> str:
         return ""
 
 
+def is_cross_site(origin: str, host: str) -> bool:
+    """Whether a browser makes the request for a page that is neither of this machine nor of the name requested.
+
+    Enough where a request needs credentials that a page does not know. With client certificates it is needed: a browser
+    adds them to the requests of any page.
+    """
+    page = host_of(origin)
+    return not (is_loopback(page) or (page and page == host_of(host)))
+
+
 def is_page_elsewhere(origin: str, host: str) -> bool:
     """Whether a browser makes the request for a page that is neither of this machine nor of the address requested."""
     page = host_of(origin)

@@ -17,14 +17,16 @@ from importlib.util import find_spec
 from itertools import chain
 from operator import itemgetter
 from typing import Any, NamedTuple
+from urllib.parse import urlsplit
 
-from dask.distributed import Client, Future, LocalCluster
+from dask.distributed import Client, Future, LocalCluster, Security
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, LogReader, Received, Tick
+from ingest.security.origin_check import is_loopback
 from metrics.replay.engine_output import EngineOutput
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
@@ -61,6 +63,7 @@ def cluster(address: str) -> Iterator[Client]:
     """A client of the scheduler at an address. If the address is empty, starts a cluster on this machine's cores."""
     logging.getLogger("distributed").setLevel(logging.ERROR)
     if address:
+        _refuse_open(address)
         try:
             client = Client(address, timeout=CONNECT_TIMEOUT_S)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
@@ -68,13 +71,26 @@ def cluster(address: str) -> Iterator[Client]:
         with client:
             yield client
         return
+    security = Security.temporary()  # type: ignore[no-untyped-call]
     with (
-        LocalCluster(threads_per_worker=1, dashboard_address=DASHBOARD) as local,  # type: ignore[no-untyped-call]
-        Client(local) as client,  # type: ignore[no-untyped-call]
+        LocalCluster(  # type: ignore[no-untyped-call]
+            threads_per_worker=1, dashboard_address=DASHBOARD, protocol="tls://", security=security
+        ) as local,
+        Client(local, security=security) as client,  # type: ignore[no-untyped-call]
     ):
         if find_spec("bokeh"):
             sys.stderr.write(f"dashboard: {client.dashboard_link}\n")
         yield client
+
+
+def _refuse_open(address: str) -> None:
+    """Raises `ClusterError` for a scheduler to which anybody on the network could send code to run."""
+    host = urlsplit(address if "//" in address else f"tcp://{address}").hostname or ""
+    if not (address.startswith("tls://") or is_loopback(host)):
+        raise ClusterError(
+            f"{address} takes code from anybody who reaches it: start scheduler and workers with certificates "
+            "(https://distributed.dask.org/en/stable/tls.html), and use tls://HOST:PORT"
+        )
 
 
 def replay(

@@ -3,6 +3,7 @@
 A program sends its token as `Authorization: Bearer TOKEN`. A browser signs in once at `/login` and keeps a cookie.
 """
 
+import asyncio
 import secrets
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
@@ -16,7 +17,9 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from deconflict.settings.site import Operator, Person, Role, Site
+from ingest.port.connection_shares import site_of
 from ingest.security.certificates import Certificates
+from ingest.security.failed_sign_ins import FailedSignIns
 from ingest.security.origin_check import host_of, is_fixed, is_loopback
 from ingest.security.tokens import Tokens, secret
 from ingest.security.vendor_credentials import VendorCredentials
@@ -112,6 +115,7 @@ class AccessMiddleware:
         self._app, self._people, self._signed_in = app, people, signed_in
         self._secure, self._is_local = settings.tls is not None, is_loopback(settings.host)
         self._sessions: dict[str, SignIn] = {}
+        self._failed = FailedSignIns()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -134,7 +138,14 @@ class AccessMiddleware:
         if path == "/login":
             return await self._log_in(Request(scope, receive)) if method == "POST" else _login_page("")
         signed_in = self._people.sign_in(headers.get("authorization")) or self._of_session(headers)
+        if signed_in is None and "authorization" in headers:
+            await self._slow_down(scope)
         return None if path == "/healthz" else self._refusal_of(signed_in, scope, method, headers)
+
+    async def _slow_down(self, scope: Scope) -> None:
+        """Let the answer to a wrong token wait, the longer the more there were from this address."""
+        address = site_of((scope.get("client") or ("",))[0])
+        await asyncio.sleep(self._failed.delay_s(address, asyncio.get_running_loop().time()))
 
     def _refusal_without_people(self, headers: Headers) -> Response | None:
         """Refuses other host names on a local port: such a request may be DNS rebinding by another site's page."""
@@ -180,6 +191,7 @@ class AccessMiddleware:
         token = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
         signed_in = self._people.sign_in(f"Bearer {token}")
         if signed_in is None:
+            await self._slow_down(request.scope)
             return _login_page("That token is not known.")
         session = secrets.token_urlsafe(32)
         while len(self._sessions) >= MOST_SESSIONS:

@@ -1,9 +1,11 @@
 """The protocols of the operators' port: uvicorn's, with limits on what a client may hold and send."""
 
+import re
 import socket
 from asyncio import BaseTransport, TimerHandle, Transport
 from typing import Any, cast
 
+import h11
 from fastapi import FastAPI
 from h11 import Request
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -22,6 +24,20 @@ SUBSCRIBER_BYTES, SUBSCRIBER_BYTES_PER_S = 8192, 256
 """What a subscriber may send at once, and then in a second. No message is expected."""
 MOST_HANDSHAKES = 100
 """TLS handshakes at once."""
+
+
+_BARE_LINE_FEED, _FOLDED_LINE = re.compile(rb"(?<!\r)\n"), re.compile(rb"\r\n[ \t]")
+_LENGTH, _ENCODING = (
+    re.compile(rb"\r\n" + name + rb"[ \t]*:", re.I) for name in (b"content-length", b"transfer-encoding")
+)
+
+
+def is_ambiguous(data: bytes) -> bool:
+    """Whether the head of a request, as far as it has come, could be read in two ways (RFC 9112, 2.2, 5.2, 6.1)."""
+    head = data.lstrip(b"\r\n").partition(b"\r\n\r\n")[0]
+    if _BARE_LINE_FEED.search(head) or _FOLDED_LINE.search(head):
+        return True
+    return bool(_LENGTH.search(head) and _ENCODING.search(head))
 
 
 class Places:
@@ -160,6 +176,13 @@ class HttpProtocol(H11Protocol):
     def handle_websocket_upgrade(self, event: Request) -> None:
         self._stop_timers()
         super().handle_websocket_upgrade(event)
+
+    def handle_events(self) -> None:
+        """Refuse a request that others on its way might read as two. h11 reads all of these."""
+        if self.conn.their_state is h11.IDLE and is_ambiguous(self.conn.trailing_data[0]):
+            self.send_400_response("Ambiguous HTTP request received.")
+        else:
+            super().handle_events()
 
     def pause_writing(self) -> None:
         super().pause_writing()

@@ -23,6 +23,7 @@ from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisory import AdvisoryState
 from deconflict.roles.service import runtime_directory
 from deconflict.roles.supervisor import Supervisor
+from deconflict.runtime.data_lock import create_data_directory
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.site import Site
 from deconflict.simulation.demo.demo_floor import DemoFloor
@@ -44,7 +45,7 @@ def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None)
     site = _on_free_ports(site, console)
     with TemporaryDirectory(prefix="deconflict-demo-") as discarded, runtime_directory() as runtime:
         kept = data or Path(discarded)
-        kept.mkdir(parents=True, exist_ok=True)
+        create_data_directory(kept)
         stop = threading.Event()
         supervisor = threading.Thread(target=Supervisor(site, kept, Path(runtime)).run, args=(stop,))
         supervisor.start()

@@ -27,3 +27,14 @@ def test_a_second_service_in_the_same_directory_ends_with_an_error(tmp_path: Pat
         ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert ended.returncode == 2
     assert f"deconflict: {tmp_path} is in use by another service" in ended.stderr
+
+
+def test_what_is_written_is_for_user_and_group_only_and_a_stricter_umask_stays(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from pathlib import Path; from deconflict.runtime.data_lock import create_data_directory\n"
+        "os.umask(int(sys.argv[2], 8)); data = Path(sys.argv[1]); create_data_directory(data); (data / 'file').touch()"
+    )
+    for umask, modes in (("022", (0o750, 0o640)), ("077", (0o700, 0o600))):
+        data = tmp_path / umask
+        subprocess.run([sys.executable, "-c", code, str(data), umask], check=True)
+        assert (data.stat().st_mode & 0o777, (data / "file").stat().st_mode & 0o777) == modes

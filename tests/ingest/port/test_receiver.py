@@ -194,6 +194,38 @@ async def test_beyond_the_limit_a_connection_is_refused_until_another_ends() -> 
             await until(lambda: served_floor.delivered)
 
 
+async def test_a_vendor_with_most_places_makes_room_for_another_and_not_for_itself() -> None:
+    async with floor((Vendor(name="Alder"), Vendor(name="Mallory")), max_connections=4) as served_floor:
+        greedy = [await connect(f"{served_floor.url}/Mallory") for _ in range(4)]
+        with pytest.raises(InvalidStatus):
+            await connect(f"{served_floor.url}/Mallory")
+        async with connect(f"{served_floor.url}/Alder") as robot:
+            await robot.send("there is room")
+            await until(served_floor.raws)
+        with pytest.raises(ConnectionClosed) as ended:
+            await greedy[0].recv()
+        assert ended.value.rcvd is not None
+        assert "all places are taken" in ended.value.rcvd.reason
+        assert (served_floor.count("full"), served_floor.count("replaced")) == (1, 1)
+        for connection in greedy:
+            await connection.close()
+
+
+async def test_guessing_tokens_is_slowed_down_and_a_right_token_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ALDER", "alder-0123456789abcdef")
+    monkeypatch.setattr("ingest.security.failed_sign_ins.STEP_S", 0.1)
+    async with floor((Vendor(name="Alder", token="env:ALDER"),)) as served_floor:
+        began_s = time.monotonic()
+        for _ in range(6):
+            with pytest.raises(InvalidStatus):
+                await connect(served_floor.url, additional_headers={"Authorization": "Bearer guessed-0123456789"})
+        assert time.monotonic() - began_s > 0.1 + 0.2 + 0.25
+        right = {"Authorization": "Bearer alder-0123456789abcdef"}
+        async with connect(served_floor.url, additional_headers=right) as robot:
+            await robot.send("hello")
+            await until(served_floor.raws)
+
+
 async def test_a_peer_that_never_shakes_hands_is_let_go() -> None:
     async with floor(open_timeout_s=0.1) as served_floor:
         reader, writer = await asyncio.open_connection("127.0.0.1", served_floor.receiver.port)
@@ -315,12 +347,13 @@ async def test_a_page_of_another_site_may_not_speak_for_robots(monkeypatch: pyte
     headers = {"Authorization": "Bearer alder-0123456789abcdef"}
     async with (
         floor((Vendor(name="Alder", token="env:ALDER"),)) as served_floor,
-        connect(
-            served_floor.url, additional_headers=headers, origin=Origin("https://elsewhere.example")
-        ) as client_connection,
+        connect(served_floor.url, additional_headers=headers, origin=Origin(served_floor.url)) as client_connection,
     ):
-        await client_connection.send("a page has no token")
+        await client_connection.send("a library that names the port itself")
         await until(served_floor.raws)
+        with pytest.raises(InvalidStatus) as refused:
+            await connect(served_floor.url, additional_headers=headers, origin=Origin("https://elsewhere.example"))
+        assert refused.value.response.status_code == 403
 
 
 async def test_a_flood_delays_only_its_own_vendor_and_what_is_shed_is_counted() -> None:

@@ -105,6 +105,20 @@ def test_a_worker_that_dies_does_not_change_the_result(client: Client, log: Path
     assert seen == sorted(set(seen))
 
 
+@pytest.mark.parametrize("address", ["tcp://10.0.0.9:8786", "scheduler.example:8786", "ws://10.0.0.9:8786"])
+def test_a_scheduler_that_anybody_could_send_code_is_not_used(log: Path, address: str) -> None:
+    with pytest.raises(LogError, match="takes code from anybody who reaches it"):
+        run("replay", log, "--scheduler", address)
+
+
+def test_the_cluster_of_this_machine_takes_no_code_without_its_certificate() -> None:
+    with dask_replay.cluster("") as client:
+        address = client.scheduler_info()["address"]
+        assert address.startswith("tls://")
+        with pytest.raises((OSError, TimeoutError)):
+            Client(address.replace("tls://", "tcp://"), timeout=3)  # type: ignore[no-untyped-call]
+
+
 def test_the_command_says_when_no_scheduler_answers(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_replay, "CONNECT_TIMEOUT_S", 0.2)
     with pytest.raises(LogError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):

@@ -1,4 +1,5 @@
 import json
+import time
 from pathlib import Path
 
 import httpx
@@ -228,3 +229,19 @@ def test_a_network_port_without_credentials_is_exposed() -> None:
         vendors=(Vendor(name="Alder", token="env:ALDER"),),
     )
     assert exposed_ports(guarded) == []
+
+
+async def test_guessing_a_persons_token_is_slowed_down(
+    tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.security.failed_sign_ins.STEP_S", 0.1)
+    async with (
+        served(tmp_path, people=people) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+    ):
+        began_s = time.monotonic()
+        for _ in range(3):
+            guess = {"Authorization": "Bearer guessed-0123456789"}
+            assert (await client.get("/advisories", headers=guess)).status_code == 401
+            assert (await client.post("/login", data={"token": "guessed-0123456789"})).status_code == 401
+        assert time.monotonic() - began_s > 0.1 + 0.2 + 0.25

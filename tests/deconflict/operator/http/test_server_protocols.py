@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+from collections.abc import AsyncIterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -160,3 +161,48 @@ async def test_who_reads_no_answer_is_ended(tmp_path: Path, monkeypatch: pytest.
         assert face.connections() == 0
         sending.cancel()
         raw.close()
+
+
+HEAD = b"POST /advisories/none/acknowledgement HTTP/1.1\r\nHost: face\r\n"
+
+
+@pytest.mark.parametrize(
+    "request_bytes",
+    [
+        HEAD + b"Content-Length: 2\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+        HEAD + b"transfer-encoding: chunked\r\ncontent-length: 2\r\n\r\n0\r\n\r\n",
+        b"GET /healthz HTTP/1.1\r\nHost: face\r\nX-Folded: a\r\n b\r\n\r\n",
+        b"GET /healthz HTTP/1.1\nHost: face\n\n",
+        b"GET /healthz HTTP/1.1\r\nHost: face\nX-Smuggled: a\r\n\r\n",
+        b"GET /healthz HTTP/1.1\r\nHost: face\r\n\r\nGET /healthz HTTP/1.1\r\nHost: face\n\r\n",
+    ],
+    ids=["two lengths", "two lengths, other order", "folded", "bare line feeds", "one bare line feed", "pipelined"],
+)
+async def test_a_request_that_could_be_read_in_two_ways_is_refused(tmp_path: Path, request_bytes: bytes) -> None:
+    async with served(tmp_path) as face:
+        host, port = face.address.split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        writer.write(request_bytes)
+        async with asyncio.timeout(PATIENCE_S):
+            answer = await reader.read()
+        assert answer.count(b"HTTP/1.1 400") == 1
+        assert b"Ambiguous" in answer
+        writer.close()
+
+
+async def test_a_plain_request_in_pieces_and_a_chunked_one_are_answered(tmp_path: Path) -> None:
+    async with served(tmp_path) as face, httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
+        host, port = face.address.split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        for piece in (b"GET /healthz HTTP/1.1\r", b"\nHost: localhost\r\n", b"Connection: close\r\n\r", b"\n"):
+            writer.write(piece)
+            await asyncio.sleep(0.05)
+        assert b"HTTP/1.1 200" in await reader.read()
+        writer.close()
+
+        async def chunks() -> AsyncIterator[bytes]:
+            yield b'{"name": "Kim",\n'
+            yield b'"reason": "seen"}'
+
+        answer = await client.post(f"{face.http}/advisories/none/acknowledgement", content=chunks())
+        assert answer.status_code in (404, 422)
