@@ -77,8 +77,11 @@ def _score(score: Part) -> Iterator[str]:
     yield figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters with an alert")
     probability = score["warnings"]["probability"]
     if probability["reliability"]:
-        caption = f"{probability['samples']:,} published probabilities. Perfect calibration is on the diagonal"
-        yield figure(figures.reliability([*probability["reliability"], *probability["likely"]["bins"]]), caption)
+        caption = (
+            f"{probability['samples']:,} published probabilities in ten groups of equal size; orange: those above 0.5 in"
+            " steps of 0.1. Perfect calibration is on the diagonal"
+        )
+        yield figure(figures.reliability(probability["reliability"], probability["likely"]["bins"]), caption)
     yield "</div>"
 
 

@@ -55,7 +55,7 @@ TERMS = {
     "precision": "share of alerts followed by an encounter within 10 s",
     "predicted": "how often it was predicted; beside real events, the share of them that was predicted",
     "predicted full": "how often a place was predicted to be full",
-    "predicted in, s": "how far ahead the warning said the conflict was",
+    "predicted in, s": "from raising it to the predicted beginning, by its last revision before that",
     "predicted up to": "how far ahead it was predicted, at most",
     "prevented by advice": "share after which nothing happened because a robot waited as advised",
     "raised up to": "how long before the event the advisory was raised, at most",

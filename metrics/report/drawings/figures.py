@@ -28,16 +28,19 @@ LEADS_S = 12
 """Number of bars, one for each whole second of lead time. The last also counts longer times."""
 
 
-def reliability(rows: Sequence[Part]) -> str:
-    """Published probability against the share that came true. The area of a dot is its share of the samples."""
+def reliability(rows: Sequence[Part], likely: Sequence[Part] = ()) -> str:
+    """Published probability against the share that came true, of all (blue) and of the likely (orange). The area of a
+    dot is its share of the samples."""
     chart = Chart((0.0, 1.0), (0.0, 1.0))
     chart.axes("probability published", "share that came true")
     chart.line([(0.0, 0.0), (1.0, 1.0)], "ideal")
-    most = max((row["samples"] for row in rows), default=1)
-    chart.line([(row["probability"], row["came_true"]) for row in rows], "line c0")
-    for row in rows:
-        title = f"published {row['probability']:.2f}, came true {row['came_true']:.2f}, {row['samples']} samples"
-        chart.dot((row["probability"], row["came_true"]), 3 + 5 * sqrt(row["samples"] / most), "dot c0", title)
+    for colour, bins in (("c0", rows), ("c1", likely)):
+        most = max((row["samples"] for row in bins), default=1)
+        chart.line([(row["probability"], row["came_true"]) for row in bins], f"line {colour}")
+        for row in bins:
+            title = f"published {row['probability']:.2f}, came true {row['came_true']:.2f}, {row['samples']} samples"
+            radius = 3 + 5 * sqrt(row["samples"] / most)
+            chart.dot((row["probability"], row["came_true"]), radius, f"dot {colour}", title)
     return chart.drawn("Reliability diagram")
 
 

@@ -8,6 +8,8 @@ from metrics.report.drawings.svg import Chart, Point, fitted
 
 CELLS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 50.0)
 WIDTH, MOST_HIGH = 560, 620
+MOST_NUMBERED = 25
+"""With more missed events, their dots have no number."""
 
 
 @dataclass(slots=True)
@@ -38,9 +40,10 @@ def floor_picture(floor: DrawnFloor) -> str:
     for kind, name, outline in floor.outlines:
         chart.polygon(outline, f"place {kind}", name)
     _cells(chart, floor.warnings, max(wide_m, high_m))
+    numbered = [style for style, *_ in floor.dots if "missed" in style]
     for style, row, point, text in floor.dots:
         chart.link(row, f"dot-{row}", point, style, text)
-        if "missed" in style:
+        if style in numbered and len(numbered) <= MOST_NUMBERED:
             x, y = chart.at(*point)
             chart.text(x + 6, y + 3, row.upper(), "mark", "start")
     return chart.drawn(f"{floor.name}, from above")
