@@ -78,8 +78,8 @@ def _score(score: Part) -> Iterator[str]:
     probability = score["warnings"]["probability"]
     if probability["reliability"]:
         caption = (
-            f"{probability['samples']:,} published probabilities in ten groups of equal size; orange: those above 0.5 in"
-            " steps of 0.1. Perfect calibration is on the diagonal"
+            f"{probability['samples']:,} published probabilities in ten groups of equal size; orange: those above 0.5"
+            " in steps of 0.1. Perfect calibration is on the diagonal"
         )
         yield figure(figures.reliability(probability["reliability"], probability["likely"]["bins"]), caption)
     yield "</div>"
