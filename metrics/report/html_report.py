@@ -12,6 +12,15 @@ from metrics.report.place_sections import arrivals, contention, places
 from metrics.report.situation_section import situations
 from metrics.scoring.forecast_scores import BANDS
 
+MADE_FROM = {
+    "stationary": "that it stands",
+    "path": "its own path",
+    "velocity": "its velocity",
+    "destination": "its destination",
+    "order": "its order (VDA 5050)",
+}
+"""By the basis of a forecast."""
+
 
 def page(result: Part, title: str, site: Site = DEFAULT, page_url: str = "") -> str:
     """The whole page for a result of `metrics/replay/replay.py`. `page_url` is the address of the operator's page."""
@@ -32,7 +41,7 @@ def _sections(result: Part) -> Iterator[str]:
         yield f"<h3>Clearance {score['clearance_m']:g} m</h3>" + "".join(_score(score))
     yield "<h3>Silent robots</h3>" + _silences(result["scores"])
     yield "<h2>Vendors</h2>" + _scorecard(result) + _trust(result["vendors"])
-    yield "<h2>Forecast errors</h2>" + _errors(result["forecast_error"]["by_model"])
+    yield "<h2>Forecast errors</h2>" + _errors(result["forecast_error"])
     if result["arrivals"]:
         yield "<h2>Errors of announced arrivals</h2>" + arrivals(result["arrivals"])
     if result["contention"]:
@@ -168,16 +177,25 @@ def _trust(vendors: Sequence[Part]) -> str:
     return "<h3>Reliability of reports</h3>" + table((*head, *more), rows, text_columns=3) + changed + none
 
 
-def _errors(models: Sequence[Part]) -> str:
+def _errors(figures_by: Part) -> str:
+    models = figures_by["by_model"]
     if not models:
         return "<p>No robot announced where it goes.</p>"
     legend = "".join(
         f'<li><span class="key c{number}"></span>{escape(maker(maker_row))}</li>'
         for number, maker_row in enumerate(models[: figures.COLOURS])
     )
+    half = figure(figures.errors(models, "median"), "Distance from forecast to actual position: half are nearer")
+    tenth = figure(figures.errors(models, "p90"), "One in ten is farther off than this")
+    by_model = _error_table("vendor and model", [(maker(row), row) for row in models])
+    by_basis = _error_table("made from", [(MADE_FROM[row["basis"]], row) for row in figures_by["by_basis"]])
+    return f'<ul class="legend">{legend}</ul><div class="row">{half}{tenth}</div>{by_model}{by_basis}'
+
+
+def _error_table(first: str, parts: Sequence[tuple[str, Part]]) -> str:
     rows = [
         [
-            maker(maker_row),
+            name,
             f"{row['horizon_s']:g}",
             f"{row['cases']:,}",
             *(
@@ -186,12 +204,12 @@ def _errors(models: Sequence[Part]) -> str:
             ),
             " / ".join(share(row[f"covered_{band:.0%}".rstrip("%")]) for band in BANDS),
         ]
-        for maker_row in models
-        for row in maker_row["horizons"]
+        for name, part in parts
+        for row in part["horizons"]
         if row["horizon_s"] in (1.0, 3.0, 5.0, 10.0)
     ]
     head = (
-        "vendor and model",
+        first,
         "s ahead",
         "cases",
         "error, m: median / p90",
@@ -199,9 +217,7 @@ def _errors(models: Sequence[Part]) -> str:
         "across the heading",
         "in the 50 / 80 / 90 % bands",
     )
-    half = figure(figures.errors(models, "median"), "Distance from forecast to actual position: half are nearer")
-    tenth = figure(figures.errors(models, "p90"), "One in ten is farther off than this")
-    return f'<ul class="legend">{legend}</ul><div class="row">{half}{tenth}</div>' + table(head, rows)
+    return table(head, rows)
 
 
 def _scenes(scenes: Sequence[Part]) -> str:

@@ -42,6 +42,7 @@ TERMS = {
     "lead time, s": "from the warning to the event, median",
     "lead time, s (p10 to p90)": "from the warning to the event: median, and the range without the outer tenths",
     "longest": "the longest time that one was open, s",
+    "made from": "what forecasts are made from",
     "mean probability": "mean of the published probabilities",
     "messages": "messages of the vendor's robots",
     "missed": "stops and encounters without any warning in the 10 s before",

@@ -1,4 +1,4 @@
-"""Errors of forecasts 1 to 10 s ahead, by vendor and model.
+"""Errors of forecasts 1 to 10 s ahead, by vendor and model, and by what they are made from.
 
 The truth is the recorded motion of `metrics/truth/recorded_motion.py`. Errors along and across refer to the forecast
 heading.
@@ -14,49 +14,49 @@ import numba
 import numpy as np
 
 from deconflict.foresight.motion_assumptions import JOINED_S
-from ingest.batch import Batch, Floats, Forecasts, Ints
+from ingest.batch import Basis, Batch, Floats, Forecasts, Ints
 from ingest.kernels import kernel, ready
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.truth.encounters import LAG_S
 
 HORIZONS_S = np.arange(1.0, 11.0)
 BANDS = (0.5, 0.8, 0.9)
-KINDS = ("distance", "along", "across")
+PARTS = ("distance", "along", "across")
 USUAL, FEWEST_CASES = 0.9, 100
 """The usual error of a maker's forecasts is this quantile. It is unknown with fewer cases."""
 GATHERED_S = 5.0
 """Forecasts made within this time are compared with the motion together."""
 
-Maker = tuple[str, str]
-"""Vendor and model."""
+Kind = tuple[str, str, int]
+"""Vendor, model and `Basis` of forecasts. The first two are the maker."""
 
 
 class ForecastScores:
     """Forecasts that wait for the motion that they predict, and counts of their errors."""
 
     def __init__(self) -> None:
-        self._counts: Ints = np.zeros((len(KINDS), 0, len(HORIZONS_S), BINS), np.int64)
-        """(kinds, makers, horizons, BINS) counts of errors."""
+        self._counts: Ints = np.zeros((len(PARTS), 0, len(HORIZONS_S), BINS), np.int64)
+        """(parts, kinds, horizons, BINS) counts of errors."""
         self._inside: Ints = np.zeros((0, len(HORIZONS_S), len(BANDS) + 1), np.int64)
-        """(makers, horizons, bands + 1) number of errors within each band; last, number of errors with known bands."""
+        """(kinds, horizons, bands + 1) number of errors within each band; last, number of errors with known bands."""
         self._index: dict[str, int] = {}
-        self._makers: dict[Maker, int] = {}
+        self._kinds: dict[Kind, int] = {}
         self._usually_aside_m: Floats = np.zeros((0, len(HORIZONS_S)))
-        """(makers, horizons) usual error across the forecast heading; 0 if unknown."""
+        """(kinds, horizons) usual error of the maker across the forecast heading; 0 if unknown."""
         self._waiting: list[tuple[Ints, Ints, Floats, Forecasts]] = []
-        """Robots, makers, bands and forecasts, by batch."""
+        """Robots, kinds, bands and forecasts, by batch."""
         self._since_s: float | None = None
         """When the oldest waiting forecast was made."""
 
     def add_batch(self, batch: Batch, now_s: float, bands_m: Floats | None = None) -> Floats:
         """Add the forecasts of a batch; return the usual errors of its robots, as `usually_aside_m`."""
-        makers = list(zip(batch.vendors, batch.models, strict=True))
-        self.add(batch.robots, makers, batch.forecasts, bands_m)
+        kinds = list(zip(batch.vendors, batch.models, batch.basis.tolist(), strict=True))
+        self.add(batch.robots, kinds, batch.forecasts, bands_m)
         self.advance(now_s)
-        return self.usually_aside_m(makers)
+        return self.usually_aside_m(kinds)
 
     def add(
-        self, robots: Sequence[str], makers: Sequence[Maker], forecasts: Forecasts, bands_m: Floats | None = None
+        self, robots: Sequence[str], kinds: Sequence[Kind], forecasts: Forecasts, bands_m: Floats | None = None
     ) -> None:
         """Add the forecasts of robots that have reported. The first knot of each is its present pose.
 
@@ -68,7 +68,7 @@ class ForecastScores:
         rows = [self._index.setdefault(robot, len(self._index)) for robot in robots]
         if bands_m is None:
             bands_m = np.full((len(rows), len(HORIZONS_S), len(BANDS)), np.nan)
-        self._waiting.append((np.array(rows), self._rows(makers), bands_m, forecasts))
+        self._waiting.append((np.array(rows), self._rows(kinds), bands_m, forecasts))
         if self._since_s is None:
             self._since_s = float(forecasts.t_s[forecasts.start[:-1]].min())
 
@@ -81,43 +81,51 @@ class ForecastScores:
         if self._since_s is not None:
             self._count(np.inf)
 
-    def usually_aside_m(self, makers: Sequence[Maker]) -> Floats:
-        """(n, horizons) usual error across the heading of the robots of makers (n,), by whole seconds ahead; 0 if it is
-        unknown."""
-        return self._usually_aside_m[self._rows(makers)]
+    def usually_aside_m(self, kinds: Sequence[Kind]) -> Floats:
+        """(n, horizons) usual error across the heading of all forecasts of the makers of kinds (n,), by whole seconds
+        ahead; 0 if it is unknown."""
+        rows = self._rows(kinds)
+        return self._usually_aside_m[rows]
 
     def figures(self) -> dict[str, Any]:
-        """Median and p90 by horizon: of all robots, by vendor, and by vendor and model."""
-        rows_of: dict[str, list[int]] = {}
-        for (vendor, _), row in sorted(self._makers.items()):
-            rows_of.setdefault(vendor, []).append(row)
+        """Median and p90 by horizon: of all robots, by vendor, by vendor and model, and by basis."""
+        vendors, makers, bases = (self._rows_by(*part) for part in ((0,), (0, 1), (2,)))
         return {
-            "all": _by_horizon(self._counts.sum(axis=1), self._inside.sum(axis=0)),
-            "by_vendor": [
-                {
-                    "vendor": vendor,
-                    "horizons": _by_horizon(self._counts[:, rows].sum(axis=1), self._inside[rows].sum(axis=0)),
-                }
-                for vendor, rows in rows_of.items()
-            ],
+            "all": self._by_horizon(list(self._kinds.values())),
+            "by_vendor": [{"vendor": name, "horizons": self._by_horizon(rows)} for (name,), rows in vendors],
             "by_model": [
-                {"vendor": vendor, "model": model, "horizons": _by_horizon(self._counts[:, row], self._inside[row])}
-                for (vendor, model), row in sorted(self._makers.items())
+                {"vendor": vendor, "model": model, "horizons": self._by_horizon(rows)}
+                for (vendor, model), rows in makers
+            ],
+            "by_basis": [
+                {"basis": Basis(basis).name.lower(), "horizons": self._by_horizon(rows)} for (basis,), rows in bases
             ],
         }
 
-    def _rows(self, makers: Sequence[Maker]) -> Ints:
-        """The rows of makers (n,) in the counts. Adds rows for new makers."""
-        new = [maker for maker in dict.fromkeys(makers) if maker not in self._makers]
+    def _rows_by(self, *fields: int) -> list[tuple[tuple[Any, ...], list[int]]]:
+        """The rows of the kinds that agree in these fields."""
+        rows_by: dict[tuple[Any, ...], list[int]] = {}
+        for kind, row in sorted(self._kinds.items()):
+            rows_by.setdefault(tuple(kind[field] for field in fields), []).append(row)
+        return sorted(rows_by.items())
+
+    def _by_horizon(self, rows: list[int]) -> list[dict[str, Any]]:
+        return _by_horizon(self._counts[:, rows].sum(axis=1), self._inside[rows].sum(axis=0))
+
+    def _rows(self, kinds: Sequence[Kind]) -> Ints:
+        """The rows of kinds (n,) in the counts. Adds rows for new kinds."""
+        new = [kind for kind in dict.fromkeys(kinds) if kind not in self._kinds]
         if new:
-            self._makers |= {maker: row for row, maker in enumerate(new, len(self._makers))}
+            usual_m = {kind[:2]: self._usually_aside_m[row] for kind, row in self._kinds.items()}
+            self._kinds |= {kind: row for row, kind in enumerate(new, len(self._kinds))}
             self._counts = np.pad(self._counts, ((0, 0), (0, len(new)), (0, 0), (0, 0)))
             self._inside = np.pad(self._inside, ((0, len(new)), (0, 0), (0, 0)))
-            self._usually_aside_m = np.pad(self._usually_aside_m, ((0, len(new)), (0, 0)))
-        return np.array([self._makers[maker] for maker in makers], np.int64)
+            more_m = [usual_m.get(kind[:2], np.zeros(len(HORIZONS_S))) for kind in new]
+            self._usually_aside_m = np.concatenate([self._usually_aside_m, more_m])
+        return np.array([self._kinds[kind] for kind in kinds], np.int64)
 
     def _count(self, until_s: float) -> None:
-        robot, maker, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))
+        robot, kind, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))
         forecasts = Forecasts.joined(waiting[3] for waiting in self._waiting)
         made_s = forecasts.t_s[forecasts.start[:-1]]
         knots = (
@@ -129,22 +137,23 @@ class ForecastScores:
             bands_m,
         )
         order = np.lexsort((made_s, robot))
-        errors, at = _errors(order, robot, maker, forecasts.start, *knots, until_s, HORIZONS_S, JOINED_S, self._inside)
+        errors, at = _errors(order, robot, kind, forecasts.start, *knots, until_s, HORIZONS_S, JOINED_S, self._inside)
         for counts, bins in zip(self._counts, bins_of(errors), strict=True):
             np.add.at(counts.reshape(-1), at * BINS + bins, 1)
         self._learn_usual()
         rows = np.flatnonzero(made_s >= until_s)
-        self._keep(robot[rows], maker[rows], bands_m[rows], forecasts.take(rows))
+        self._keep(robot[rows], kind[rows], bands_m[rows], forecasts.take(rows))
 
     def _learn_usual(self) -> None:
-        for maker, horizon in np.argwhere(self._counts[KINDS.index("across")].sum(axis=2) >= FEWEST_CASES).tolist():
-            counts = self._counts[KINDS.index("across"), maker, horizon]
-            self._usually_aside_m[maker, horizon] = quantile(counts, USUAL) or 0.0
+        for _, rows in self._rows_by(0, 1):
+            counts = self._counts[PARTS.index("across"), rows].sum(axis=0)
+            for horizon in np.flatnonzero(counts.sum(axis=1) >= FEWEST_CASES).tolist():
+                self._usually_aside_m[rows, horizon] = quantile(counts[horizon], USUAL) or 0.0
 
-    def _keep(self, robot: Ints, maker: Ints, bands_m: Floats, rest: Forecasts) -> None:
+    def _keep(self, robot: Ints, kind: Ints, bands_m: Floats, rest: Forecasts) -> None:
         self._waiting, self._since_s = [], None
         if len(robot):
-            self._waiting = [(robot, maker, bands_m, rest)]
+            self._waiting = [(robot, kind, bands_m, rest)]
             self._since_s = float(rest.t_s[rest.start[:-1]].min())
 
 
@@ -166,7 +175,7 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
 def _errors(
     order: Ints,
     robot: Ints,
-    maker: Ints,
+    kind: Ints,
     start: Ints,
     t_s: Floats,
     x_m: Floats,
@@ -182,8 +191,8 @@ def _errors(
     """Compare forecasts made before `until_s` with the motion. `order` sorts them by robot, then by when they were
     made.
 
-    Returns (kinds, m) errors, and (m,) maker and horizon of each as an index into (makers, horizons). Adds to `inside`
-    (makers, horizons, bands + 1) the number of errors within each band; last, the number whose bands are all known.
+    Returns (parts, m) errors, and (m,) kind and horizon of each as an index into (kinds, horizons). Adds to `inside`
+    (kinds, horizons, bands + 1) the number of errors within each band; last, the number whose bands are all known.
     """
     n, horizons, bands, m = len(order), len(horizons_s), bands_m.shape[2], 0
     errors, at = np.empty((3, n * horizons)), np.empty(n * horizons, np.int64)
@@ -218,8 +227,8 @@ def _errors(
                 dy = y - (y_m[knot] + share * (y_m[following] - y_m[knot]))
             c, s = cos(yaw_rad[knot]), sin(yaw_rad[knot])
             errors[0, m], errors[1, m], errors[2, m] = hypot(dx, dy), abs(c * dx + s * dy), abs(c * dy - s * dx)
-            at[m] = maker[row] * horizons + column
-            within, known = inside[maker[row], column], True
+            at[m] = kind[row] * horizons + column
+            within, known = inside[kind[row], column], True
             for band in range(bands):
                 within[band] += errors[0, m] <= bands_m[row, column, band]
                 known &= isfinite(bands_m[row, column, band])
@@ -232,9 +241,9 @@ def _by_horizon(counts: Ints, inside: Ints) -> list[dict[str, Any]]:
     rows = []
     for column, horizon_s in enumerate(HORIZONS_S.tolist()):
         row: dict[str, Any] = {"horizon_s": horizon_s, "cases": int(counts[0, column].sum())}
-        for kind, name in enumerate(KINDS):
+        for part, name in enumerate(PARTS):
             for share, label in ((0.5, "median"), (0.9, "p90")):
-                row[f"{name}_{label}_m"] = quantile(counts[kind, column], share)
+                row[f"{name}_{label}_m"] = quantile(counts[part, column], share)
         *within, banded = inside[column].tolist()
         row["banded"] = banded
         for band, count in zip(BANDS, within, strict=True):

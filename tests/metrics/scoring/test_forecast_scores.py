@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.motion_assumptions import JOINED_S
-from ingest.batch import Floats, Forecasts
-from metrics.scoring.forecast_scores import KINDS, ForecastScores
+from ingest.batch import Basis, Floats, Forecasts
+from metrics.scoring.forecast_scores import PARTS, ForecastScores
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 
-MAKER = ("Alder", "A7")
+KIND = ("Alder", "A7", Basis.PATH)
 
 
 def said(t_s: float, here: tuple[float, float], there: tuple[float, float]) -> Forecasts:
@@ -31,7 +31,7 @@ def driven(speed_mps: float, said_mps: float, aside_m: float = 0.0, until_s: int
     errors = ForecastScores()
     for second in range(until_s):
         x_m = speed_mps * second
-        errors.add(["a"], [MAKER], said(float(second), (x_m, 0.0), (x_m + 10 * said_mps, aside_m)))
+        errors.add(["a"], [KIND], said(float(second), (x_m, 0.0), (x_m + 10 * said_mps, aside_m)))
         errors.advance(float(second))
     errors.finish()
     return errors
@@ -58,7 +58,9 @@ def test_a_vendor_is_told_of_with_all_its_models() -> None:
     errors = ForecastScores()
     for second in range(40):
         for name, model, ahead_m in (("a", "Fast", 12.0), ("b", "Slow", 8.0), ("c", "Slow", 10.0)):
-            errors.add([name], [("Alder", model)], said(float(second), (second, 0.0), (second + ahead_m, 0.0)))
+            errors.add(
+                [name], [("Alder", model, Basis.PATH)], said(float(second), (second, 0.0), (second + ahead_m, 0.0))
+            )
     errors.finish()
     (alder,) = errors.figures()["by_vendor"]
     document = alder["horizons"][9]
@@ -66,10 +68,25 @@ def test_a_vendor_is_told_of_with_all_its_models() -> None:
     assert [document["distance_median_m"], document["distance_p90_m"]] == pytest.approx([2.0, 2.0], rel=0.02)
 
 
+def test_errors_are_told_apart_by_what_forecasts_are_made_from() -> None:
+    """What is usual of a maker counts all its forecasts."""
+    errors, by_order = ForecastScores(), ("Alder", "A7", Basis.ORDER)
+    for second in map(float, range(80)):
+        kind, aside_m = (by_order, 2.0) if second % 2 else (KIND, 0.0)
+        errors.add(["a"], [kind], said(second, (second, 0.0), (second + 10, aside_m)))
+    errors.finish()
+    path, order = errors.figures()["by_basis"]
+    assert (path["basis"], order["basis"]) == ("path", "order")
+    assert [row["horizons"][4]["cases"] for row in (path, order)] == [38, 37]
+    assert [row["horizons"][4]["across_median_m"] for row in (path, order)] == pytest.approx([0.0, 1.0], rel=0.02)
+    assert len(errors.figures()["by_model"]) == 1
+    assert len({tuple(row) for row in errors.usually_aside_m([KIND, by_order, ("Alder", "A7", Basis.VELOCITY)])}) == 1
+
+
 def test_it_makes_no_difference_how_long_a_log_is_held() -> None:
     at_once = ForecastScores()
     for second in range(40):
-        at_once.add(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)))
+        at_once.add(["a"], [KIND], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)))
     at_once.finish()
     assert at_once.figures() == driven(0.8, 1.0).figures()
 
@@ -77,7 +94,7 @@ def test_it_makes_no_difference_how_long_a_log_is_held() -> None:
 def test_what_nobody_saw_is_not_counted() -> None:
     errors = ForecastScores()
     for t_s in (0.0, 1.0, 30.0, 31.0):
-        errors.add(["a"], [MAKER], said(t_s, (t_s, 0.0), (t_s + 10, 0.0)))
+        errors.add(["a"], [KIND], said(t_s, (t_s, 0.0), (t_s + 10, 0.0)))
     errors.finish()
     # at 0 and 30 s one second ahead is known; of the others nothing is
     assert [figure["cases"] for figure in errors.figures()["all"]] == [2] + [0] * 9
@@ -97,7 +114,7 @@ def test_bands_cover_the_share_of_errors_within_them() -> None:
         # off by 0.2 m for each second ahead; every other forecast comes with bands that are too narrow
         bands = np.full((1, 10, 3), 5.0 if second % 2 else 0.1)
         bands[0, :, 2] = 5.0
-        errors.add(["a"], [MAKER], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)), bands)
+        errors.add(["a"], [KIND], said(float(second), (0.8 * second, 0.0), (0.8 * second + 10, 0.0)), bands)
     errors.finish()
     numbers = row(errors, 5)
     assert [numbers["banded"], numbers["covered_50"], numbers["covered_90"]] == pytest.approx([35, 17 / 35, 1.0])
@@ -142,7 +159,7 @@ def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() 
         for robot in ("a", "b", "c"):
             if rng.random() < 0.6:
                 reports.setdefault(robot, []).append(wandering(rng, second))
-                errors.add([robot], [("Alder", robot)], reports[robot][-1])
+                errors.add([robot], [("Alder", robot, Basis.PATH)], reports[robot][-1])
         errors.advance(second)
     errors.finish()
     figures = errors.figures()
@@ -155,7 +172,7 @@ def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() 
             == len(known)
             == sum(figure["horizons"][horizon]["cases"] for figure in figures["by_model"])
         )
-        for kind, lengths in zip(KINDS, known.T, strict=True):
+        for kind, lengths in zip(PARTS, known.T, strict=True):
             counts = np.bincount(bins_of(lengths), minlength=BINS)
             assert document[f"{kind}_median_m"] == pytest.approx(quantile(counts, 0.5), rel=0.03)
             assert document[f"{kind}_p90_m"] == pytest.approx(quantile(counts, 0.9), rel=0.03)
