@@ -1,1 +1,1 @@
-"""Imports plans of other software as datums, resources and zones of a site file."""
+"""Imports plans of other software as datums, resources, zones and obstacles of a site file."""

@@ -1,4 +1,4 @@
-"""Draws a plan as datums, resources and zones of a site file.
+"""Draws a plan as datums, resources, zones and obstacles of a site file.
 
 A resource is a square around its point. A two-way lane is an aisle, in which two robots can't pass each other. A block
 of lanes that only one robot may use is a crossing. One-way lanes need no section: no robots meet head-on there.
@@ -14,13 +14,14 @@ from uuid import UUID, uuid5
 import shapely
 
 from deconflict.settings.importers.plan import ImportedPlan, Level, Lift, Node, Spot
-from deconflict.settings.shared_places import Landing, Point, Polygon, Resource, Zone
+from deconflict.settings.shared_places import Landing, Obstacle, Point, Polygon, Resource, Zone
 from ingest.frames.corners import corners_of
 from ingest.settings import Datum
 
 IMPORTED = UUID("7f1f6a54-3f0e-5d0c-9d55-0c6c0a3c9a10")
 """Namespace of the ids of imported floors."""
 DOOR_DEPTH_M = 1.0
+WALL_DEPTH_M = 0.1
 DIGITS = 3
 
 
@@ -32,6 +33,7 @@ class DrawnSite:
     datums: tuple[Datum, ...]
     resources: tuple[Resource, ...]
     zones: tuple[Zone, ...]
+    obstacles: tuple[Obstacle, ...] = ()
 
 
 @dataclass(slots=True)
@@ -54,7 +56,13 @@ def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
     resources = [resource for level in plan.levels for resource in _resources(level, ids[level.name], width_m, names)]
     resources += [_lift(lift, plan.levels, ids, names) for lift in plan.lifts]
     zones = [zone for level in plan.levels for zone in _zones(level, ids[level.name], width_m, names)]
-    return DrawnSite(plan.name, datums, tuple(resources), tuple(zones))
+    walls = [
+        Obstacle(kind="wall", floor=ids[level.name], outline_m=_along(ends, WALL_DEPTH_M))
+        for level in plan.levels
+        for ends in level.walls
+        if ends[0] != ends[1]
+    ]
+    return DrawnSite(plan.name, datums, tuple(resources), tuple(zones), tuple(walls))
 
 
 def _resources(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Resource]:

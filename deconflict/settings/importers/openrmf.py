@@ -53,8 +53,10 @@ def _level(name: str, level: Mapping[str, Any], scale: Spot) -> Level:
         Door(str(_property(rest, "name") or f"door {row}"), (nodes[start].at, nodes[end].at))
         for row, (start, end, *rest) in enumerate(level.get("doors") or ())
     )
+    walls = tuple((nodes[start].at, nodes[end].at) for start, end, *_ in level.get("walls") or ())
     used = {end for lane in lanes for end in (lane.start, lane.end)}
-    return Level(name, tuple(node for node in nodes if node.id in used or node.use or node.lift), lanes, doors)
+    kept = tuple(node for node in nodes if node.id in used or node.use or node.lift)
+    return Level(name, kept, lanes, doors, walls=walls)
 
 
 def _node(number: str, vertex: Sequence[Any], scale: Spot) -> Node:

@@ -74,6 +74,8 @@ class Level:
     lanes: tuple[Lane, ...] = ()
     doors: tuple[Door, ...] = ()
     blocks: tuple[Block, ...] = ()
+    walls: tuple[tuple[Spot, Spot], ...] = ()
+    """From end to end."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,8 +58,8 @@ def toml(site: DrawnSite, head: str) -> str:
 
 
 def _sections(site: DrawnSite) -> Iterator[str]:
-    for heading, sections in (("datums", site.datums), ("resources", site.resources), ("zones", site.zones)):
-        for section in sections:
+    for heading in ("datums", "resources", "zones", "obstacles"):
+        for section in getattr(site, heading):
             yield from section_lines(heading, section)
 
 

@@ -16,6 +16,9 @@ levels:
     elevation: 0
     doors:
       - [4, 5, {name: [1, gate], type: [1, hinged]}]
+    walls:
+      - [0, 1, {texture_name: [1, default]}]
+      - [1, 1, {}]
     lanes:
       - [0, 1, {bidirectional: [4, true], graph_idx: [2, 0]}]
       - [1, 2, {bidirectional: [4, false], graph_idx: [2, 0]}]

@@ -53,6 +53,9 @@ def test_a_building_becomes_a_site_in_metres_with_y_up(tmp_path: Path) -> None:
     assert (parking.kind, middle(parking.polygon)) == ("parking", (15.0, -9.0))
     assert (middle(lift.polygon), shapely.Polygon(lift.polygon).area) == ((25.0, -5.0), pytest.approx(6.0))
     assert [(floor.datum, middle(floor.polygon)) for floor in lift.floors] == [(site.datums[1].id, (0.0, 0.0))]
+    (wall,) = site.obstacles
+    assert (wall.kind, wall.floor) == ("wall", site.datums[0].id)
+    assert shapely.Polygon(wall.outline_m).area == pytest.approx(1.0)
     door, aisle = site.zones
     assert (middle(door.polygon), shapely.Polygon(door.polygon).area) == ((20.0, -6.0), pytest.approx(2.0))
     assert aisle.axis == ((5.0, -10.0), (15.0, -10.0))
