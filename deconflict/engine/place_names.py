@@ -89,8 +89,9 @@ class PlaceNames:
         for datum_id in {point.datum for point in points}:
             rows = [row for row, point in enumerate(points) if point.datum == datum_id]
             phrases = self._phrases(datum_id, [points[row][1:] for row in rows])
+            floor = self._floor_names.get(datum_id, datum_id)
             for row, phrase in zip(rows, phrases, strict=True):
-                described[row] = f"{phrase} on {self._floor_names.get(datum_id, datum_id)}"
+                described[row] = phrase if phrase.endswith(f" {floor}") else f"{phrase} on {floor}"
         return described
 
     def _phrases(self, datum_id: str, at_m: Sequence[tuple[float, float]]) -> list[str]:

@@ -104,7 +104,7 @@ export class Cards {
     this.chips(parts.robots, situation, colour);
     setText(parts.since, [situation.location && situation.location.datum !== floorShown && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
     showText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
-    setText(parts.take, answer ? "Say who, and what is done" : "Acknowledge");
+    setText(parts.take, answer ? "Add a note" : "Acknowledge");
     parts.show.setAttribute("aria-label", `Show on the map: ${what(situation)}`);
     parts.take.setAttribute("aria-label", `Acknowledge: ${what(situation)}`);
     parts.take.disabled = past || ended;

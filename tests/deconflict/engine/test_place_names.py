@@ -50,6 +50,11 @@ def test_a_point_is_described_by_the_place_around_it_or_the_nearest_mark(point: 
     assert PLACE_NAMES.describe([point]) == [phrase]
 
 
+def test_a_place_with_the_name_of_its_floor_names_it_once() -> None:
+    whole = AISLE.model_copy(update={"name": "Ground hall"})
+    assert PlaceNames((HALL,), (whole,)).describe([FloorPoint("hall", 22.0, 1.0)]) == ["in Ground hall"]
+
+
 def test_a_mark_behind_a_wall_names_no_place() -> None:
     wall = Obstacle(kind="wall", outline_m=((1, 1), (9, 1), (9, 1.2), (1, 1.2)))
     rack = Obstacle(kind="rack", name="Rack B", floor="hall", outline_m=((2, 8), (9, 8), (9, 9), (2, 9)))
