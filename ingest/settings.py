@@ -247,7 +247,7 @@ class MqttSource(Section):
     name: Annotated[str, Field(min_length=1, max_length=40)]
     """Short name in metrics and logs."""
     host: str
-    """The broker."""
+    """The broker. If empty there is none, and simulated robots in the demo hand their messages over by themselves."""
     port: Annotated[int, Field(gt=0, le=65535)] = 1883
     """Its port; brokers use 8883 for TLS."""
     language: Literal["vda5050", "iso21423"] = "vda5050"

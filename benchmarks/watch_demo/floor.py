@@ -14,12 +14,17 @@ from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import BodySize, Participant, VendorName, participants
 from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.scripted_annex import split
+from deconflict.simulation.vendors.broker_sender import LANGUAGES, ON_BROKERS
 from deconflict.simulation.vendors.dialects import DIALECTS
+from deconflict.simulation.vendors.iso_dialect import IsoRobot
 from deconflict.simulation.vendors.senders import OWN_PATH
+from deconflict.simulation.vendors.vda_dialect import VdaRobot
 from ingest.batch import Floats, Ints
 from ingest.port.connection import Connection
 
 STEP_S = 0.1
+TOPICS_FROM = 2000
+"""Number of the first connection that is a topic."""
 DELIVERY_S = (0.03, 0.2)
 """Shortest and longest delivery time of a message."""
 
@@ -52,6 +57,9 @@ class Floor:
         self._every_s = np.array([member.make.report_every_s for member in self.members])
         self._phase_s = self._every_s * (np.arange(len(self.members)) * 0.618 % 1.0)
         self._introduced: set[int] = set()
+        self._speakers: dict[int, VdaRobot | IsoRobot] = {}
+        """By row, the robots of the vendors that report to a broker."""
+        self._topics: dict[str, Connection] = {}
         self._stops = Stops(self.world)
         self.truth = Truth(stood_s=np.zeros(len(self.members)))
 
@@ -76,8 +84,18 @@ class Floor:
             introduce = row not in self._introduced
             self._introduced.add(row)
             at_s = self.now_s + self._delays.uniform(*DELIVERY_S)
+            if vendor in ON_BROKERS:
+                speaker = self._speakers.setdefault(row, ON_BROKERS[vendor]())
+                for message in speaker.messages(robot, self.now_s, introduce=introduce):
+                    yield at_s, message.raw, self._topic_connection(message.topic, vendor)
+                continue
             for raw in DIALECTS[vendor].messages(robot, self.now_s, introduce=introduce):
                 yield at_s, raw, _connection(row, vendor)
+
+    def _topic_connection(self, topic: str, vendor: VendorName) -> Connection:
+        """The connection that a topic of a broker counts as."""
+        number, language = TOPICS_FROM + len(self._topics), LANGUAGES[vendor]
+        return self._topics.setdefault(topic, Connection(number, "", "/", vendor.value, language=language, topic=topic))
 
     def _robots(self, rows: Ints) -> list[RobotState]:
         halls = len(self.world)

@@ -13,6 +13,8 @@ from operator import attrgetter
 from pathlib import Path
 from random import Random
 
+from aiomqtt import Message
+
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
@@ -107,6 +109,7 @@ class ReceiverRole:
             "shared_identities": self._shared_identities,
             "add_identities": self._add_identities,
             "follow": self._follow,
+            "hear": self._hear,
             "give_robot": self._give_robot,
         }
         await self._open_port()
@@ -187,6 +190,13 @@ class ReceiverRole:
                 vendor_of = self.fleet.vendors.of_manufacturer
                 source = BrokerSource(settings, self.receiver, vendor_of, self.measures, Random())
                 self._sources[settings] = source, asyncio.create_task(source.run())
+
+    async def _hear(self, payload: bytes) -> bytes:
+        """Take messages that come without a broker. Each is the name of its source, topic, text, and if retained."""
+        sources = {settings.name: source for settings, (source, _) in self._sources.items() if not settings.host}
+        for name, topic, text, is_retained in json.loads(payload):
+            sources[name].take(Message(topic, text.encode(), 0, is_retained, 0, None))
+        return b"heard"
 
     def _measure_sources(self) -> None:
         connected: dict[tuple[str, ...], float] = {

@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from uuid import UUID, uuid5
 
+from ingest.languages.vda5050.vda_front_end import robot_uuid
+
 FLEET = UUID("5a1c7c9e-6f0b-5c7e-9d3e-0b1f6f6a2d44")
 """Namespace of the simulated robots' UUIDs."""
 
@@ -144,7 +146,14 @@ class Participant:
         return f"{self.make.vendor}-{self.number:02}"
 
     @property
+    def serial(self) -> str:
+        return f"{self.number:04}"
+
+    @property
     def uuid(self) -> str:
+        """The same in each standard. VDA 5050 has none; Basalt's robots have the one that follows from their names."""
+        if self.make.vendor is VendorName.BASALT:
+            return robot_uuid(self.make.vendor, self.serial)
         return str(uuid5(FLEET, self.name))
 
 

@@ -53,9 +53,10 @@ class BrokerSource:
         self.is_connected = False
 
     async def run(self) -> None:
-        """Hear the broker until cancelled."""
+        """Hear the broker until cancelled. Without a broker, return."""
         failures, now_s = 0, asyncio.get_running_loop().time
-        while True:
+        self.is_connected = not self.settings.host
+        while self.settings.host:
             began_s = now_s()
             try:
                 await self._hear()

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -28,13 +29,17 @@ from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.site import Site
 from deconflict.simulation.demo.demo_floor import DemoFloor
 from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
+from deconflict.simulation.vendors.broker_sender import LANGUAGES, DirectSender
 from deconflict.simulation.vendors.senders import simulate
 from ingest.languages.visible_text import visible
+from ingest.settings import MqttSource
 
 SECONDS_WITHOUT_TERMINAL = 60.0
 START_WITHIN_S = 60.0
 """For its ports to open; the engine may take longer."""
 REFRESH_S = 0.5
+SOURCES = tuple(MqttSource(name=vendor, host="", language=language) for vendor, language in LANGUAGES.items())
+"""Where the service hears the vendors that do not speak MassRobotics."""
 
 
 def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None) -> int:
@@ -42,7 +47,7 @@ def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None)
     console = Console()
     if seconds is None and not console.is_terminal:
         seconds = SECONDS_WITHOUT_TERMINAL
-    site = _on_free_ports(site, console)
+    site = _on_free_ports(site, console).model_copy(update={"mqtt_sources": SOURCES})
     with TemporaryDirectory(prefix="deconflict-demo-") as discarded, runtime_directory() as runtime:
         kept = data or Path(discarded)
         create_data_directory(kept)
@@ -89,7 +94,9 @@ async def _show(site: Site, runtime: Path, console: Console, floor: DemoFloor, s
     _print_addresses(site, console, floor)
     limit = _stop_later(operator, view, console, seconds, stop)
     async with _background(_follow(site, floor, view, console), _measure(operator, floor, view), limit):
-        simulating = asyncio.create_task(simulate(_robots_url(site), floor, None, stop=stop))
+        simulating = asyncio.create_task(
+            simulate(_robots_url(site), floor, None, on_broker=partial(DirectSender, runtime=runtime), stop=stop)
+        )
         if console.is_terminal:
             with Live(console=console, screen=False, auto_refresh=False) as live:
                 while not simulating.done():

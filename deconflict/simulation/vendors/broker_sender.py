@@ -1,9 +1,13 @@
 """Simulated robots that report to an MQTT broker."""
 
 import asyncio
+import json
+from pathlib import Path
+from typing import Literal
 
 from aiomqtt import Client, MqttError
 
+from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.simulation.participants import VendorName
 from deconflict.simulation.robot_state import RobotState
 from deconflict.simulation.vendors.iso_dialect import IsoRobot
@@ -18,12 +22,16 @@ ON_BROKERS: dict[VendorName, type[VdaRobot] | type[IsoRobot]] = {
     VendorName.ALDER: IsoRobot,
 }
 """Vendors that report to a broker if there is one, and how."""
+LANGUAGES: dict[VendorName, Literal["vda5050", "iso21423"]] = {
+    VendorName.BASALT: "vda5050",
+    VendorName.ALDER: "iso21423",
+}
 
 
 class BrokerSender:
     """The messages of all robots of one vendor."""
 
-    def __init__(self, vendor: VendorName, host: str, port: int) -> None:
+    def __init__(self, vendor: VendorName, host: str = "", port: int = 0) -> None:
         self.vendor = vendor
         self._host, self._port = host, port
         self.introduced: set[int] = set()
@@ -61,3 +69,26 @@ class BrokerSender:
             qos = AT_LEAST_ONCE if message.is_retained else 0
             await client.publish(message.topic, message.raw, qos, message.is_retained)
             self.sent += 1
+
+
+class DirectSender(BrokerSender):
+    """Hands the messages to the receiver of a service of this machine, without a broker. Its source has the vendor's
+    name."""
+
+    def __init__(self, vendor: VendorName, runtime: Path) -> None:
+        super().__init__(vendor)
+        self._receiver = AsyncCaller(runtime, "receiver")
+
+    async def send(self) -> None:
+        while True:
+            self.up = True
+            messages = [await self._queue.get()]
+            while not self._queue.empty():
+                messages.append(self._queue.get_nowait())
+            lines = [[self.vendor, each.topic, each.raw.decode(), each.is_retained] for each in messages]
+            try:
+                await self._receiver.call("hear", json.dumps(lines).encode())
+                self.sent += len(messages)
+            except LinkDownError:
+                self.introduced.clear()
+                await asyncio.sleep(RETRY_S)

@@ -3,7 +3,7 @@
 import asyncio
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 
 import numpy as np
@@ -152,17 +152,17 @@ async def simulate(
     *,
     speed: float = 1.0,
     fleet_port: int | None = None,
-    broker: tuple[str, int] | None = None,
+    on_broker: Callable[[VendorName], BrokerSender] | None = None,
     stop: asyncio.Event,
 ) -> dict[str, int]:
     """Run the robots of a floor against a service until `stop`, or for `seconds` of their own time.
 
     `speed` is the world's time per real time. If it is not 1, the senders' clocks run fast or slow. With `fleet_port`
-    Basalt's fleet manager does not connect but listens on this port. With `broker`, its host and port, Basalt speaks
-    VDA 5050 and Alder ISO 21423 there. Returns the number of sent messages by vendor.
+    Basalt's fleet manager does not connect but listens on this port. With `on_broker`, Basalt speaks VDA 5050 and Alder
+    ISO 21423, by the senders that it makes. Returns the number of sent messages by vendor.
     """
     rng = np.random.default_rng()
-    senders = _senders([*floor.world.members, *floor.annex.members], broker)
+    senders = _senders([*floor.world.members, *floor.annex.members], on_broker)
     tasks: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as servers:
         for sender in dict.fromkeys(senders):
@@ -190,14 +190,14 @@ def _sent(senders: Sequence[AnySender]) -> dict[str, int]:
     return dict(sent)
 
 
-def _senders(members: Sequence[Participant], broker: tuple[str, int] | None) -> list[AnySender]:
+def _senders(members: Sequence[Participant], on_broker: Callable[[VendorName], BrokerSender] | None) -> list[AnySender]:
     """The sender of each row. Basalt's fleet manager sends for all its robots; every other robot has its own sender.
 
     If there is a broker, each vendor that reports to it has one sender.
     """
     shared: dict[VendorName, AnySender] = {VendorName.BASALT: Sender(VendorName.BASALT)}
-    if broker:
-        shared |= {vendor: BrokerSender(vendor, *broker) for vendor in ON_BROKERS}
+    if on_broker:
+        shared |= {vendor: on_broker(vendor) for vendor in ON_BROKERS}
     vendors = [member.make.vendor for member in members]
     return [shared.get(vendor) or Sender(vendor) for vendor in vendors]
 

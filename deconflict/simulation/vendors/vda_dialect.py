@@ -53,7 +53,7 @@ class VdaRobot:
 
     def _message(self, robot: RobotState, now_s: float, kind: str, body: dict[str, Any]) -> TopicMessage:
         self._header_id += 1
-        maker, serial, version = robot.member.make.vendor.value, f"{robot.member.number:04}", version_of(robot)
+        maker, serial, version = robot.member.make.vendor.value, robot.member.serial, version_of(robot)
         header = {
             "headerId": self._header_id,
             "timestamp": write(now_s),

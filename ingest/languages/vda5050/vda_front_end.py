@@ -101,6 +101,11 @@ class VdaFrontEnd:
         return document(raw)
 
 
+def robot_uuid(manufacturer: str, serial: str) -> str:
+    """The UUID of a robot, which the standard does not give it. Robots are named by manufacturer and serial number."""
+    return str(uuid5(ROBOTS, f"{manufacturer}/{serial}"))
+
+
 @lru_cache(_TOPICS_CACHED)
 def _parsed_topic(topic: str) -> _VdaTopic | None:
     """The last three parts: manufacturer, serial number and kind."""
@@ -108,7 +113,7 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
     if len(parts) < 3 or not all(parts[-3:]):
         return None
     manufacturer, serial, kind = parts[-3:]
-    uuid = str(uuid5(ROBOTS, f"{manufacturer}/{serial}"))
+    uuid = robot_uuid(manufacturer, serial)
     return _VdaTopic(TopicSender(uuid, manufacturer[:MAX_NAME], serial[:MAX_NAME]), kind)
 
 

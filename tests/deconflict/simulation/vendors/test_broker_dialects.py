@@ -3,7 +3,7 @@
 import asyncio
 import json
 from collections import defaultdict
-from functools import cache
+from functools import cache, partial
 from math import hypot
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import VendorName, participants
 from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.scripted_annex import split
-from deconflict.simulation.vendors.broker_sender import ON_BROKERS
+from deconflict.simulation.vendors.broker_sender import ON_BROKERS, BrokerSender
 from deconflict.simulation.vendors.senders import SimulatedFloor, simulate
 from deconflict.simulation.vendors.vda_dialect import TopicMessage
 from ingest.batch import Basis
@@ -122,9 +122,8 @@ async def test_simulated_vendors_report_to_a_real_broker() -> None:
     async with broker() as port, asyncio.timeout(PATIENCE_S), Client("127.0.0.1", port) as client:
         await client.subscribe("#")
         url = f"ws://127.0.0.1:{free_ports(1)[0]}"
-        simulating = asyncio.create_task(
-            simulate(url, SimulatedFloor(8, 1), None, broker=("127.0.0.1", port), stop=stop)
-        )
+        on_broker = partial(BrokerSender, host="127.0.0.1", port=port)
+        simulating = asyncio.create_task(simulate(url, SimulatedFloor(8, 1), None, on_broker=on_broker, stop=stop))
         async for message in client.messages:
             heard.add(message.topic.value.rpartition("/")[2])
             if heard >= {"factsheet", "state", "identity", "odometry"}:
