@@ -81,13 +81,14 @@ class Recurrences:
 
     def of(self, advisories: Collection[AnyAdvisory], now_s: float) -> dict[str, Recurrence]:
         """Those of some open advisories that recur, by id; a conflict, if all its robots are in one of the others."""
-        found = [(advisory, self._recurrence(advisory, now_s)) for advisory in advisories]
-        recurring = {advisory.id: recurrence for advisory, recurrence in found if recurrence}
-        for conflict in advisories:
-            if isinstance(conflict, ConflictAdvisory):
-                for other, recurrence in found:
-                    if recurrence and set(conflict.robots).issubset(other.robots):
-                        recurring[conflict.id] = recurrence
+        found = [(advisory, each) for advisory in advisories if (each := self._recurrence(advisory, now_s))]
+        recurring = {advisory.id: recurrence for advisory, recurrence in found}
+        for other, recurrence in found:
+            robots = set(other.robots)
+            within = [
+                each for each in advisories if isinstance(each, ConflictAdvisory) and robots.issuperset(each.robots)
+            ]
+            recurring |= dict.fromkeys([conflict.id for conflict in within], recurrence)
         return recurring
 
     def _recurrence(self, advisory: AnyAdvisory, now_s: float) -> Recurrence | None:
