@@ -8,8 +8,9 @@ import numpy as np
 import shapely
 
 from deconflict.advisory import Location
+from deconflict.contention.robots.bodies_ahead import BodiesAhead
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M, enlarged, touching_boxes
-from deconflict.contention.robots.lookahead import STEPS, Lookahead, PathsAhead, corners
+from deconflict.contention.robots.lookahead import STEPS, Lookahead, corners
 from deconflict.settings.shared_places import Place, Resource, Zone, outlines
 from ingest.batch import Bools, Floats, Ints
 
@@ -162,14 +163,13 @@ class PlaceGeometry:
         """The same for zones."""
         return [(floor.datum, floor.bounds_m) for floor in self._zones]
 
-    def passages(
-        self, datums: Sequence[str], view: Lookahead, paths: PathsAhead, length_m: Floats, width_m: Floats
-    ) -> dict[int, dict[str, ZonePassage]]:
-        """By row and zone, the passages of each envelope while it stays on its floor."""
+    def passages(self, datums: Sequence[str], bodies: BodiesAhead) -> dict[int, dict[str, ZonePassage]]:
+        """By row and zone, the passages of each robot with its trailers while they stay on its floor."""
         found: dict[int, dict[str, ZonePassage]] = {}
         if not self._zones:
             return found
-        reach_m = np.hypot(length_m, width_m) / 2
+        robot, view, paths, length_m, width_m = bodies
+        datums, reach_m = [datums[row] for row in robot.tolist()], np.hypot(length_m, width_m) / 2
         boxes_m = enlarged(paths.boxes_m, reach_m)
         for floor in self._zones:
             rows = floor.near(datums, boxes_m)
@@ -181,7 +181,8 @@ class PlaceGeometry:
             inside = floor.touched(index, view, who, length_m[who], width_m[who])
             inside &= view.floor[who] == view.floor[who, :1]
             pairs = np.flatnonzero(inside.any(axis=1))
-            runs = zip(who[pairs].tolist(), index[pairs].tolist(), *_first_runs(inside[pairs]), strict=True)
+            rows, zones, inside = _of_robots(robot[who[pairs]], index[pairs], inside[pairs])
+            runs = zip(rows.tolist(), zones.tolist(), *_first_runs(inside), strict=True)
             for row, at, first, end in runs:
                 zone = floor.ids[at]
                 found.setdefault(row, {})[zone] = self._passage(zone, view, row, first, end)
@@ -198,6 +199,14 @@ class PlaceGeometry:
             along_m, across_m = x_m * unit[0] + y_m * unit[1], float((y_m * unit[0] - x_m * unit[1]).mean())
         leave_s, t_s = float(view.t_s[row, end]) if end <= STEPS else inf, view.t_s[row, first:end]
         return ZonePassage(zone, float(t_s[0]), leave_s, t_s, along_m, across_m)
+
+
+def _of_robots(rows: Ints, zones: Ints, inside: Bools) -> tuple[Ints, Ints, Bools]:
+    """Each pair of robot and zone once: it is inside as long as any of its bodies is."""
+    code, of_pair = np.unique(rows << 32 | zones, return_inverse=True)
+    any_inside = np.zeros((len(code), inside.shape[1]), np.bool_)
+    np.logical_or.at(any_inside, of_pair, inside)
+    return code >> 32, code & 0xFFFFFFFF, any_inside
 
 
 def _first_runs(inside: Bools) -> tuple[list[int], list[int]]:

@@ -12,6 +12,7 @@ from deconflict.contention.robots import record_kernels
 from deconflict.contention.robots.announced_arrivals import ARRIVED_M
 from deconflict.contention.robots.arrival_forecast import ArrivalCorrections, ArrivalForecast
 from deconflict.contention.robots.battery_use import BatteryUse
+from deconflict.contention.robots.bodies_ahead import bodies_ahead
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
 from deconflict.contention.robots.destinations import PlannedStop, postpone_overdue, write_stops
 from deconflict.contention.robots.lookahead import (
@@ -27,6 +28,7 @@ from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassa
 from deconflict.contention.robots.record_kernels import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Outlines, update_records
 from deconflict.contention.robots.robot_view import RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
+from deconflict.sweep.shapes.trailers import rows_of_trains
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
@@ -99,7 +101,7 @@ class RobotTable(Mapping[str, RobotView]):
         if not len(batch):
             return []
         self._views.clear()
-        view, forecasts = look_ahead(batch.forecasts, batch.now_s), batch.forecasts
+        view, f = look_ahead(batch.forecasts, batch.now_s), batch.forecasts
         paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
         slots, _ = self._slots.assign(batch.robots)
         self._grow(len(self._slots))
@@ -107,6 +109,7 @@ class RobotTable(Mapping[str, RobotView]):
         self._names.update(zip(batch.robots, first_fields(batch), strict=True))
         level_before_pct = self._add_levels(batch, slots)
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
+        sizes_m = ready(f.length_m), ready(f.width_m), ready(f.bottom_m), ready(f.top_m)
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         stale = update_records(
             self.records,
@@ -118,18 +121,14 @@ class RobotTable(Mapping[str, RobotView]):
             ready(batch.basis, np.int64),
             view,
             paths,
-            (
-                ready(forecasts.length_m),
-                ready(forecasts.width_m),
-                ready(forecasts.bottom_m),
-                ready(forecasts.top_m),
-            ),
+            sizes_m,
             counts,
             bound,
             self._resources,
             self._zones,
             ROUNDING_M,
         )
+        stale[rows_of_trains(f)] |= record_kernels.PASSAGES
         left = self._update_places(batch, view, paths, slots, stale, level_before_pct) if stale.any() else []
         if len(batch.destinations.t_s):
             postpone_overdue(self.records, self.stops, slots, batch.now_s, corrections)
@@ -192,10 +191,9 @@ class RobotTable(Mapping[str, RobotView]):
         """Update which zones are on the way of the robots of `rows`."""
         if not len(rows):
             return
-        datums, sizes = batch.datums(view.floor[rows, 0]), batch.forecasts
-        found = self._geometry.passages(
-            datums, view.at_rows(rows), paths.at_rows(rows), sizes.length_m[rows], sizes.width_m[rows]
-        )
+        forecasts = batch.forecasts.take(rows)
+        bodies = bodies_ahead(forecasts, view.at_rows(rows), paths.at_rows(rows), batch.now_s)
+        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies)
         self._passages |= {int(slots[rows[row]]): passages for row, passages in found.items()}
 
     def _update_paths_left(self, batch: Batch, view: Lookahead, slots: Ints, stale: Ints) -> None:

@@ -1,13 +1,16 @@
 """Places: which resource a point is in, which zones an envelope sweeps through, and when."""
 
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 import pytest
 
+from deconflict.contention.robots.bodies_ahead import bodies_ahead
 from deconflict.contention.robots.lookahead import STEPS, Lookahead, corners, look_ahead, paths_ahead
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from ingest.batch import Forecasts
+from ingest.shapes import Shape, Trailer, shapes_of
 from tests.deconflict.contention.scenes import aisle, box, resource
 from tests.helpers.saying import HALL, LOFT
 
@@ -36,7 +39,7 @@ def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> F
 def passage(of: Forecasts, geometry: PlaceGeometry) -> ZonePassage | None:
     view = look_ahead(of, NOW_S)
     ways = paths_ahead(view, np.full(1, STEPS))
-    return geometry.passages([HALL], view, ways, of.length_m, of.width_m).get(0, {}).get("lane")
+    return geometry.passages([HALL], bodies_ahead(of, view, ways, NOW_S)).get(0, {}).get("lane")
 
 
 def test_the_lookahead_interpolates_knots_and_stands_after_the_last() -> None:
@@ -52,6 +55,16 @@ def test_an_envelope_is_in_a_zone_also_if_its_centre_is_not() -> None:
     assert found.direction == 1
     assert found.leave_s == inf
     assert found.at_m(NOW_S + 6) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("trailers", "leave_s"), [(0, 5.5), (2, 8.5)])
+def test_a_train_has_left_a_zone_when_its_last_trailer_has(trailers: int, leave_s: float) -> None:
+    """The last axle is 3 m behind the middle of the robot, and each trailer is as long as it."""
+    shape = Shape((), (0.0, 0.0), (Trailer(1.0, 0.5, 1.5),) * trailers) if trailers else None
+    train = replace(forecast((0, 5.2, 0, 0), (20, 25.2, 0, 0)), shapes=shapes_of([shape]))
+    found = passage(train, PlaceGeometry([], [LANE]))
+    assert found
+    assert (found.enter_s, found.leave_s) == (NOW_S, NOW_S + leave_s)
 
 
 def test_a_robot_that_passes_beside_a_zone_is_not_in_it() -> None:

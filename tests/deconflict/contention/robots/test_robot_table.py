@@ -4,14 +4,17 @@ from dataclasses import fields, replace
 from math import hypot
 
 import numpy as np
+import pytest
 
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_M, STANDS_S, WAY_M, collect_boxes
 from deconflict.contention.robots.robot_table import RESTING, RobotTable
 from ingest.batch import Basis, Batch
+from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
 
+TRAILERS = Trailers(count=2, length_m=1.0, width_m=0.7, hitch_m=1.5)
 DOCK, LANE = resource("d1", 20, 0), aisle("lane", 30, 50)
 
 
@@ -62,6 +65,19 @@ def test_joined_batches_leave_the_same_table_as_single_ones() -> None:
         assert known(each) == known(many)
         waited += sum("way" in name for name in known(each))
     assert waited > 10
+
+
+@pytest.mark.parametrize(("trailers", "there"), [(None, False), (TRAILERS, True)])
+def test_a_lane_is_not_free_while_trailers_stand_in_it(trailers: Trailers | None, there: bool) -> None:
+    """The robot itself stands 1.6 m beyond its end."""
+    vendor = Vendor(name="Alder", models={"A1": Model(trailers=trailers)})
+    scene = Scene(site(LANE, vendors=(vendor,)), {"A": Script([(0.0, 40.0, 0.0), (12.0, 52.0, 0.0)])})
+    robots = RobotTable(PlaceGeometry([], [LANE]))
+    for t in range(20):
+        scene.fleet.receive(scene.robots["A"].says("A", float(t)), NOW_S + t, LINE)
+        robots.update(scene.fleet.next_batch(NOW_S + t))
+    (view,) = robots.values()
+    assert ("lane" in view.passages) == there
 
 
 def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
