@@ -393,7 +393,7 @@ const darkness = matchMedia("(prefers-color-scheme: dark)");
 const preferredTheme = () => remembered("theme") ?? (darkness.matches ? "dark" : "light");
 darkness.onchange = () => { setTheme(preferredTheme()); list(); };
 setTheme(preferredTheme());
-new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)]);
+new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)], (datum) => site.areas.filter((area) => area.floor === datum));
 begin();
 setInterval(list, 250);
 setInterval(readHeat, HEAT_MS);

@@ -185,7 +185,9 @@ export class FloorMap {
     return this.pen.measureText(text).width;
   }
 
+  // Of what is out of sight there is no name.
   beside(id, thing, text, size, colour) {
+    if (thing.right < 0 || thing.bottom < 0 || thing.left > this.camera.width || thing.top > this.camera.height) return;
     const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { rings: 1 });
     if (box) this.text(text, box.left + wide / 2, box.top + high * 0.85, size, colour);
   }

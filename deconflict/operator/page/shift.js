@@ -1,14 +1,16 @@
 // The summary of a shift, to read and to print: what was raised, what came of it, where, whose robots, who acknowledged what.
 
 import { remember, remembered } from "./acknowledge.js";
+import { inside } from "./places.js";
 import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span, what } from "./texts.js";
 
 const MOST_ROWS = 10;
 const $ = (id) => document.getElementById(id);
 
 export class Shift {
-  constructor(floorName, places) {
-    Object.assign(this, { floorName, places });
+  // `places(floor)` have a name, x and y, `areas(floor)` a name and a polygon.
+  constructor(floorName, places, areas) {
+    Object.assign(this, { floorName, places, areas });
     $("shift-hours").value = remembered("hours") ?? "8";
     $("shift-open").onclick = () => { $("shift").showModal(); this.read(); };
     $("shift-hours").onchange = () => { remember("hours", $("shift-hours").value); this.read(); };
@@ -32,7 +34,7 @@ export class Shift {
   show(situations, fromS, isComplete) {
     const acknowledged = situations.filter(({ acknowledgement }) => acknowledgement), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
-    const lead = `${plural(situations.length, "situation")} since ${clock(fromS).slice(0, 5)}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
+    const lead = `${document.title}, ${when(fromS)} to ${when(Date.now() / 1000)}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
       + `If nobody had done anything, robots were expected to lose ${span(sum(situations, ({ lost }) => lost))} in all.`;
     $("shift-body").replaceChildren(
       text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
@@ -47,13 +49,17 @@ export class Shift {
     );
   }
 
-  // The nearest named place or column of its floor.
+  // The areas that it is in, or the nearest named place or column of its floor.
   place({ location }) {
     if (!location) return "No place";
+    const within = this.areas(location.datum).filter(({ polygon }) => inside(polygon, location.x, location.y)).map(({ name }) => name);
+    if (within.length) return `${within.join(" and ")}, ${this.floorName(location.datum)}`;
     const near = this.places(location.datum).map(({ name, x, y }) => [Math.hypot(x - location.x, y - location.y), name]).sort((a, b) => a[0] - b[0])[0];
     return near ? `Nearest to ${near[1]}, ${this.floorName(location.datum)}` : this.floorName(location.datum);
   }
 }
+
+function when(atS) { return `${new Date(atS * 1000).toLocaleDateString()} ${clock(atS).slice(0, 5)}`; }
 
 function kinds(situations) {
   const nowS = Date.now() / 1000, forS = ({ since_at: since, cleared_at: end }) => (end ? seconds(end) : nowS) - seconds(since);

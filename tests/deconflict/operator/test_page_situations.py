@@ -382,7 +382,7 @@ async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_ackn
         await page.keyboard.press("a")
         await page.wait_for_selector('[data-id="situation-2"].answered')
         await page.click("#shift-open")
-        await until(page, "document.getElementById('shift-body').textContent.includes('2 situations since')")
+        await until(page, "document.getElementById('shift-body').textContent.includes(': 2 situations, ')")
         body = await text(page, "#shift-body")
         assert "1 of them critical at worst; 1 still open, 1 acknowledged" in body
         assert "They have passed" in body
