@@ -27,9 +27,13 @@ export class Labels {
     }
   }
 
-  // A free box of this size beside `thing`, or null. With `must`, the least bad one. `line` is where a line leads to, if it is far.
+  inSight({ left, right, top, bottom }) { return right > 0 && bottom > 0 && left < this.camera.width && top < this.camera.height; }
+
+  // A free box of this size beside `thing`, or null, as if it is out of sight. With `must`, the least bad one. `line` is where a line
+  // leads to, if it is far.
   place(id, thing, wide, high, { must = false, rings = RINGS.length } = {}) {
     let best = null, least = Infinity;
+    if (!must && !this.inSight(thing)) return null;
     for (const at of this.order(this.before.get(id), rings * SIDES.length)) {
       const ring = Math.floor(at / SIDES.length), box = this.beside(thing, SIDES[at % SIDES.length], (GAP_PX + RINGS[ring]) * this.unit, wide, high);
       if (box.left < 0 || box.top < 0 || box.left + wide > this.camera.width || box.top + high > this.camera.height) continue;

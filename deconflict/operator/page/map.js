@@ -54,6 +54,8 @@ export class FloorMap {
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
     this.labels.begin(camera, this.unit, robots.length > MOST_AVOIDED ? [] : robots.map((robot) => this.boxOf(robot)));
+    this.labels.take({ left: 0, top: 0, wide: camera.width, high: EDGE_PX + 12 * this.unit }); // the numbers of the grid
+    this.labels.take({ left: 0, top: 0, wide: EDGE_PX + 24 * this.unit, high: camera.height });
     if (camera.scale > 3) this.fixedNames(scene);
     if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
     this.situations.below(scene);
@@ -185,9 +187,7 @@ export class FloorMap {
     return this.pen.measureText(text).width;
   }
 
-  // Of what is out of sight there is no name.
   beside(id, thing, text, size, colour) {
-    if (thing.right < 0 || thing.bottom < 0 || thing.left > this.camera.width || thing.top > this.camera.height) return;
     const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { rings: 1 });
     if (box) this.text(text, box.left + wide / 2, box.top + high * 0.85, size, colour);
   }

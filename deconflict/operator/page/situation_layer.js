@@ -89,8 +89,8 @@ export class SituationLayer {
     const { pen, unit } = this.map, { id, severity, acknowledgement, situation_kind: kind } = situation;
     const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${isOver(situation) ? "over" : countdown(situation, nowS)}`;
     pen.font = FONT(unit);
-    const { box } = this.shape(situation), { camera } = this.map;
-    if (box.right < 0 || box.left > camera.width || box.bottom < 0 || box.top > camera.height) return null;
+    const { box } = this.shape(situation);
+    if (!this.map.labels.inSight(box)) return null;
     return { id, text, severity, isAnswered: Boolean(acknowledgement), ...this.map.labels.place(id, box, pen.measureText(text).width + 14 * unit, 21 * unit, { must: true }) };
   }
 
