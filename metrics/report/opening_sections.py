@@ -78,7 +78,7 @@ def _timeline(minutes: Sequence[Part]) -> str:
 
 def _floors(result: Part, warnings: Part, site: Site) -> str:
     floors = _drawn_floors(warnings["listed"], result["floors"], site)
-    drawn = [figure(floor_picture(floor), f"{floor.name}: {len(floor.warnings):,} warnings") for floor in floors]
+    drawn = [figure(floor_picture(floor), f"{floor.name}. Warnings: {len(floor.warnings):,}") for floor in floors]
     if not drawn:
         return ""
     legend = (
