@@ -67,6 +67,7 @@ class Contention:
         self.robots = RobotTable(self.geometry)
         self._settings, self._reading = site.contention, site.reading
         self._measures, self._crowds = measures, crowds
+        self._people = {vendor.name for vendor in site.vendors if vendor.participant == "person"}
         self._lifecycle = FindingLifecycle(site.contention.clear_after_s, restored)
         self._advice = make_advice(self.geometry)
         self._dwells = {resource.id: DwellTimes(resource) for resource in self.geometry.resources.values()}
@@ -203,11 +204,12 @@ class Contention:
     def _deadlocks_and_blockages(
         self, passing: list[RobotView], journeys: list[Leg], in_way: list[Hindrance], now_s: float
     ) -> Iterable[Finding]:
-        """Rings of waiting robots, and robots that block others."""
+        """Rings of waiting robots, and robots that block others. People walk around what is in their way."""
         aisles = [zone.id for zone in self.geometry.zones.values() if zone.kind == "aisle"]
         capacity = {resource.id: resource.capacity for resource in self.geometry.resources.values()}
         wants = place_wants(journeys, capacity)
-        self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(in_way)])
+        for_good = [each for each in in_way if self.robots[each.waiter].vendor not in self._people]
+        self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(for_good)])
         found = blockages(in_way, self.robots)
         found = self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s)
         refuges = self._refuges() if self._rings or found else []

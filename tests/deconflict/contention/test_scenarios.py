@@ -8,6 +8,7 @@ import pytest
 
 from deconflict.advisory import BlockageAdvisory, ContentionAdvisory, DeadlockAdvisory
 from deconflict.settings.shared_places import Zone
+from ingest.settings import Vendor
 from tests.deconflict.contention.scenes import (
     NOW_S,
     Scene,
@@ -328,6 +329,8 @@ def test_two_that_stand_nose_to_nose_have_an_advisory_within_seconds() -> None:
     assert advisory.time_to_conflict_s == 0
     assert advisory.severity == "critical"
     assert raised(advisories, "blockage") == []
+    people = site(vendors=(Vendor(name="Walkers", manufacturers=("Alder",), participant="person"),))
+    assert raised(Scene(people, robots).run(20), "deadlock") == [], "people step aside"
 
 
 def test_a_queue_that_blocks_the_exit_of_what_it_waits_for_is_a_deadlock() -> None:
