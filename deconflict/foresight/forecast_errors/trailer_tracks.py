@@ -37,7 +37,7 @@ class BodyPairs(NamedTuple):
     """(n,) the first body of each pair; `b` is the second one."""
     b: Ints
     pair: Ints
-    """(n,) the row of the pair of robots."""
+    """(n,) the row of the pair of robots, ascending."""
     history: ReportHistory
     """`newest`, `previous` and `track` are of the k bodies."""
     slot: Ints
@@ -97,13 +97,13 @@ class TrailerTracks:
         """All pairs of bodies of the robots `a` and `b` (p,), of which `history` has the reports by slot."""
         robots, rows = np.unique(np.concatenate([a, b]), return_inverse=True)
         trains = [(row, train) for row, slot in enumerate(robots.tolist()) if (train := self._trains.get(slot))]
-        slots, trailers = [robots], dict[int, range]()
+        slots, trailers, first = [robots], dict[int, range](), len(robots)
         parts = [(history.newest[robots], history.previous[robots], history.track[robots])]
         for row, train in trains:
-            first = sum(map(len, slots))
             trailers[row] = range(first, first + len(train.newest))
             slots.append(np.full(len(train.newest), robots[row]))
             parts.append(train[:3])
+            first += len(train.newest)
         newest, previous, track = (np.concatenate(column) for column in zip(*parts, strict=True))
         each_a, each_b, pair = pairs_with_trailers(rows[: len(a)], rows[len(a) :], trailers)
         bodies = history._replace(newest=newest, previous=previous, track=track)

@@ -145,7 +145,9 @@ class TrackedRobots:
             bodies.history, bodies.a, bodies.b, *looks._replace(late_s=ready(looks.late_s[:, row_of]))
         )
         sizes = Sizes(half_m, self.levels_m[:, bodies.slot], shape)
-        np.fmin.at(apart_m, row_of, separations_m(poses, sizes, bodies.a, bodies.b))
+        each_m = separations_m(poses, sizes, bodies.a, bodies.b)
+        begins = np.searchsorted(bodies.pair, np.arange(len(rows)))
+        apart_m[rows] = np.fmin(apart_m[rows], np.fmin.reduceat(each_m, begins))
 
     def take_news(self) -> Bools:
         """(slots,) which robots have reported since the last call."""
