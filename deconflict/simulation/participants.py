@@ -147,7 +147,7 @@ class Participant:
 
     @property
     def serial(self) -> str:
-        return f"{self.number:04}"
+        return f"{self.make.model}-{self.number:04}"
 
     @property
     def uuid(self) -> str:

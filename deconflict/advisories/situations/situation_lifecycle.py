@@ -29,7 +29,7 @@ UPDATE_GAP_S, JOINED_GAP_S = 4.0, 1.0
 robot."""
 LOOK_S = 1.0
 """A situation without news is looked at again after this time, as less and less of it can be prevented."""
-WORTH_S = 1.5
+WORTH_S = 1.0
 """Less loss that can be prevented is not worth a reaction."""
 FALLS_S = 3.0
 """An urgency falls once it has been too high for so long."""
