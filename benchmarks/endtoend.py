@@ -81,6 +81,9 @@ class Running:
         self.data, self.url, self.face = data, f"ws://127.0.0.1:{robots_port}", f"127.0.0.1:{operator_port}"
         self._at_s, self._before, self._used = time.monotonic(), self.measures(), self.usage()
 
+    def close(self) -> None:
+        self._caller.close()
+
     def measures(self) -> dict[str, Any]:
         """Of all roles: sums by metric name, counts by metric and second label, and the latency histogram."""
         sums: dict[str, Any] = {}
@@ -161,6 +164,7 @@ def service(
             measured_service = Running(supervisor, Path(runtime), Path(data), robots_port, operator_port)
             _wait_for(robots_port)
             yield measured_service
+            measured_service.close()
         finally:
             stop.set()
             running.join()

@@ -17,7 +17,7 @@ from websockets.asyncio.client import ClientConnection
 from websockets.asyncio.connection import Connection
 from websockets.asyncio.server import ServerConnection
 from websockets.frames import DATA_OPCODES, Frame
-from websockets.protocol import SERVER, Event, Protocol, State
+from websockets.protocol import SEND_EOF, SERVER, Event, Protocol, State
 from websockets.utils import apply_mask as slow_mask
 
 try:
@@ -80,7 +80,15 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
         """Cut off a peer that leaves thousands of pongs unread: it would wait for them even when it is closed."""
         super().pause_writing()
         self.is_unread = True
-        self.transport.abort()
+        self.loop.call_soon(self.transport.abort)  # after the pongs of this read, which asyncio would log one by one
+
+    def send_data(self) -> None:
+        """Send the pongs of one read at once: asyncio logs each write to a connection that is lost."""
+        writes = self.protocol.writes
+        if len(writes) > 2:
+            ends = writes[-1] == SEND_EOF
+            self.protocol.writes = [b"".join(writes), *([SEND_EOF] if ends else [])]
+        super().send_data()
 
     def data_received(self, data: bytes) -> None:
         if self._incomplete:

@@ -72,7 +72,7 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
     app.state.publisher, app.state.measures = publisher, measures
     app.state.site, app.state.people, app.state.places = site, People(settings.people), Places()
     app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people, signed_in=app.state.places.sign_in)
-    app.add_middleware(RequestLimitsMiddleware)
+    app.add_middleware(RequestLimitsMiddleware, places=app.state.places)
     _add_routes(app, ApiRoutes(publisher, store, sources, exposition))
     _add_sockets(app, publisher, store, sources)
     app.add_exception_handler(SourceUnavailableError, source_unavailable)

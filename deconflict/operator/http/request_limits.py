@@ -1,5 +1,7 @@
-"""What holds for every request, whatever it asks for: a bounded body, an answer instead of an error, safe headers."""
+"""What holds for every request: a share by address or person, a bounded body, no error, safe headers."""
 
+import asyncio
+from collections import OrderedDict
 from typing import Any
 
 from fastapi import HTTPException, Request
@@ -8,26 +10,76 @@ from fastapi.responses import JSONResponse
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from deconflict.operator.http.server_protocols import Places
+
 MOST_BODY_BYTES = 64 * 1024
 """No route needs a longer body."""
+REQUEST_S, BYTES_PER_S = 0.02, 5e6
+"""What a request costs of its sender's time, and how many bytes of an answer cost a second."""
+BURST_S, MOST_WAIT_S = 2.0, 10.0
+"""How much may be asked for at once, and how long a request waits at most; then it is refused."""
+MOST_SENDERS = 10_000
+TOO_MANY = "too many requests from this address or person at once; ask less often"
 TOO_LONG = f"a body has {MOST_BODY_BYTES} bytes at most"
 SAFE_HEADERS = {"x-content-type-options": "nosniff", "content-security-policy": "default-src 'none'"}
 """Of every answer that has none of its own."""
 
 
-class RequestLimitsMiddleware:
-    """The outermost layer: refuses long bodies before anybody reads them."""
+class RequestShares:
+    """Lets the requests of each sender wait their turn, so that they leave time for those of others."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+    def __init__(self) -> None:
+        self._spent_until_s: OrderedDict[str, float] = OrderedDict()
+        """By sender, until when its requests so far take up its time; the one heard longest ago first."""
+
+    def wait_s(self, sender: str, now_s: float) -> float:
+        """Note a request. Returns how long it should wait."""
+        return max(self.charge(sender, REQUEST_S, now_s) - now_s - BURST_S, 0.0)
+
+    def charge(self, sender: str, cost_s: float, now_s: float) -> float:
+        """Add to what a sender has spent. Returns until when that takes up its time."""
+        until_s = self._spent_until_s.pop(sender, now_s)
+        until_s = min(max(until_s, now_s) + cost_s, now_s + BURST_S + 2 * MOST_WAIT_S)
+        self._spent_until_s[sender] = until_s
+        if len(self._spent_until_s) > MOST_SENDERS:
+            self._spent_until_s.popitem(last=False)
+        return until_s
+
+
+class RequestLimitsMiddleware:
+    """The outermost layer: lets floods wait, and refuses long bodies before anybody reads them."""
+
+    def __init__(self, app: ASGIApp, places: Places) -> None:
+        self._app, self._places, self._shares = app, places, RequestShares()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        sender, loop = self._places.holder(scope.get("client")), asyncio.get_running_loop()
+        wait_s = self._shares.wait_s(sender, loop.time())
+        await asyncio.sleep(min(wait_s, MOST_WAIT_S))
+        send = self._charged(send, sender)
+        if wait_s > MOST_WAIT_S:
+            refusal = JSONResponse({"detail": TOO_MANY}, 429, {"connection": "close", "retry-after": "10"})
+            await refusal(scope, receive, _safe(send))
+        elif scope["type"] == "websocket":
             await self._app(scope, receive, send)
         elif _announced_bytes(Headers(scope=scope)) > MOST_BODY_BYTES:
             await JSONResponse({"detail": TOO_LONG}, 413, {"connection": "close"})(scope, receive, _safe(send))
         else:
             await self._app(scope, _limited(receive), _safe(send))
+
+    def _charged(self, send: Send, sender: str) -> Send:
+        """A `send` that charges a sender for the bytes of its answers. What a subscriber gets is not asked for."""
+
+        async def charged(message: Message) -> None:
+            if message["type"] == "http.response.body":
+                cost_s = len(message.get("body", b"")) / BYTES_PER_S
+                self._shares.charge(sender, cost_s, asyncio.get_running_loop().time())
+            await send(message)
+
+        return charged
 
 
 def _safe(send: Send) -> Send:

@@ -67,6 +67,12 @@ class Places:
             for replaced in self._give(transport, holder):
                 replaced.abort()
 
+    def holder(self, client: tuple[str, int] | None) -> str:
+        """The person who has signed in over a client's connection, or else its address."""
+        transport = self._by_client.get(client) if client else None
+        known = self._shares.holder(transport) if transport is not None else None
+        return known or (site_of(client[0]) if client else "")
+
     def remove(self, transport: Transport) -> None:
         self._shares.remove(transport)
         client = self._clients.pop(transport, None)

@@ -144,6 +144,17 @@ async def test_a_connection_is_read_in_small_pieces_while_websockets_has_to_pars
     assert [size <= 4096 for size in sizes] == [True, True, False, True]
 
 
+async def test_the_pongs_of_one_read_are_one_write(monkeypatch: pytest.MonkeyPatch) -> None:
+    connection, transport = opened()
+    connection.listen(lambda _: None)
+    writes: list[bytes] = []
+    monkeypatch.setattr(transport, "write", writes.append)
+    close = Frame(Opcode.CLOSE, b"\x03\xe8").serialize(mask=True)
+    connection.data_received(Frame(Opcode.PING, b"there?").serialize(mask=True) * 100 + close)
+    assert [len(data) for data in writes] == [8 * 100 + 4]
+    assert connection.protocol.close_sent
+
+
 def test_websockets_parser_waits_for_a_frame_at_one_place_only() -> None:
     protocol = ServerProtocol(max_size=MOST)
     request = (

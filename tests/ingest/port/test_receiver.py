@@ -406,7 +406,7 @@ async def test_the_sockets_of_a_sender_take_a_bounded_part_of_a_core_and_of_memo
         assert served_floor.count("protocol-error") == 0
 
 
-async def test_a_peer_that_reads_no_pong_is_cut_off_and_counted() -> None:
+async def test_a_peer_that_reads_no_pong_is_cut_off_counted_and_fills_no_log(caplog: pytest.LogCaptureFixture) -> None:
     async with floor() as served_floor:
         reader, writer = await raw_client(served_floor.receiver.port)
         reader._transport.pause_reading()  # type: ignore[attr-defined]
@@ -417,6 +417,7 @@ async def test_a_peer_that_reads_no_pong_is_cut_off_and_counted() -> None:
                 while True:
                     await asyncio.get_running_loop().sock_sendall(raw, pings)
         await until(lambda: served_floor.count("unread") == 1)
+        assert "socket.send() raised exception" not in caplog.text
         assert served_floor.connections == 0
         raw.close()
         writer.close()

@@ -1,12 +1,20 @@
 """No input leads to an error of the service, and no body is kept that no route needs."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
 
 import httpx
 import pytest
 
-from deconflict.operator.http.request_limits import MOST_BODY_BYTES, SAFE_HEADERS
+from deconflict.operator.http.request_limits import (
+    BURST_S,
+    BYTES_PER_S,
+    MOST_BODY_BYTES,
+    REQUEST_S,
+    SAFE_HEADERS,
+    RequestShares,
+)
 from tests.deconflict.operator.http.served_face import served
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
@@ -69,3 +77,32 @@ async def test_every_answer_has_safe_headers(tmp_path: Path) -> None:
         for path in ("/", "/robots", "/absent", "/healthz", "/metrics"):
             answer = await client.get(path)
             assert answer.headers.keys() >= SAFE_HEADERS.keys()
+
+
+def test_requests_of_one_sender_wait_their_turn_and_those_of_another_do_not() -> None:
+    shares = RequestShares()
+    waits_s = [shares.wait_s("10.0.0.1", 0.0) for _ in range(200)]
+    assert waits_s[:90] == [0.0] * 90
+    assert waits_s == sorted(waits_s)
+    assert waits_s[-1] == pytest.approx(200 * REQUEST_S - BURST_S)
+    assert shares.wait_s("10.0.0.2", 0.0) == 0.0
+    assert shares.wait_s("10.0.0.1", 200 * REQUEST_S) == 0.0
+
+
+def test_long_answers_cost_their_reader_more_turns() -> None:
+    shares = RequestShares()
+    shares.charge("10.0.0.1", 50e6 / BYTES_PER_S, 0.0)
+    assert shares.wait_s("10.0.0.1", 0.0) == pytest.approx(10.0 - BURST_S + REQUEST_S)
+
+
+async def test_a_flood_of_requests_waits_and_what_would_wait_for_long_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.http.request_limits.MOST_WAIT_S", 0.3)
+    monkeypatch.setattr("deconflict.operator.http.request_limits.BURST_S", 0.2)
+    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+        answers = await asyncio.gather(*(client.get("/schema/advisory") for _ in range(60)))
+        assert {answer.status_code for answer in answers} == {200, 429}
+        refused = next(answer for answer in answers if answer.status_code == 429)
+        assert "ask less often" in refused.json()["detail"]
+        assert refused.headers["x-content-type-options"] == "nosniff"
