@@ -19,6 +19,8 @@ MOST_IN_HAND_S = 0.1
 """Processor time that admitted messages of one vendor may need until they are delivered, so that others soon follow."""
 USUAL_S_PER_BYTE, LEARNING_RATE = 1e-7, 0.1
 """Processor time of a message until more is known, and the weight of each further message in its average."""
+OVERHEAD_BYTES = 200
+"""What any message weighs besides its bytes: an empty one takes time too."""
 MOST_WAITING = 10_000
 """Robots of one vendor with a waiting message. Beyond it, the message that has waited longest is dropped."""
 MOST_WAITING_BYTES = 32 << 20
@@ -59,7 +61,7 @@ class TokenBucket:
     filled_s: float
     """When the vendor was last given anything."""
     in_hand_bytes: int = 0
-    """Messages that are admitted and not yet delivered."""
+    """Messages that are admitted and not yet delivered, with their overhead."""
     s_per_byte: float = USUAL_S_PER_BYTE
     """Processor time that its messages take, on average."""
     waiting: OrderedDict[bytes, ArrivedMessage] = field(default_factory=OrderedDict)
@@ -90,12 +92,13 @@ class TokenBucket:
         """Take off what a message costs that is to be delivered now. Its processor time is not known yet."""
         self.messages -= 1
         self.message_bytes -= len(message.raw)
-        self.in_hand_bytes += len(message.raw)
+        self.in_hand_bytes += len(message.raw) + OVERHEAD_BYTES
 
     def delivered(self, message_bytes: int, spent_s: float, rates: Rates) -> None:
         """Take off the processor time of a message that was admitted."""
-        self.in_hand_bytes = max(self.in_hand_bytes - message_bytes, 0)
-        self.s_per_byte += LEARNING_RATE * (spent_s / max(message_bytes, 1) - self.s_per_byte)
+        weight_bytes = message_bytes + OVERHEAD_BYTES
+        self.in_hand_bytes = max(self.in_hand_bytes - weight_bytes, 0)
+        self.s_per_byte += LEARNING_RATE * (spent_s / weight_bytes - self.s_per_byte)
         self.processor_s = max(self.processor_s - spent_s, -rates.processor_s * BURST_S)
 
     def is_idle(self, rates: Rates) -> bool:

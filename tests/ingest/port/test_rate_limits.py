@@ -3,7 +3,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ingest.port.connection import Connection
-from ingest.port.rate_limits import MOST_BUCKETS, MOST_IN_HAND_S, MOST_WAITING_BYTES, ArrivedMessage, RateLimits, Rates
+from ingest.port.rate_limits import (
+    MOST_BUCKETS,
+    MOST_IN_HAND_S,
+    MOST_WAITING_BYTES,
+    OVERHEAD_BYTES,
+    USUAL_S_PER_BYTE,
+    ArrivedMessage,
+    RateLimits,
+    Rates,
+)
 from tests.helpers.saying import identity, status
 
 ALDER, BASALT = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
@@ -98,6 +107,12 @@ def test_messages_that_take_long_are_admitted_a_few_at_a_time() -> None:
         in_hand = limits.due(step * 0.1)
         most_in_hand = max(most_in_hand, len(in_hand))
     assert 1 <= most_in_hand <= MOST_IN_HAND_S / late + 2
+
+
+def test_empty_messages_are_admitted_a_limited_number_at_a_time_too() -> None:
+    limits = RateLimits(Rates(100_000.0))
+    admitted = sum(at_once(limits, "Alder", arrived(b"", connection=Connection(i)), 0.0) for i in range(20_000))
+    assert admitted <= MOST_IN_HAND_S / (OVERHEAD_BYTES * USUAL_S_PER_BYTE) + 1
 
 
 def test_a_vendor_whose_sockets_take_long_is_not_read_for_so_long_that_it_keeps_its_share() -> None:
