@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from ingest.shapes import LARGEST_M, MOST_PARTS, MOST_TRAILERS, Corner, ShapePart, outline_fault
+from ingest.shapes import LARGEST_M, MOST_PARTS, MOST_TRAILERS, Corner, Shape, ShapePart, outline_fault
 
 UNKNOWN = "unknown"
 """The vendor of a robot that no identity, connection or site file names."""
@@ -21,11 +21,9 @@ Seconds = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 DatumId = Annotated[str, AfterValidator(str.lower)]
 Priority = Annotated[float, Field(gt=0, le=100)]
-Envelope = tuple[
-    Annotated[float, Field(gt=0, allow_inf_nan=False)],
-    Annotated[float, Field(gt=0, allow_inf_nan=False)],
-    Metres,
-]
+Size = Annotated[float, Field(gt=0, le=LARGEST_M)]
+Side = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Envelope = tuple[Side, Side, Metres]
 """Length along the heading, width across it, and height, in metres. A height of 0 means unknown."""
 SecretSource = Annotated[str, Field(pattern=r"^((env|file):.+)?$")]
 """Source of a secret: `env:NAME` or `file:PATH`."""
@@ -103,7 +101,6 @@ def _sound_outline(corners_m: tuple[Corner, ...]) -> tuple[Corner, ...]:
 
 Footprint = Annotated[tuple[tuple[Coordinate, Coordinate], ...], AfterValidator(_sound_outline)]
 """The corners of a polygon that does not cross itself, in metres: along the heading, and to its left."""
-Size = Annotated[float, Field(gt=0, le=LARGEST_M)]
 
 
 class PartOutline(Section):
@@ -200,11 +197,14 @@ class Model(PartOutline):
 
     @model_validator(mode="after")
     def _check_model(self) -> Self:
-        others = self.diameter_m, self.footprint_m, self.envelope_m, self.loaded_envelope_m
-        if self.parts and any(others):
+        if self.parts and any((self.diameter_m, self.footprint_m, self.envelope_m, self.loaded_envelope_m)):
             raise _fault("parts replace the other shapes and envelopes; remove either")
         if self.parts and all(part.load for part in self.parts):
             raise _fault("parts need at least one that is not a load")
+        parts = [part for part in (self.round_part(), *(each.shape_part() for each in self.parts)) if part]
+        west, south, east, north = Shape((ShapePart(((0.0, 0.0), self.offset_m)), *parts)).bounds_m
+        if max(east - west, north - south) > LARGEST_M:
+            raise _fault(f"is larger than {LARGEST_M:g} m, or that far from its reported location")
         return self
 
 

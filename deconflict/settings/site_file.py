@@ -121,6 +121,7 @@ def _schema_at(location: Iterable[Any]) -> Any:
     for part in location:
         inner = at.get("items", {}) if isinstance(part, int) else at.get("properties", {}).get(part)
         at = at.get("additionalProperties", {}) if inner is None else inner
+        at = at.get("anyOf", [at])[0]
         at = schema["$defs"][at["$ref"].rsplit("/", 1)[1]] if "$ref" in at else at
     return at
 

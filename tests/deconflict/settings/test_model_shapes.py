@@ -6,6 +6,7 @@ from deconflict.settings.site_file import SiteError, site_from_toml
 
 CIRCLE = "shape = 'circle'\ndiameter_m = 0.8\n"
 BOX = "length_m = 1, width_m = 1, bottom_m = 0"
+TRAILERS = "trailers = { count = 2, length_m = 1, width_m = 1, hitch_m = 1 }"
 
 
 @pytest.mark.parametrize(
@@ -27,6 +28,16 @@ BOX = "length_m = 1, width_m = 1, bottom_m = 0"
         ("parts = [" + f"{{ {BOX}, top_m = 1 }}, " * 9 + "]", ".parts", "at most 8"),
         (f"parts = [{{ {BOX}, top_m = 1, load = true }}]", "", "not a load"),
         (CIRCLE + f"parts = [{{ {BOX}, top_m = 1 }}]", "", "parts replace"),
+        (f"parts = [{{ {BOX}, top_m = 1, offset_m = [-800, 0] }}]", "", "larger than 30 m"),
+        (
+            f"parts = [{{ {BOX}, top_m = 1, offset_m = [-16, 0] }}, {{ {BOX}, top_m = 1, offset_m = [16, 0] }}]",
+            "",
+            "larger than 30 m",
+        ),
+        (CIRCLE + "offset_m = [0, 800]", "", "larger than 30 m"),
+        (TRAILERS.replace("count = 2", "count = 0"), ".trailers.count", "greater than 0"),
+        (TRAILERS.replace("length_m = 1", "length_m = 0"), ".trailers.length_m", "greater than 0"),
+        (TRAILERS.replace("count", "number = 2, count"), ".trailers.number", "expected one of count, length_m"),
     ],
 )
 def test_a_bad_shape_is_named_by_its_key(model: str, key: str, problem: str) -> None:
