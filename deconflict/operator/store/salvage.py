@@ -17,8 +17,8 @@ STEP = 2_048
 PAGE_BYTES = 4_096
 AT_PAGE_COUNT = slice(28, 32)
 """Where the first page of a database has the number of its pages."""
-READ_REVISIONS = """SELECT seq, id, revision, answers, updated_s, document FROM revisions
-WHERE seq BETWEEN ? AND ? AND json_valid(document)"""
+READ_REVISIONS = """SELECT seq, id, revision, answers, updated_s, document, json_valid(document) FROM revisions
+WHERE seq BETWEEN ? AND ?"""
 WRITE_REVISIONS = """INSERT OR IGNORE INTO revisions (seq, id, revision, answers, updated_s, document)
 VALUES (?, ?, ?, ?, ?, ?)"""
 COPIED = (
@@ -119,8 +119,10 @@ def _copy_revisions(
                 middle = (low + high) // 2
                 ranges += [(middle + 1, high), (low, middle)]
         else:
-            db.executemany(WRITE_REVISIONS, rows)
-            copied += len(rows)
+            sound = [row[:-1] for row in rows if row[-1]]
+            db.executemany(WRITE_REVISIONS, sound)
+            copied += len(sound)
+            lost += len(rows) - len(sound)
     return Salvage(copied, lost, is_complete=True)
 
 

@@ -22,6 +22,8 @@ BUSY_TIMEOUT_S = 5.0
 RENEW_EVERY_S = 60.0
 """A file that is damaged again within this time is not replaced again: the disk is at fault."""
 DAMAGE = ("SQLITE_NOTADB", "SQLITE_CORRUPT")
+DAMAGED_DOCUMENT = "malformed JSON"
+"""SQLite's words for a document in which a query finds damage."""
 
 
 class DamagedStoreError(StoreError):
@@ -178,7 +180,7 @@ class SqliteConnections:
         try:
             yield
         except sqlite3.Error as error:
-            if getattr(error, "sqlite_errorname", "").startswith(DAMAGE):
+            if getattr(error, "sqlite_errorname", "").startswith(DAMAGE) or str(error) == DAMAGED_DOCUMENT:
                 self._is_damaged = True
                 raise DamagedStoreError(f"{self.path}: {error}: it is set aside, and a new one is begun") from error
             raise StoreError(f"{self.path}: {error}: {_remedy(error)}") from error

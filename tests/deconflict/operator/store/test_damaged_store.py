@@ -188,3 +188,17 @@ def test_a_stored_revision_that_cannot_be_read_holds_up_no_other(
     assert "advisory-4" not in {each.id for each in store.latest("all").advisories}
     assert store.get("advisory-4") == []
     store.close()
+
+
+def test_a_document_in_which_a_query_finds_damage_is_left_behind_in_the_old_file(tmp_path: Path) -> None:
+    filled(tmp_path, 10)
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as db:
+        db.execute("UPDATE revisions SET document = replace(document, ':', ';') WHERE seq = 4")
+        db.commit()
+    store = Store(tmp_path)
+    with pytest.raises(DamagedStoreError, match="malformed JSON"):
+        store.raised_between(START.timestamp() - 60, START.timestamp() + 3_600)
+    assert sum(store.raised_between(START.timestamp() - 60, START.timestamp() + 3_600).values()) == 7
+    assert store.renewal
+    assert store.renewal.salvage == (9, 1, True)
+    store.close()
