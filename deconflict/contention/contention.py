@@ -209,7 +209,7 @@ class Contention:
         capacity = {resource.id: resource.capacity for resource in self.geometry.resources.values()}
         wants = place_wants(journeys, capacity)
         for_good = [each for each in in_way if self.robots[each.waiter].vendor not in self._people]
-        self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(for_good)])
+        self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(for_good, self.robots, aisles, now_s)])
         found = blockages(in_way, self.robots)
         found = self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s)
         refuges = self._refuges() if self._rings or found else []

@@ -116,13 +116,14 @@ class QueueAdvice:
         """What ends a ring: in a lane that not all have entered, an order of entry; otherwise a detour of one robot."""
         lane = ring[0].where
         passages = [robots[link.waiter].passages.get(lane) for link in ring]
-        inside = [passage is not None and passage.enter_s <= now_s for passage in passages]
+        inside = [robots[link.waiter].is_inside(lane, now_s) for link in ring]
         if {link.where for link in ring} != {lane} or None in passages:
             return self._detour(ring, robots, refuges, now_s)
         waiters = tuple(link.waiter for link in ring)
         if all(inside):
-            asked = self._questions.get((lane, *waiters))
-            return self._back_out(ring, robots, asked.advice if asked else None, now_s)
+            question = self._questions.setdefault((lane, *waiters), _QueueQuestion())
+            question.wanted_s, question.advice = now_s, self._back_out(ring, robots, question.advice, now_s)
+            return question.advice
         requests = [
             ServiceRequest(
                 robot=link.waiter,

@@ -55,6 +55,11 @@ class RobotView:
     passages: Mapping[str, ZonePassage] = field(default_factory=dict)
     """By zone id."""
 
+    def is_inside(self, zone: str, now_s: float) -> bool:
+        """Whether a part of it is in a zone."""
+        passage = self.passages.get(zone)
+        return passage is not None and passage.enter_s <= now_s
+
     @property
     def speed_mps(self) -> float:
         """Along its path; walking pace if it is not forecast to move."""

@@ -98,7 +98,7 @@ def back_out(
     plans = []
     for link in ring:
         robot, other = robots[link.waiter], robots[link.holder]
-        back_m, other_m = (_depth_m(each, link.where, lane_m, now_s) for each in (robot, other))
+        back_m, other_m = _depths_m(robot, other, link.where, lane_m, now_s)
         out_s = max(lane_m + other.length_m - other_m, back_m) / SPEED_MPS
         starts_s = now_s + out_s + CHANGEOVER_S
         cost_s = priority(robot.uuid) * (starts_s - now_s + back_m / SPEED_MPS)
@@ -124,11 +124,12 @@ def back_out(
     return advice, uuid, back_m
 
 
-def _depth_m(robot: RobotView, lane: str, lane_m: float, now_s: float) -> float:
-    """How far a robot has to back up until its front is out of the lane where it came in."""
-    passage = robot.passages[lane]
-    along_m = passage.at_m(now_s)
-    return max((along_m if passage.direction > 0 else lane_m - along_m) + robot.length_m / 2, 0.0)
+def _depths_m(robot: RobotView, other: RobotView, lane: str, lane_m: float, now_s: float) -> tuple[float, float]:
+    """How far each of two robots that face each other has to back up until its front is out of the lane."""
+    along_m, other_m = (each.passages[lane].at_m(now_s) for each in (robot, other))
+    if along_m > other_m:
+        along_m, other_m = lane_m - along_m, lane_m - other_m
+    return max(along_m + robot.length_m / 2, 0.0), max(lane_m - other_m + other.length_m / 2, 0.0)
 
 
 def _first_move(advice: Recommendation) -> tuple[str, str]:

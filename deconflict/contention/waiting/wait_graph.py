@@ -4,7 +4,7 @@ A robot keeps its place until it departs for the next, and what it wants must be
 each want the other's place would have to pass each other somewhere, which the service can't plan.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import hypot, inf
 from typing import NamedTuple, Self
@@ -225,12 +225,20 @@ def _hindrance(waiter: RobotView, blocker: RobotView, along_m: float, now_s: flo
     return Hindrance(waiter.uuid, blocker.uuid, from_s, since_s)
 
 
-def way_wants(in_way: Iterable[Hindrance]) -> list[Want]:
-    """The wants of robots for their paths."""
-    return [Want((each.waiter, 0), ((each.blocker, 0),), PATH, each.from_s) for each in in_way]
+def way_wants(
+    in_way: Iterable[Hindrance], robots: Mapping[str, RobotView], aisles: Collection[str], now_s: float
+) -> list[Want]:
+    """The wants of robots for their paths; for the aisle, if both robots are in one."""
+    lanes = sorted(aisles)
+    wants = []
+    for each in in_way:
+        both = robots[each.waiter], robots[each.blocker]
+        lane = next((lane for lane in lanes if all(robot.is_inside(lane, now_s) for robot in both)), PATH)
+        wants.append(Want((each.waiter, 0), ((each.blocker, 0),), lane, each.from_s))
+    return wants
 
 
-def aisle_wants(robots: Iterable[RobotView], aisles: Iterable[str]) -> list[Want]:
+def aisle_wants(robots: Iterable[RobotView], aisles: Collection[str]) -> list[Want]:
     """The wants of robots for a lane, towards each other at one height."""
     wanted = set(aisles)
     by_aisle: dict[str, list[RobotView]] = {}

@@ -333,6 +333,25 @@ def test_two_that_stand_nose_to_nose_have_an_advisory_within_seconds() -> None:
     assert raised(Scene(people, robots).run(20), "deadlock") == [], "people step aside"
 
 
+def test_two_that_stand_nose_to_nose_in_an_aisle_keep_the_order_to_back_out() -> None:
+    forth, back = [(0.0, -16.0, 0.0), (70.0, 54.0, 0.0)], [(0.0, 17.0, 0.0), (70.0, -53.0, 0.0)]
+
+    def state(t: float) -> str:
+        return "navigating" if t < 17 else waits()
+
+    robots = {
+        "A": Script([(0, -16, 0), (15.8, -0.2, 0)], state=state, means=forth),
+        "B": Script([(0, 17, 0), (15.8, 1.2, 0)], state=state, means=back),
+    }
+    advisories = Scene(site(aisle("lane", -8, 12)), robots).run(60)
+    locked = [each for each in advisories if isinstance(each, DeadlockAdvisory)]
+    orders = [each.recommendation.actions[0] for each in locked if each.recommendation]
+    since_inside = orders[[order.action for order in orders].index("back_out") :]
+    assert {(order.action, order.robot) for order in since_inside} == {("back_out", robot("A"))}
+    assert cleared(advisories, "deadlock") == []
+    assert {link.where for each in locked for link in each.cycle} == {"lane"}
+
+
 def test_a_queue_that_blocks_the_exit_of_what_it_waits_for_is_a_deadlock() -> None:
     charger = resource("c1", 0, 0, kind="charger", service_s=30.0)
     leaving = Script(
