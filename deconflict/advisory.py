@@ -131,6 +131,7 @@ class Acknowledgement(Published):
     name: str = Field(description="name of the person")
     reason: str = Field(description="what is done about it, or why nothing is")
     at: datetime
+    summary: str = Field(default="", description="the summary that was acknowledged; later revisions may have another")
 
 
 class Advisory(Published):

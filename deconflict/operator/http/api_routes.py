@@ -98,7 +98,8 @@ class ApiRoutes:
         revisions = await asyncio.to_thread(self._store.get, advisory_id)
         if revisions and revisions[-1].state is AdvisoryState.CLEARED:
             raise HTTPException(409, f"{advisory_id!r} is cleared; only what is open can be acknowledged")
-        acknowledgement = Acknowledgement(name=name, reason=answer.reason, at=datetime.now(UTC))
+        summary = revisions[-1].summary if revisions else ""
+        acknowledgement = Acknowledgement(name=name, reason=answer.reason, at=datetime.now(UTC), summary=summary)
         answered = await self._publisher.acknowledge(advisory_id, acknowledgement)
         if answered is None:
             raise _no_advisory(advisory_id)

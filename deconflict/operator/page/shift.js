@@ -2,7 +2,7 @@
 
 import { remember, remembered } from "./acknowledge.js";
 import { inside } from "./places.js";
-import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span, what } from "./texts.js";
+import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span } from "./texts.js";
 
 const MOST_ROWS = 10;
 const $ = (id) => document.getElementById(id);
@@ -25,14 +25,14 @@ export class Shift {
       const answer = await fetch(`shift?since_s=${fromS}`);
       if (!answer.ok) throw new Error(answer.statusText);
       const { situations, complete } = await answer.json();
-      this.show(situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost })).filter((each) => !each.joined_into), fromS, complete);
+      this.show(situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost })), fromS, complete);
     } catch (error) {
       $("shift-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
-  show(situations, fromS, isComplete) {
-    const acknowledged = situations.filter(({ acknowledgement }) => acknowledgement), open = situations.filter(({ state }) => state !== "cleared").length;
+  show(all, fromS, isComplete) {
+    const acknowledged = answers(all), situations = all.filter((each) => !each.joined_into), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
     const lead = `${document.title}, ${when(fromS)} to ${when(Date.now() / 1000)}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
       + `If nobody had done anything, robots were expected to lose ${span(sum(situations, ({ lost }) => lost))} in all.`;
@@ -42,10 +42,7 @@ export class Shift {
       table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_because: because }) => [sentence(because)])),
       table("Where", ["Place", "Times"], tally(situations, (each) => [this.place(each)])),
       table("Whose robots", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
-      table("Who acknowledged what", ["At", "Who", "What", "Done about it"], acknowledged.map((each) => {
-        const { acknowledgement: { name, reason, at } } = each;
-        return [clock(seconds(at)).slice(0, 5), name, what(each), reason];
-      })),
+      table("Who acknowledged what", ["At", "Who", "What", "Done about it"], acknowledged.map(({ name, reason, at, summary }) => [clock(seconds(at)).slice(0, 5), name, summary, reason])),
     );
   }
 
@@ -60,6 +57,12 @@ export class Shift {
 }
 
 function when(atS) { return `${new Date(atS * 1000).toLocaleDateString()} ${clock(atS).slice(0, 5)}`; }
+
+// Each acknowledgement once, also if it passed on to the situation that its own became part of; the oldest first.
+function answers(situations) {
+  const given = situations.filter(({ acknowledgement }) => acknowledgement).map((each) => ({ ...each.acknowledgement, summary: sentence(each.acknowledgement.summary || each.summary) }));
+  return [...new Map(given.map((answer) => [`${answer.at} ${answer.name} ${answer.summary}`, answer])).values()].sort((a, b) => seconds(a.at) - seconds(b.at));
+}
 
 function kinds(situations) {
   const nowS = Date.now() / 1000, forS = ({ since_at: since, cleared_at: end }) => (end ? seconds(end) : nowS) - seconds(since);

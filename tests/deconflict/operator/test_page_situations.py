@@ -386,7 +386,9 @@ async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_ackn
         body = await text(page, "#shift-body")
         assert "1 of them critical at worst; 1 still open, 1 acknowledged" in body
         assert "They have passed" in body
-        assert "Kim" in body
+        answered = await text(page, "#shift-body section:last-child tbody tr")
+        assert "Kim" in answered
+        assert "A-4 and others meet in 5 s at Column 2" in answered
         PICTURES.mkdir(parents=True, exist_ok=True)
         await page.screenshot(path=PICTURES / "shift.png")
 

@@ -232,6 +232,9 @@ async def test_an_acknowledgement_is_answered_with_the_advisory_and_listed_for_a
     assert (answered.json()["seq"], answered.json()["acknowledgement"]["name"]) == (2, "Kim")
     (listed,) = (await client.get("/advisories")).json()["advisories"]
     assert listed == answered.json()
+    await face.publish(made(1, revision=2, summary="they close up"))
+    (later,) = (await client.get("/advisories")).json()["advisories"]
+    assert (later["summary"], later["acknowledgement"]["summary"]) == ("they close up", made(1).summary)
 
 
 @pytest.mark.parametrize("body", [{"name": "Kim", "reason": "  "}, {"reason": "called back"}, {"name": "Kim"}, {}])
