@@ -171,7 +171,6 @@ ABUSES = (
     repeat_one_instant,
     send_too_much,
     send_in_crumbs,
-    send_compressed,
     send_text_that_is_none,
     drip,
     say_absurd_points,

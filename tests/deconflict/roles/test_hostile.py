@@ -25,6 +25,7 @@ from tests.deconflict.roles.made_abuses import (
     repeat_one_instant,
     say_absurd_points,
     say_what_is_broken,
+    send_compressed,
 )
 from tests.deconflict.roles.made_service import CROSSING, Running, drive
 from tests.helpers.patience import PATIENCE_S
@@ -93,6 +94,7 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
         await come_in(service)
         driving = asyncio.create_task(drive(f"{service.robots_url}/Alder", CROSSING, 40, time.time() + 8))
         await service.until("/robots", lambda answer: robots_of(answer, "Alder") == len(CROSSING))
+        await send_compressed(service.robots_url)
         abusing = [asyncio.create_task(abuse(service.robots_url)) for abuse in ABUSES]
         advisory = await first_advisory(service, "conflict")
         assert (advisory.state, set(advisory.robots)) == (AdvisoryState.RAISED, {robot("A-1"), robot("B-1")})

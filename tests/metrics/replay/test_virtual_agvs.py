@@ -1,4 +1,4 @@
-"""Senders that this project did not write: the virtual robots of npm's `vda-5050-lib` drive orders that cross."""
+"""Senders that this project did not write: the virtual robots of npm's `vda-5050-lib` drive towards each other."""
 
 import asyncio
 import json
@@ -43,7 +43,7 @@ async def capture_of_two(path: Path) -> Path:
     return path
 
 
-async def test_the_crossing_of_two_virtual_robots_is_predicted_from_their_orders(tmp_path: Path) -> None:
+async def test_the_meeting_of_two_virtual_robots_is_predicted_from_their_orders(tmp_path: Path) -> None:
     log = await capture_of_two(tmp_path / "capture.jsonl")
     reader = LogReader()
     result = replay(reader, reader.read([log]), SITE, [0.3])

@@ -1,10 +1,11 @@
-// Two virtual robots of `vda-5050-lib` (Siemens) and a fleet manager that sends them orders that cross.
+// Two virtual robots of `vda-5050-lib` (Siemens) and a fleet manager that sends them towards each other,
+// so that they meet also if the second sets out late.
 // Arguments: the broker's port, and the seconds after which it ends.
 const { AgvController, MasterController, VirtualAgvAdapter } = require("vda-5050-lib");
 
 const [port, seconds] = process.argv.slice(2).map(Number);
 const client = { interfaceName: "uagv", transport: { brokerUrl: `mqtt://127.0.0.1:${port}` }, vdaVersion: "2.0.0" };
-const WAYS = { east: [[-8, 0], [6, 0]], north: [[0, -8], [0, 6]] };
+const WAYS = { east: [[-8, 0], [6, 0]], west: [[6, 0], [-8, 0]] };
 
 async function drive(master, serialNumber, [from, to]) {
   const id = { manufacturer: "Siemens", serialNumber };
