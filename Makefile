@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 # What runs, and what tests need besides.
 INSTALLED := $(VENV)/.installed
 READY := $(VENV)/.ready
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+# Python compiles what it imports when it first does; to compile all of it takes as long as to install it.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
 .PHONY: demo check test lint types audit lock artefacts check-wheel release sign docs clean
 
@@ -22,6 +23,8 @@ $(READY): $(INSTALLED)
 	$(BIN)/deconflict prepare
 	touch $(READY)
 
+# The modules that are imported first are kept compiled, also where the environment says otherwise.
+demo: export PYTHONDONTWRITEBYTECODE =
 demo: $(INSTALLED)
 	$(BIN)/deconflict demo
 

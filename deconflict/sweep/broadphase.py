@@ -406,21 +406,15 @@ def boxes_of_pairs(
     return boxes, found[:n].copy(), pair_of[:n].copy()
 
 
-@kernel(numba.float64(_BOX[:, ::1], numba.int64[::1]))
 def _cell_side(boxes: NDArray[Any], rings: Ints) -> float:
-    """The side of a cell, by the 90 % quantile of the sides of a sample of boxes."""
-    step, n = 1 + boxes.shape[1] // 100, 0
-    longest = np.empty(len(rings) * (1 + boxes.shape[1] // step))
-    for ring in rings:
-        for slot in range(0, boxes.shape[1], step):
-            box = boxes[ring, slot]
-            if box.floor != ABSENT:
-                longest[n] = max(box.east - box.west, box.north - box.south)
-                n += 1
-    if n == 0:
+    """The side of a cell, by the 90 % quantile of the sides of a sample of boxes. No kernel: it is quick as it is."""
+    sample = boxes[rings, :: 1 + boxes.shape[1] // 100]
+    present = sample[sample["floor"] != ABSENT]
+    if len(present) == 0:
         return NARROWEST_M
-    most = n * 9 // 10
-    return float(max(ROOMY * np.partition(longest[:n], most)[most], NARROWEST_M))
+    longest = np.maximum(present["east"] - present["west"], present["north"] - present["south"])
+    most = len(longest) * 9 // 10
+    return float(max(ROOMY * np.partition(longest, most)[most], NARROWEST_M))
 
 
 class SweptBoxes:

@@ -12,10 +12,14 @@ ROUNDING_M = 1e-6
 _BOXES = numba.types.Array(numba.float64, 2, "C", readonly=True)
 
 
-@kernel(numba.int64[:, ::1](_BOXES, _BOXES))
 def touching_boxes(boxes: Floats, others: Floats) -> Ints:
     """(k, 2) rows of `boxes` (n, 4) and `others` (m, 4) that touch, by the first; each is west, south, east, north."""
-    order = np.argsort(others[:, 0])
+    return _touching(boxes, others, np.argsort(others[:, 0]))
+
+
+@kernel(numba.int64[:, ::1](_BOXES, _BOXES, numba.int64[::1]))
+def _touching(boxes: Floats, others: Floats, order: Ints) -> Ints:
+    """The same, with the order of `others` from west to east."""
     ranked, west_m = others[order], others[order, 0]
     widest_m = (others[:, 2] - others[:, 0]).max() if len(others) else 0.0
     found, k = np.empty((len(boxes), 2), np.int64), 0
