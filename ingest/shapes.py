@@ -1,7 +1,8 @@
 """Shapes of robots that are more than one rectangle: circles, polygons, and several of them at different heights."""
 
 from collections.abc import Iterable, Sequence
-from math import hypot, inf
+from functools import lru_cache
+from math import hypot, inf, isfinite
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -15,6 +16,8 @@ MOST_CORNERS, MOST_PARTS, MOST_TRAILERS, LARGEST_M = 32, 8, 10, 30.0
 """Limits of a footprint, of a model, of a train, and of the sides of all of them."""
 SMALLEST_M2 = 1e-4
 """A polygon of which all triangles have less area has none."""
+SMALLEST_SWEPT_M2 = 1e-12
+"""The sweep takes smaller ones, as a small part or load."""
 
 Corner = tuple[float, float]
 
@@ -66,8 +69,9 @@ class Shape(NamedTuple):
 
     @classmethod
     def polygon(cls, corners_m: Iterable[tuple[float, float]]) -> Self:
-        """A polygon, convex or not, that does not cross itself."""
-        return cls((ShapePart(tuple((float(x), float(y)) for x, y in corners_m)),))
+        """A polygon, convex or not, that does not cross itself. The first corner may be repeated as the last."""
+        corners = tuple((float(x), float(y)) for x, y in corners_m)
+        return cls((ShapePart(corners[:-1] if corners and corners[0] == corners[-1] else corners),))
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -157,12 +161,35 @@ def _part(outline_m: Any, radius_m: float, bottom_m: float | None, top_m: float 
 
 def outline_fault(corners_m: Sequence[Corner]) -> str | None:
     """What is wrong with the corners of a polygon; None if nothing is."""
+    if len(corners_m) and max(max(values) - min(values) for values in zip(*corners_m, strict=True)) > LARGEST_M:
+        return f"is larger than {LARGEST_M:g} m"
+    return _form_fault(corners_m, SMALLEST_M2)
+
+
+def is_sound(shape: Shape) -> bool:
+    """Whether a robot of this shape can be swept. The size does not matter: a load may be large."""
+    trailers = all(0.0 < size_m < inf for trailer in shape.trailers for size_m in trailer[:3])
+    are_finite = all(map(isfinite, (*shape.axle_m, *(trailer.yaw_rad for trailer in shape.trailers))))
+    return trailers and are_finite and all(map(_is_sound, shape.parts))
+
+
+@lru_cache(4096)
+def _is_sound(part: ShapePart) -> bool:
+    heights_m = part.bottom_m, part.top_m
+    if heights_m != (-inf, inf) and not 0.0 <= part.bottom_m <= part.top_m < inf:
+        return False
+    if not all(isfinite(value) for corner in part.outline_m for value in corner):
+        return False
+    if part.radius_m:
+        return 0.0 < part.radius_m < inf and len(part.outline_m) == 1
+    return not _form_fault(part.outline_m, SMALLEST_SWEPT_M2)
+
+
+def _form_fault(corners_m: Sequence[Corner], smallest_m2: float) -> str | None:
     if not 3 <= len(corners_m) <= MOST_CORNERS:
         return f"expected 3 to {MOST_CORNERS} corners, not {len(corners_m)}"
-    if max(max(values) - min(values) for values in zip(*corners_m, strict=True)) > LARGEST_M:
-        return f"is larger than {LARGEST_M:g} m"
     sides = list(zip(corners_m, [*corners_m[1:], corners_m[0]], strict=True))
-    if all(abs(_side(corners_m[0], *side)) / 2 < SMALLEST_M2 for side in sides):
+    if all(abs(_side(corners_m[0], *side)) / 2 < smallest_m2 for side in sides):
         return "has no area"
     if any(_cross(*sides[row], *other) for row in range(len(sides)) for other in sides[row + 1 :]):
         return "crosses itself; list the corners in their order around the robot, each once"
@@ -173,10 +200,10 @@ def _cross(a: Corner, b: Corner, c: Corner, d: Corner) -> bool:
     """Whether two sides of a polygon meet elsewhere than at a corner that they share."""
     if b == c or a == d:
         return _side(a, b, d if b == c else c) == 0.0 and _are_folded(a, b, c, d)
+    if any(max(min(a[k], b[k]), min(c[k], d[k])) > min(max(a[k], b[k]), max(c[k], d[k])) for k in (0, 1)):
+        return False
     of_c, of_d, of_a, of_b = _side(a, b, c), _side(a, b, d), _side(c, d, a), _side(c, d, b)
-    if of_c == of_d == 0.0:
-        return all(max(min(a[k], b[k]), min(c[k], d[k])) <= min(max(a[k], b[k]), max(c[k], d[k])) for k in (0, 1))
-    return of_c * of_d <= 0.0 and of_a * of_b <= 0.0
+    return of_c == of_d == 0.0 or (of_c * of_d <= 0.0 and of_a * of_b <= 0.0)
 
 
 def _are_folded(a: Corner, b: Corner, c: Corner, d: Corner) -> bool:

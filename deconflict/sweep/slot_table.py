@@ -65,13 +65,16 @@ class SlotTable:
         return slots
 
     def _set_shapes(self, slots: Ints, numbers: Ints | int) -> None:
-        """Set the shapes of robots. The rectangle around a shape is that of the shape, whatever was reported."""
+        """Set the shapes of robots. The rectangle around a shape is that of the shape, and its top not below that of a
+        part, whatever was reported."""
         if isinstance(numbers, int):
             return
         self.robots["shape"][slots] = numbers
         shaped = numbers > 0
         slots, numbers = slots[shaped], numbers[shaped]
         grown_m = self.widened_m[slots] / 2
+        tops_m = self.robots["bottom"][slots] + SHAPES.top_m[numbers]
+        self.robots["top"][slots] = np.maximum(self.robots["top"][slots], tops_m)
         half_m = SHAPES.half_m[numbers].T + grown_m
         self.robots["grown"][slots] = grown_m
         self.robots["half_length"][slots], self.robots["half_width"][slots] = half_m

@@ -1,11 +1,11 @@
 from dataclasses import replace
-from math import inf
+from math import inf, nan
 
 import numpy as np
 import pytest
 
 from ingest.batch import Forecasts
-from ingest.shapes import Corner, Shape, ShapePart, joined_shapes, outline_fault, shapes_of
+from ingest.shapes import Corner, Shape, ShapePart, Trailer, is_sound, joined_shapes, outline_fault, shapes_of
 
 
 @pytest.mark.parametrize(
@@ -32,11 +32,50 @@ def test_a_bad_outline_is_named(corners: list[Corner], fault: str) -> None:
         [(0, 0), (0, 1), (1, 0)],
         [(1.2, 0.3), (0.2, 0.6), (-0.9, 0.6), (-0.3, 0), (-0.9, -0.6), (1.2, -0.3)],
         [(0, 0), (1, 0), (2, 0), (2, 1), (0, 1)],
+        [(0.2, 0.30000000000000004), (0.1, 0.3), (0.1, 0.4), (0, 0.5), (0.4, 0.5), (0.5, 0.4), (0.5, 0), (0.4, 0.1)],
     ],
 )
 def test_a_good_outline_has_no_fault(corners: list[Corner]) -> None:
     assert outline_fault(corners) is None
     assert outline_fault([(x + 100, y - 5) for x, y in corners[::-1]]) is None
+
+
+SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Shape.circle(0.0),
+        Shape.circle(-1.0),
+        Shape.circle(nan),
+        Shape.polygon([]),
+        Shape.polygon([(0, 0), (1, 0)]),
+        Shape.polygon([(0, 0), (1, 0), (2, 0)]),
+        Shape.polygon([(0, 0), (1, 1), (1, 0), (0, 1)]),
+        Shape.polygon([(0, 0), (1, nan), (1, 0)]),
+        Shape.polygon([(np.cos(at), np.sin(at)) for at in np.arange(33) * 2 * np.pi / 33]),
+        Shape((ShapePart(SQUARE, 0.5),)),
+        Shape((ShapePart(SQUARE, 0.0, 1.0, 0.5),)),
+        Shape((ShapePart(SQUARE, 0.0, -1.0, 0.5),)),
+        Shape((ShapePart(SQUARE, 0.0, 1.0),)),
+        Shape((), (0.0, 0.0), (Trailer(1.0, 1.0, 0.0),)),
+        Shape((), (0.0, 0.0), (Trailer(0.0, 1.0, 1.0),)),
+        Shape((), (nan, 0.0), (Trailer(1.0, 1.0, 1.0),)),
+    ],
+)
+def test_what_cannot_be_swept_is_not_sound(shape: Shape) -> None:
+    assert not is_sound(shape)
+
+
+def test_large_and_small_loads_are_sound() -> None:
+    for size_m in (1e-3, 200.0):
+        assert is_sound(Shape((ShapePart.box((5.0, 0.0), size_m, 1e-3, 0.0, 1.0),)))
+    assert is_sound(Shape((), (0.0, 0.0), (Trailer(1.0, 1.0, 1.0),)))
+
+
+def test_a_ring_that_is_closed_is_the_same_polygon() -> None:
+    assert Shape.polygon([*SQUARE, SQUARE[0]]) == Shape.polygon(SQUARE)
 
 
 def test_sizes_are_of_the_rectangle_and_the_circle_around_the_centre() -> None:

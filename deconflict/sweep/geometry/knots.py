@@ -17,6 +17,7 @@ from deconflict.sweep.geometry.pose import between
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel, ready
+from ingest.shapes import is_sound as is_sound_shape
 
 KNOT = np.dtype(
     [
@@ -81,7 +82,7 @@ def is_sound(
     bottom_m: Floats,
     top_m: Floats,
 ) -> bool:
-    """Whether `faults` finds no fault. A comparison with nan is false."""
+    """Whether `faults` finds no fault but of shapes. A comparison with nan is false."""
     for row in range(len(start) - 1):
         if start[row + 1] <= start[row] or not bottom_m[row] <= top_m[row]:
             return False
@@ -105,7 +106,14 @@ def faults(forecasts: Forecasts) -> dict[int, str]:
     f = forecasts
     by_knot, by_robot = (f.t_s, f.x_m, f.y_m, f.yaw_rad), (f.length_m, f.width_m, f.bottom_m, f.top_m)
     sound = _sound(ready(f.start, np.int64), *(ready(column) for column in (*by_knot, *by_robot)))
-    return {} if sound else _reasons(forecasts)
+    reasons = {} if sound else _reasons(forecasts)
+    return reasons | dict.fromkeys(_unsound_shapes(forecasts), "shape-not-valid")
+
+
+def _unsound_shapes(forecasts: Forecasts) -> list[int]:
+    """The rows of shapes that can't be swept."""
+    shapes = () if forecasts.shapes is None else forecasts.shapes
+    return [row for row, shape in enumerate(shapes) if shape is not None and not is_sound_shape(shape)]
 
 
 def _reasons(forecasts: Forecasts) -> dict[int, str]:
@@ -210,6 +218,8 @@ def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: For
     Returns the new end of the used knots. Nothing is written if that is beyond `knots`, or if a forecast is invalid:
     then the result is `UNSOUND`.
     """
+    if _unsound_shapes(forecasts):
+        return UNSOUND
     f, table = forecasts, (robots, knots, slots, used)
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))

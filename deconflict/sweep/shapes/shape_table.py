@@ -73,6 +73,8 @@ class ShapeTable:
         self.arrays = Pieces(np.zeros(2, np.int64), np.empty(0, PIECE), np.empty(0, CORNER))
         self.half_m: Floats = np.zeros((1, 2))
         """(shapes, 2) half the sides of the rectangle around each shape."""
+        self.top_m: Floats = np.full(1, -inf)
+        """(shapes,) the highest top of a part, above the bottom of the robot; -inf if all are as high as the robot."""
         self.is_plain: Bools = np.ones(1, bool)
         """(shapes,) whether each shape is a rectangle or one circle: the distance of two of these is one formula."""
         self._numbers: dict[tuple[ShapePart, ...], int] = {}
@@ -111,6 +113,7 @@ class ShapeTable:
                 first += len(outline)
         self._shapes.append(shape)
         self.half_m = np.concatenate([self.half_m, [np.array(shape.size_m) / 2]])
+        self.top_m = np.append(self.top_m, max((part.top_m for part in shape.parts if part.top_m < inf), default=-inf))
         self.is_plain = np.append(self.is_plain, len(shape.parts) == 1 and shape.parts[0].radius_m > 0.0)
         pieces = np.concatenate([pieces, np.array(rows, PIECE)])
         self.arrays = Pieces(np.append(begins, len(pieces)), pieces, np.concatenate(outlines))

@@ -23,7 +23,7 @@ from ingest.languages.vda5050.vda_messages import (
 MAX_SPEED_MPS = 100.0
 MOVING_MPS = 0.02
 MOST_WAYPOINTS = 200
-LONGEST_LOAD_M = 100.0
+SHORTEST_LOAD_M, LONGEST_LOAD_M = 1e-3, 100.0
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
 STANDING_REPORTS_S = 35.0
@@ -163,7 +163,9 @@ def _load_box(loads: list[Load]) -> LoadBox | None:
     top_m = 0.0
     for load in loads:
         size, at = load.load_dimensions, load.bounding_box_reference
-        if size is None or at is None or not (0 < size.length <= LONGEST_LOAD_M and 0 < size.width <= LONGEST_LOAD_M):
+        if size is None or at is None:
+            continue
+        if not all(SHORTEST_LOAD_M <= side_m <= LONGEST_LOAD_M for side_m in (size.length, size.width)):
             continue
         if not (abs(at.x) <= LONGEST_LOAD_M and abs(at.y) <= LONGEST_LOAD_M):
             continue

@@ -20,6 +20,7 @@ from deconflict.sweep.geometry.knots import Knots, Robots
 from deconflict.sweep.slot_table import SlotTable
 from deconflict.sweep.sweep_once import Conflicts, Invalid, first_contacts, sweep
 from ingest.batch import Floats, Forecasts, Ints
+from ingest.shapes import Shape, shapes_of
 from tests.helpers.made_encounters import (
     FAMILIES,
     HORIZON_S,
@@ -173,6 +174,7 @@ def test_agrees_with_the_oracle_wherever_hypothesis_looks(
 
 def test_invalid_robots_are_named_and_the_others_swept(monkeypatch: pytest.MonkeyPatch) -> None:
     nan, inf = float("nan"), float("inf")
+    wheel = np.cos(np.arange(40) * np.pi / 20), np.sin(np.arange(40) * np.pi / 20)
     stands = robot([0], [0], [0], 0, (1, 1))
     invalid = {
         "not-finite": robot([0, 1], [0, nan], [0, 0], 0, (1, 1)),
@@ -181,6 +183,7 @@ def test_invalid_robots_are_named_and_the_others_swept(monkeypatch: pytest.Monke
         "size-not-finite": robot([0], [0], [0], 0, (1, inf)),
         "heights-not-ordered": robot([0], [0], [0], 0, (1, 1), height=(2, 1)),
         "no-knots": robot([], [], [], [], (1, 1)),
+        "shape-not-valid": replace(stands, shapes=shapes_of([Shape.polygon(zip(*wheel, strict=True))])),
     }
     asked: list[NDArray[np.float64]] = []
 

@@ -1,5 +1,6 @@
 """Knots and velocities against the oracle's tracks, and the reasons for invalid forecasts."""
 
+import dataclasses
 from math import inf, nan, pi
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, faults, replace
 from ingest.batch import Forecasts
+from ingest.shapes import Shape, shapes_of
 from tests.helpers.made_encounters import FAMILIES, encounters, robot
 from tests.helpers.oracle import Track
 
 SQUARE = (1.0, 1.0)
+BOW_TIE = Shape.polygon([(0, 0), (1, 1), (1, 0), (0, 1)])
 
 
 def knots_of(forecasts: Forecasts) -> Knots:
@@ -86,6 +89,7 @@ def test_nothing_is_written_if_there_is_no_room() -> None:
         ("size-not-finite", robot([0], [0], [0], 0, (inf, 1))),
         ("heights-not-ordered", robot([0], [0], [0], 0, SQUARE, height=(1, 0.5))),
         ("heights-not-ordered", robot([0], [0], [0], 0, SQUARE, height=(nan, 1))),
+        ("shape-not-valid", dataclasses.replace(robot([0], [0], [0], 0, SQUARE), shapes=shapes_of([BOW_TIE]))),
     ],
 )
 def test_what_is_wrong_with_a_forecast_is_named(reason: str, wrong: Forecasts) -> None:

@@ -10,7 +10,7 @@ from deconflict.sweep import incremental
 from deconflict.sweep.shapes import fcl_shapes, shape_decisions
 from deconflict.sweep.sweep_once import Conflicts, sweep
 from ingest.batch import Forecasts
-from ingest.shapes import Shape, shapes_of
+from ingest.shapes import Shape, ShapePart, shapes_of
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, encounters, robot, rows_of_pairs
 from tests.helpers.made_shapes import KINDS
 from tests.helpers.shape_oracle import ShapedTrack, approach, distances
@@ -90,6 +90,13 @@ def test_a_shape_wholly_inside_another_is_in_contact(kind: str, clearance_m: flo
         found = sweep(forecasts, now_s=NOW_S, clearance_m=clearance_m)
         assert found.contact_s.tolist() == [NOW_S]
         assert found.separation_m.tolist() == [0.0]
+
+
+def test_a_part_counts_where_it_is_though_the_robot_was_reported_lower() -> None:
+    flat, high = robot([0], [0], [0], 0.0, (1, 1), height=(0, 0.5)), robot([0], [0], [0], 0.0, (1, 1), height=(1.2, 2))
+    mast = Shape((ShapePart(((0.0, 0.0),), 0.3, 0.0, 1.5),))
+    both = replace(Forecasts.joined([flat, high]), shapes=shapes_of([mast, None]))
+    assert len(sweep(both, now_s=NOW_S, clearance_m=0.0).pairs) == 1
 
 
 def test_round_robots_that_pass_corner_to_corner_are_no_conflict() -> None:

@@ -110,6 +110,8 @@ def test_no_load_one_that_is_not_described_and_several_boxes() -> None:
     across = {"x": 0.5, "y": 0.0, "z": 0.0, "theta": pi / 2}, {"length": 1.0, "width": 0.2}
     boxes = [{"boundingBoxReference": at, "loadDimensions": size} for at, size in (behind, across)]
     assert status(loads=boxes).load == pytest.approx(LoadBox(-1.6, 0.6, -0.5, 0.5, 1.4))
+    flat = {"boundingBoxReference": behind[0], "loadDimensions": {"length": 1.2, "width": 1e-200}}
+    assert status(loads=[flat]).load is None
 
 
 def test_a_robot_that_plans_by_itself_has_its_own_path() -> None:
