@@ -168,13 +168,15 @@ def outline_fault(corners_m: Sequence[Corner]) -> str | None:
 
 def is_sound(shape: Shape) -> bool:
     """Whether a robot of this shape can be swept. The size does not matter: a load may be large."""
-    trailers = all(0.0 < size_m < inf for trailer in shape.trailers for size_m in trailer[:3])
-    are_finite = all(map(isfinite, (*shape.axle_m, *(trailer.yaw_rad for trailer in shape.trailers))))
-    return trailers and are_finite and all(map(_is_sound, shape.parts))
+    return _are_sound(shape.parts) and (not shape.trailers or _is_sound_train(shape))
 
 
 @lru_cache(4096)
-def _is_sound(part: ShapePart) -> bool:
+def _are_sound(parts: tuple[ShapePart, ...]) -> bool:
+    return all(map(_is_sound_part, parts))
+
+
+def _is_sound_part(part: ShapePart) -> bool:
     heights_m = part.bottom_m, part.top_m
     if heights_m != (-inf, inf) and not 0.0 <= part.bottom_m <= part.top_m < inf:
         return False
@@ -183,6 +185,11 @@ def _is_sound(part: ShapePart) -> bool:
     if part.radius_m:
         return 0.0 < part.radius_m < inf and len(part.outline_m) == 1
     return not _form_fault(part.outline_m, SMALLEST_SWEPT_M2)
+
+
+def _is_sound_train(shape: Shape) -> bool:
+    have_sizes = all(0.0 < size_m < inf for trailer in shape.trailers for size_m in trailer[:3])
+    return have_sizes and all(map(isfinite, (*shape.axle_m, *(trailer.yaw_rad for trailer in shape.trailers))))
 
 
 def _form_fault(corners_m: Sequence[Corner], smallest_m2: float) -> str | None:
