@@ -103,13 +103,15 @@ def report_lines(report: SiteReport) -> Iterator[str]:
         yield from _datum_lines(datum)
     for vendor in site.vendors:
         if not vendor.maps:
-            yield f"\n{vendor.name}: sends in the datums' own coordinates"
+            yield ""
+            yield f"{vendor.name}: sends in the datums' own coordinates"
     for map_report in report.maps:
         yield from _map_lines(map_report)
     yield from _place_lines(site)
     for source in site.mqtt_sources:
         makers = ", ".join(source.manufacturers) or "all manufacturers"
-        yield f"\nbroker {source.name}, {source.host}:{source.port}: {source.language} of {makers}"
+        yield ""
+        yield f"broker {source.name}, {source.host}:{source.port}: {source.language} of {makers}"
 
 
 def questions(site: Site) -> Iterator[str]:
@@ -172,7 +174,8 @@ def _notes(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
 
 
 def _datum_lines(datum: Datum) -> Iterator[str]:
-    yield f"\ndatum {datum.name}, {datum.id}, level {datum.level}: {len(datum.reference_points)} reference points"
+    yield ""
+    yield f"datum {datum.name}, {datum.id}, level {datum.level}: {len(datum.reference_points)} reference points"
     if datum.coordinates == "metres":
         return
     yield f"  in degrees ({datum.coordinates}); (0, 0) of the floor is at {datum.reference_location}, x east, y north"
@@ -190,7 +193,8 @@ def _place_lines(site: Site) -> Iterator[str]:
     for place in places:
         floors = " and ".join(names[datum] for datum, _ in outlines(place))
         area_m2 = shapely.Polygon(place.polygon).area
-        yield f"\n{place.kind} {place.label}, {place.id}, on {floors}: {area_m2:.1f} m2, capacity {place.capacity}"
+        yield ""
+        yield f"{place.kind} {place.label}, {place.id}, on {floors}: {area_m2:.1f} m2, capacity {place.capacity}"
         if isinstance(place, Resource):
             group = f", one of group {place.group}" if place.group else ""
             service = (
@@ -203,7 +207,8 @@ def _place_lines(site: Site) -> Iterator[str]:
 
 def _map_lines(report: MapReport) -> Iterator[str]:
     vendor_map, fit = report.map, report.fit
-    yield f"\n{report.vendor}: own map {vendor_map.datum or '(no datum sent)'} on datum {report.datum.name}"
+    yield ""
+    yield f"{report.vendor}: own map {vendor_map.datum or '(no datum sent)'} on datum {report.datum.name}"
     if fit:
         yield from _fit_lines(fit)
         yield from _point_lines(fit, vendor_map, report.datum)

@@ -25,8 +25,8 @@ def test_a_valid_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
     assert code == 0
     assert text.startswith("PASSED\n")
     assert "works: 2 datums, 2 vendors, 1 own maps" in text
-    assert "acme: sends in the datums' own coordinates" in text
-    assert "bolt: own map own on datum Hall" in text
+    assert "\n\nacme: sends in the datums' own coordinates\n" in text
+    assert "\n\nbolt: own map own on datum Hall\n" in text
     assert "method adjust, not mirrored, rotation 90.000 deg, translation (0.000, 0.000) m" in text
     assert "one unit is 1 m along x, 1 m along y; shear 0.000 deg" in text
 
