@@ -22,6 +22,7 @@ from deconflict.roles.operator_sources import EngineReport, OperatorSources
 from deconflict.roles.restoration import page_of_encounters, page_of_open
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
+from ingest.measures.measures import Measures
 
 ANSWER_TIMEOUT_S = 5.0
 SHOWN_LETTERS = 200
@@ -42,9 +43,12 @@ class OperatorCalls:
         engine: EngineReport,
         learned_file: LearnedFile,
         keeper: Keeper,
+        face_measures: Measures,
     ) -> None:
+        """`face_measures` are those of the HTTP application."""
         self._runtime, self._store, self._publisher, self._sources = runtime, store, publisher, sources
         self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
+        self._own_measures = publisher.measures, face_measures
         self.another_stream = asyncio.Event()
         """Set if the stored advisories do not belong to the stream that is followed. Then the role restarts."""
 
@@ -182,7 +186,8 @@ class OperatorCalls:
         return b"set aside"
 
     async def _measures(self, _: bytes) -> bytes:
-        return json.dumps([*await self._sources.measures(), self._publisher.measures.as_document()]).encode()
+        own = [measures.as_document() for measures in self._own_measures]
+        return json.dumps([*await self._sources.measures(), *own]).encode()
 
     async def _health(self, _: bytes) -> bytes:
         return json.dumps(await self._sources.health()).encode()

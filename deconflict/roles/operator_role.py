@@ -13,8 +13,8 @@ from pathlib import Path
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api import create_app
 from deconflict.operator.http.api_sources import Exposition
-from deconflict.operator.http.uvicorn_server import create_server
 from deconflict.operator.outlets.outlets import Outlets
+from deconflict.operator.public_face import PublicFace
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import PRUNED, Publisher
 from deconflict.operator.store.store import Store, StoreError
@@ -25,6 +25,7 @@ from deconflict.runtime.rpc import PortTakenError, listening, socket_path
 from deconflict.runtime.until_either import until_either
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
+from ingest.measures.measures import Measures
 from ingest.security.certificates import Certificates
 from ingest.security.tokens import SecretError
 
@@ -44,50 +45,53 @@ class OperatorRole:
         self.ready = asyncio.Event()
         """Set once its port is open."""
         self.port = 0
-        self._certificates = Certificates(site.operator.tls) if site.operator.tls else None
         self._store = Store(data, follows_stream=bool(site.cluster))
         engine = EngineReport(CanaryHealth(self._store))
         self.sources = OperatorSources(site, runtime, data, engine)
-        self._app = create_app(self._store, self.sources, exposition, site)
-        self._publisher: Publisher = self._app.state.publisher
+        self._publisher = Publisher(self._store, Measures())
+        app = create_app(self._publisher, self._store, self.sources, exposition, site)
+        self._face = PublicFace(app, Certificates(site.operator.tls) if site.operator.tls else None)
         self._outlets = Outlets(self._store, self._publisher)
         self._keeper = Keeper(site, data, self._store, self._publisher.measures)
         learned_file = LearnedFile(data, self._publisher.measures)
         self._calls = OperatorCalls(
-            runtime, self._store, self._publisher, self.sources, engine, learned_file, self._keeper
+            runtime, self._store, self._publisher, self.sources, engine, learned_file, self._keeper, app.state.measures
         )
         if site.cluster:
             self._publisher.forward_answer = self._calls.forward_answer
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Serve until `stop` is set."""
-        server, listener = create_server(self._app, self._certificates), self._listener()
+        """Serve until `stop` is set. Raises `HangingFaceError`."""
+        self._publisher.loop, listener = asyncio.get_running_loop(), self._listener()
         self.port = listener.getsockname()[1]
-        another_stream = self._calls.another_stream
-        async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):
-            serving = asyncio.create_task(server.serve([listener]))
-            waiting = asyncio.create_task(until_either(stop.wait(), another_stream.wait()))
-            self._outlets.renew(self._site.webhooks, self._site.mqtt)
-            loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run())
-            tasks = [asyncio.create_task(loop) for loop in loops]
-            self.ready.set()
-            try:
-                await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                waiting.cancel()
-                for task in tasks:
-                    task.cancel()
-                await asyncio.gather(*tasks, self._outlets.close(), return_exceptions=True)
-                if another_stream.is_set():
-                    self._publisher.end()
-                server.should_exit = True
-                await serving
-                listener.close()
-        self.sources.history.close()
-        await self._publisher.close()
-        self._store.close()
-        if another_stream.is_set():
+        try:
+            async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):
+                await self._serve(listener, stop)
+        finally:
+            self.sources.history.close()
+            await self._publisher.close()
+            self._store.close()
+        if self._calls.another_stream.is_set():
             log.error("the stored advisories are kept as %s", self._store.set_aside(datetime.now(UTC)).name)
+
+    async def _serve(self, listener: socket.socket, stop: asyncio.Event) -> None:
+        serving, another_stream = self._face.serve(listener), self._calls.another_stream
+        waiting = asyncio.create_task(until_either(stop.wait(), another_stream.wait()))
+        self._outlets.renew(self._site.webhooks, self._site.mqtt)
+        loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run())
+        tasks = [asyncio.create_task(loop) for loop in loops]
+        self.ready.set()
+        try:
+            await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            waiting.cancel()
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, self._outlets.close(), return_exceptions=True)
+            if another_stream.is_set():
+                self._publisher.end()
+            self._face.end()
+            await serving
 
     def _listener(self) -> socket.socket:
         host, port = self._site.operator.host, self._site.operator.port
@@ -125,28 +129,22 @@ class OperatorRole:
             log.info("%s advisories %s are removed", removed, text)
 
     async def _refresh(self) -> None:
-        """Read changed tokens and certificates, and retry a disk that failed."""
+        """Read changed secrets of outlets, and retry a disk that failed."""
         while True:
             await asyncio.sleep(REFRESH_EVERY_S)
             if self._store.has_pending:
                 await self._publisher.store_pending()
-            self._app.state.people.refresh()
             self._outlets.refresh()
-            if self._certificates:
-                self._certificates.refresh()
 
     async def _reload(self) -> None:
         """Use changed settings as soon as the supervisor has written them."""
         current = CurrentSite(self._runtime, self._site)
         while True:
             if site := current.changed():
-                try:
-                    self._app.state.people.renew(site.operator.people)
-                except SecretError as error:
-                    log.error("the old operator.people stay in use: %s", error)
+                self._face.renew(site)
                 try:
                     self._outlets.renew(site.webhooks, site.mqtt)
                 except SecretError as error:
                     log.error("the old webhooks and mqtt stay in use: %s", error)
-                self._site = self._app.state.site = self.sources.history.site = self._keeper.site = site
+                self._site = self.sources.history.site = self._keeper.site = site
             await asyncio.sleep(RELOAD_CHECK_S)

@@ -47,11 +47,11 @@ Live advisories come over a WebSocket at `/advisories/stream`; with `?after=SEQ`
 with a higher number, with `?kinds=situation,advisory` it sends situations, too."""
 
 
-def create_app(store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
+def create_app(publisher: Publisher, store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
     """The application. `app.state` holds what its owner uses:
 
-    `publisher` publishes advisories. `measures` are the operator face's own. `site` is the site that it shows, and
-    `people` are those who may use it; both may change while it runs.
+    `measures` are its own. `site` is the site that it shows, and `people` are those who may use it; both may change
+    while it runs.
     """
     app = FastAPI(
         title="amr-deconflict",
@@ -65,15 +65,12 @@ def create_app(store: Store, sources: Sources, exposition: Exposition, site: Sit
     app.openapi = lambda: app.openapi_schema or described(undescribed())  # type: ignore[method-assign]
     measures, settings = Measures(), site.operator
     measures.level("deconflict_build_info", {(app.version,): 1})
-    measures.begin(
-        "deconflict_advisories_stored_total", "deconflict_store_failures_total", "deconflict_stream_dropped_total"
-    )
-    publisher = Publisher(store, measures)
-    app.state.publisher, app.state.measures = publisher, measures
+    measures.begin("deconflict_stream_dropped_total")
+    app.state.measures = measures
     app.state.site, app.state.people, app.state.places = site, People(settings.people), Places()
     app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people, signed_in=app.state.places.sign_in)
     app.add_middleware(RequestLimitsMiddleware, places=app.state.places)
-    _add_routes(app, ApiRoutes(publisher, store, sources, exposition))
+    _add_routes(app, ApiRoutes(publisher, store, sources, exposition, measures))
     _add_sockets(app, publisher, store, sources)
     app.add_exception_handler(SourceUnavailableError, source_unavailable)
     app.add_exception_handler(StoreError, store_failed)
@@ -129,13 +126,13 @@ def _add_sockets(app: FastAPI, publisher: Publisher, store: Store, sources: Sour
     def send_timeout_s() -> float:
         return float(app.state.site.operator.stream_send_timeout_s)
 
-    stream = AdvisoryStream(store, publisher, publisher.measures, send_timeout_s)
+    stream = AdvisoryStream(store, publisher, app.state.measures, send_timeout_s)
 
     @app.websocket("/advisories/stream")
     async def follow(websocket: WebSocket) -> None:
         await stream.serve(websocket)
 
-    add_page_routes(app, publisher, store, sources, send_timeout_s)
+    add_page_routes(app, store, sources, send_timeout_s)
 
     @app.get("/api", include_in_schema=False)
     async def index() -> HTMLResponse:

@@ -10,9 +10,11 @@ from deconflict.advisories.situations.situation import REVISION
 from deconflict.advisory import ADVISORY, EVERY_KIND
 from deconflict.operator.http.api import DESCRIPTION, create_app
 from deconflict.operator.http.api_sources import Sources
+from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt
 from deconflict.settings.site import Operator, Site
+from ingest.measures.measures import Measures
 
 Document = dict[str, Any]
 MESSAGES = {"revision": "AnyAdvisory", "situation": "Situation"}
@@ -27,7 +29,8 @@ def openapi() -> Document:
     with TemporaryDirectory() as folder:
         store = Store(Path(folder))
         try:
-            return create_app(store, _NO_SOURCES, lambda _: (b"", ""), Site()).openapi()
+            publisher = Publisher(store, Measures())
+            return create_app(publisher, store, _NO_SOURCES, lambda _: (b"", ""), Site()).openapi()
         finally:
             store.close()
 

@@ -39,8 +39,11 @@ RENEWAL_SHOWN = timedelta(minutes=1)
 class ApiRoutes:
     """One method for each route."""
 
-    def __init__(self, publisher: Publisher, store: Store, sources: Sources, exposition: Exposition) -> None:
+    def __init__(
+        self, publisher: Publisher, store: Store, sources: Sources, exposition: Exposition, measures: Measures
+    ) -> None:
         self._publisher, self._store, self._sources, self._exposition = publisher, store, sources, exposition
+        self._measures = measures
 
     def advisories(
         self,
@@ -187,7 +190,8 @@ class ApiRoutes:
             down = Measures()
             down.level("deconflict_role_up", {(error.role,): 0})
             documents = [down.as_document()]
-        body, content_type = self._exposition([*documents, self._publisher.measures.as_document()])
+        own = [self._publisher.measures.as_document(), self._measures.as_document()]
+        body, content_type = self._exposition([*documents, *own])
         return Response(body, headers={"content-type": content_type})
 
     def schema(self) -> Response:

@@ -1,14 +1,16 @@
 """Publishing: store a revision, then wake the subscribers. A subscriber is only a position in the store.
 
 A disk that fails or takes longer than `DISK_TIMEOUT_S` delays nothing: revisions are published, and the disk is tried
-again.
+again. Subscribers may run on other event loops than the one that publishes.
 """
 
 import asyncio
 import logging
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence, Set
+from contextlib import suppress
 from itertools import islice
+from threading import Lock
 from typing import NamedTuple
 
 from deconflict.advisories.situations.situation import AnyRevision
@@ -45,22 +47,49 @@ class StreamEndedError(Exception):
     """The sequence numbers given so far are no longer valid."""
 
 
+class News:
+    """Wakes those who wait for the next revision, on any event loop."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._events: dict[asyncio.AbstractEventLoop, asyncio.Event] = {}
+
+    def next(self) -> asyncio.Event:
+        """An event of the running loop, which the next `announce` sets."""
+        with self._lock:
+            return self._events.setdefault(asyncio.get_running_loop(), asyncio.Event())
+
+    def announce(self) -> None:
+        with self._lock:
+            events, self._events = self._events, {}
+        for loop, event in events.items():
+            with suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(event.set)
+
+
 class Publisher:
-    """Appends to the store off the event loop. Keeps the newest lines in memory, which all subscribers share."""
+    """Appends to the store off the event loop. Keeps the newest lines in memory, which all subscribers share.
+
+    `after`, `reached` and `acknowledge` may be called on any event loop, everything else on the one that publishes.
+    """
 
     def __init__(self, store: Store, measures: Measures) -> None:
         self._store, self.measures, self.set_asides = store, measures, SetAsides(measures)
         self.forward_answer: Callable[[str, Acknowledgement], Awaitable[None]] | None = None
         """Sends an answer to the stream that numbers it, and returns once it has come back. None if this store does."""
+        self.loop: asyncio.AbstractEventLoop | None = None
+        """The event loop that publishes; None if there is no other."""
         self._tail: deque[PublishedLine] = deque(maxlen=TAIL_LENGTH)
+        self._tail_lock = Lock()
         self._appending = asyncio.Lock()
-        self._news = asyncio.Event()
+        self._news = News()
         self.last_seq = store.last_seq()
         """The newest published number."""
         self.failing: str | None = None
         """Why revisions are not stored at present; None if they are."""
         self._storing: asyncio.Task[None] | None = None
         self._ended = False
+        measures.begin("deconflict_advisories_stored_total", "deconflict_store_failures_total")
         measures.level("deconflict_store_unstored", {(): 0})
 
     async def publish(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
@@ -136,6 +165,12 @@ class Publisher:
 
     async def acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyRevision | None:
         """Store and publish an answer; returns the newest revision with it, or None for an unknown advisory."""
+        answering = self._acknowledge(advisory_id, answer)
+        if self.loop in (None, asyncio.get_running_loop()):
+            return await answering
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(answering, self.loop))
+
+    async def _acknowledge(self, advisory_id: str, answer: Acknowledgement) -> AnyRevision | None:
         if self.forward_answer is None:
             return await self.store_answer(advisory_id, answer)
         if not await asyncio.to_thread(self._store.get, advisory_id):
@@ -155,15 +190,18 @@ class Publisher:
 
     async def reached(self, seq: int) -> None:
         """Wait until the revision with a number is published. Raises `StreamEndedError`."""
-        while self.last_seq < seq:
+        while True:
+            news = self._news.next()
+            if self.last_seq >= seq:
+                return
             if self._ended:
                 raise StreamEndedError
-            await self._news.wait()
+            await news.wait()
 
     def end(self) -> None:
         """Publish nothing more under these numbers."""
         self._ended = True
-        self._news.set()
+        self._news.announce()
 
     async def after(self, seq: int, kinds: Set[str] = EVERY_KIND) -> PublishedPage:
         """The lines of these kinds among the next numbers above `seq`, at most `MOST_LINES`, perhaps none.
@@ -171,26 +209,33 @@ class Publisher:
         Waits for the next number. Raises `StoreError`.
         """
         await self.reached(seq + 1)
-        if self._tail and self._tail[0].seq <= seq + 1:
-            skipped = seq + 1 - self._tail[0].seq
-            lines = list(islice(self._tail, skipped, skipped + MOST_LINES))
+        if lines := self._tail_after(seq):
             return PublishedPage([line for line in lines if line.kind in kinds], lines[-1].seq)
         known = self.last_seq
         page = await asyncio.to_thread(self._store.page_after, seq, kinds, MOST_LINES)
         are_pruned = page.last == seq
         return PublishedPage([_line(revision) for revision in page.revisions], known if are_pruned else page.last)
 
+    def _tail_after(self, seq: int) -> list[PublishedLine]:
+        """The next lines above `seq`; none if the tail does not go back so far."""
+        with self._tail_lock:
+            if not self._tail or self._tail[0].seq > seq + 1:
+                return []
+            skipped = seq + 1 - self._tail[0].seq
+            return list(islice(self._tail, skipped, skipped + MOST_LINES))
+
     def _announce(self, new: Sequence[AnyRevision]) -> None:
         if not new:
             return
-        for line in sorted(_line(revision) for revision in new):
-            if self._tail and line.seq != self._tail[-1].seq + 1:
-                self._tail.clear()  # the tail has no gaps; a subscriber that is further back reads the store
-            self._tail.append(line)
-        self.last_seq = self._tail[-1].seq
+        lines = sorted(_line(revision) for revision in new)
+        with self._tail_lock:
+            for line in lines:
+                if self._tail and line.seq != self._tail[-1].seq + 1:
+                    self._tail.clear()  # the tail has no gaps; a subscriber that is further back reads the store
+                self._tail.append(line)
+        self.last_seq = lines[-1].seq
         self.measures.count("deconflict_advisories_stored_total", by=len(new))
-        self._news.set()
-        self._news = asyncio.Event()
+        self._news.announce()
 
 
 def _line(revision: AnyRevision) -> PublishedLine:

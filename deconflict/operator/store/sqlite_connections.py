@@ -1,4 +1,7 @@
-"""The connections to the database file: one that writes, one that reads, and one for long reads."""
+"""The connections to the database file: one that writes, and three that read and wait for no other.
+
+One reads for the numbers of new revisions, so that these wait for no question of people. One is for long reads.
+"""
 
 import logging
 import sqlite3
@@ -59,7 +62,7 @@ class SqliteConnections:
         `follows_stream` is whether a stream gives the numbers: then a new file continues after what it holds.
         """
         self.path, self._follows_stream = directory / FILE_NAME, follows_stream
-        self._write_lock, self._read_lock, self._long_read_lock = Lock(), Lock(), Lock()
+        self._write_lock, self._number_lock, self._read_lock, self._long_read_lock = (Lock() for _ in range(4))
         self._is_damaged, self._renewed_s = False, float("-inf")
         self.renewal: Renewal | None = None
         """The last one since the start."""
@@ -85,16 +88,20 @@ class SqliteConnections:
     def reading(self) -> AbstractContextManager[sqlite3.Connection]:
         return self._transaction(lambda: self._reader, self._read_lock, "BEGIN")
 
+    def numbering(self) -> AbstractContextManager[sqlite3.Connection]:
+        """For the short reads that new revisions need: they do not wait for other readers."""
+        return self._transaction(lambda: self._numberer, self._number_lock, "BEGIN")
+
     def long_reading(self) -> AbstractContextManager[sqlite3.Connection]:
         """For a read that takes long, such as an hour of revisions: other readers and writers do not wait for it."""
         return self._transaction(lambda: self._long_reader, self._long_read_lock, "BEGIN")
 
     def close(self) -> None:
-        with self._write_lock, self._read_lock, self._long_read_lock:
+        with self._all_locked():
             self._close()
 
     def _close(self) -> None:
-        for db in (self._long_reader, self._reader, self._writer):
+        for db in (self._long_reader, self._reader, self._numberer, self._writer):
             db.close()
 
     def set_aside(self, at: datetime) -> Path:
@@ -110,8 +117,8 @@ class SqliteConnections:
     def _open(self) -> None:
         """Open the file, and create or upgrade its tables. Closes it again if that fails."""
         with ExitStack() as opened, self._explained_errors():
-            connections = [opened.enter_context(closing(self._connect())) for _ in range(3)]
-            self._writer, self._reader, self._long_reader = connections
+            connections = [opened.enter_context(closing(self._connect())) for _ in range(4)]
+            self._writer, self._numberer, self._reader, self._long_reader = connections
             self._upgrade(self._writer)
             for reader in connections[1:]:
                 reader.execute("PRAGMA query_only = ON")
@@ -162,10 +169,15 @@ class SqliteConnections:
 
     def _renew_if_damaged(self) -> None:
         if self._is_damaged and time.monotonic() - self._renewed_s > RENEW_EVERY_S:
-            with self._write_lock, self._read_lock, self._long_read_lock:
+            with self._all_locked():
                 if self._is_damaged:
                     self._close()
                     self._begin_anew()
+
+    @contextmanager
+    def _all_locked(self) -> Iterator[None]:
+        with self._write_lock, self._number_lock, self._read_lock, self._long_read_lock:
+            yield
 
     @contextmanager
     def _transaction(

@@ -92,7 +92,7 @@ class Store:
                 raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
             unwritable: list[tuple[AnyRevision, Exception]] = []
-            with self._connections.reading() as db:
+            with self._connections.numbering() as db:
                 seq = max(tables.last_seq(db), pending[-1].seq if pending else 0)
                 for advisory in advisories:
                     try:
@@ -256,7 +256,7 @@ class Store:
 
     def position(self, outlet: str) -> int | None:
         """The number of the last revision that an outlet has delivered; None for a new outlet."""
-        with self._number_lock, self._connections.reading() as db:
+        with self._number_lock, self._connections.numbering() as db:
             return self._positions.get(outlet, tables.position(db, outlet))
 
     def set_position(self, outlet: str, seq: int) -> None:

@@ -430,7 +430,7 @@ async def test_critical_situations_are_announced_at_once_and_others_politely(bro
         assert await page.get_attribute("#say", "aria-live") == "assertive"
         await face.publish(shown(2, 4, 5))
         seen = Acknowledgement(name="Kim", reason="seen", at=moment(time.time()))
-        await face.app.state.publisher.acknowledge("situation-2", seen)
+        await face.publisher.acknowledge("situation-2", seen)
         await face.publish(shown(2, 4, 5, revision=2, severity="critical"))
         await until(page, "document.getElementById('say').textContent.includes('Column 2')")
 

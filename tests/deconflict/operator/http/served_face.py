@@ -17,6 +17,7 @@ from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.http.uvicorn_server import OperatorServer, create_server
 from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
+from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.runtime.rpc import LinkDownError
 from deconflict.settings.fleet_factory import fleet_of
@@ -114,6 +115,7 @@ class Served:
     """A face that is being served."""
 
     app: FastAPI
+    publisher: Publisher
     store: Store
     sources: GivenSources
     server: OperatorServer
@@ -127,7 +129,7 @@ class Served:
         return f"ws://{self.address}/advisories/stream{query}"
 
     async def publish(self, *revisions: AnyRevision) -> list[AnyRevision]:
-        return await self.app.state.publisher.publish(revisions)
+        return await self.publisher.publish(revisions)
 
     def connections(self) -> int:
         """Connections that the server still holds."""
@@ -142,7 +144,8 @@ class Served:
 @asynccontextmanager
 async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -> AsyncIterator[Served]:
     store, sources = Store(directory), GivenSources()
-    app = create_app(store, sources, render, Site(operator=Operator(**settings)))
+    publisher = Publisher(store, Measures())
+    app = create_app(publisher, store, sources, render, Site(operator=Operator(**settings)))
     tls = settings.get("tls")
     server = create_server(app, Certificates(tls) if tls else None)
     host, _, port = at.partition(":")
@@ -150,7 +153,7 @@ async def served(directory: Path, *, at: str = "127.0.0.1:0", **settings: Any) -
         serving = asyncio.create_task(server.serve([listening]))
         await until(lambda: server.started)
         try:
-            yield Served(app, store, sources, server, f"127.0.0.1:{listening.getsockname()[1]}")
+            yield Served(app, publisher, store, sources, server, f"127.0.0.1:{listening.getsockname()[1]}")
         finally:
             server.should_exit = True
             await serving

@@ -1,4 +1,5 @@
 import asyncio
+import threading
 from collections.abc import Iterator, Set
 from datetime import timedelta
 from pathlib import Path
@@ -11,6 +12,7 @@ from deconflict.operator.store.revision_pages import Page
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
 from tests.helpers.made_advisories import START, cleared, deadlock, made
+from tests.helpers.patience import PATIENCE_S
 
 
 @pytest.fixture
@@ -144,6 +146,24 @@ async def test_subscribers_that_keep_up_share_the_tail_and_read_no_store(tmp_pat
         assert [page.lines for page in await asyncio.gather(*followers)] == [made_many(number, 1)] * 3
     assert store.reads == 0
     store.close()
+
+
+async def test_a_slow_question_of_people_delays_no_new_revision(store: Store) -> None:
+    publisher, began, goes_on = Publisher(store, Measures()), threading.Event(), threading.Event()
+    await publisher.publish([made(number) for number in range(1, 101)])
+
+    def slow() -> bool:
+        began.set()
+        return not goes_on.wait(PATIENCE_S)
+
+    store._connections._reader.set_progress_handler(slow, 100)
+    asking = asyncio.create_task(asyncio.to_thread(store.latest))
+    await asyncio.to_thread(began.wait, PATIENCE_S)
+    await publisher.publish([made(101)])
+    assert (await publisher.after(100)).lines == made_many(101, 1)
+    assert not asking.done()
+    goes_on.set()
+    assert len((await asking).advisories) == 100
 
 
 async def test_a_refused_revision_is_not_announced_and_is_counted(store: Store) -> None:
