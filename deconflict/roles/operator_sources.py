@@ -159,6 +159,7 @@ class OperatorSources:
                 vendor.name: vendor.model_dump(mode="json", exclude={"name"}) for vendor in vendor_health(documents)
             },
             "preparing": preparation(self._runtime),
+            "engine_starting": self._is_first_engine_starting(),
             "effort": self._effort(),
             "notice": self.notice,
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
@@ -219,6 +220,10 @@ class OperatorSources:
         """The engine's `Effort` in lower case, as of its last report."""
         levels = joined_values(self._engine.measures).get("deconflict_engine_effort_reduced", {})
         return Effort(int(levels.get((), Effort.FULL))).name.lower()
+
+    def _is_first_engine_starting(self) -> bool:
+        """Whether no engine has reported yet, and none has failed."""
+        return self._engine.received_s == float("-inf") and not restarts(self._runtime).get("engine")
 
     def _reported_engine_runs(self) -> bool:
         """Whether the engine that sent the last report is the one that runs now. True without a supervisor."""

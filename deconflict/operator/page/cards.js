@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, change, countdown, gist, isCalm, plural, sentence, severityOf, short, since, toDo, urgency, what } from "./texts.js";
+import { KINDS, SIGNS, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgency, what } from "./texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -68,7 +68,7 @@ export class Cards {
     parts.take.title = "Or key A. Who it is and what is done can be said afterwards";
     parts.show.onclick = () => acts.choose(id);
     parts.take.onclick = () => acts.acknowledge(id);
-    card.onclick = ({ target }) => { if (card.classList.contains("calm") && !target.closest("button, summary")) acts.choose(id); };
+    card.onclick = ({ target }) => { if (!card.classList.contains("ended") && !target.closest("button, details") && getSelection().isCollapsed) acts.choose(id); };
     card.onkeydown = ({ key, target }) => { if (key === "Enter" && target === card) acts.choose(id); };
     card.onpointerenter = () => acts.point(id, null);
     card.onpointerleave = () => acts.point(null, null);
@@ -89,6 +89,7 @@ export class Cards {
     card.classList.add(situation.severity);
     card.classList.toggle("chosen", situation.id === chosen);
     card.classList.toggle("ended", ended);
+    card.classList.toggle("over", isOver(situation));
     card.classList.toggle("flash", flashed.has(situation.id));
     card.classList.toggle("answered", Boolean(answer));
     card.classList.toggle("advised", Boolean(first));

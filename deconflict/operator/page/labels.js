@@ -5,21 +5,23 @@ const RINGS = [0, 26, 52, 84, 124, 170]; // how far from the thing, pixels
 const FAR = 1; // from this ring on, a line leads to the thing
 const SIDES = [[0, -1], [0, 1], [1, 0], [-1, 0], [1, -1], [-1, -1], [1, 1], [-1, 1]];
 const CELL_PX = 48;
+export const BESIDE = 4; // how many places are tried for a label: those above, below and beside
+export const AROUND = SIDES.length;
+const ANYWHERE = RINGS.length * SIDES.length;
 
 export class Labels {
   constructor() {
     this.lastSides = new Map(); // by id, where a label was in the last frame: it stays there while that is free
-    this.begin({ width: 0, height: 0 }, 1, []);
+    this.begin({ width: 0, height: 0 }, 1);
   }
 
-  // `boxes` are what no label may cover.
-  begin(camera, unit, boxes) {
+  begin(camera, unit) {
     Object.assign(this, { camera, unit, cells: new Map() });
-    for (const box of boxes) this.take(box);
     this.before = this.lastSides;
     this.lastSides = new Map();
   }
 
+  // No label may cover this box from now on.
   take(box) {
     for (const key of cellsOf(box)) {
       if (!this.cells.has(key)) this.cells.set(key, []);
@@ -30,11 +32,11 @@ export class Labels {
   inSight({ left, right, top, bottom }) { return right > 0 && bottom > 0 && left < this.camera.width && top < this.camera.height; }
 
   // A free box of this size beside `thing`, or null, as if it is out of sight. With `must`, the least bad one. `line` is where a line
-  // leads to, if it is far.
-  place(id, thing, wide, high, { must = false, rings = RINGS.length } = {}) {
+  // leads to, if it is far. `tries` is how many places are tried.
+  place(id, thing, wide, high, { must = false, tries = ANYWHERE } = {}) {
     let best = null, least = Infinity;
     if (!must && !this.inSight(thing)) return null;
-    for (const at of this.order(this.before.get(id), rings * SIDES.length)) {
+    for (const at of this.order(this.before.get(id), tries)) {
       const ring = Math.floor(at / SIDES.length), box = this.beside(thing, SIDES[at % SIDES.length], (GAP_PX + RINGS[ring]) * this.unit, wide, high);
       if (box.left < 0 || box.top < 0 || box.left + wide > this.camera.width || box.top + high > this.camera.height) continue;
       const covered = this.covered(box);

@@ -11,7 +11,7 @@ import { FloorMap, swatch } from "./map.js";
 import { Past } from "./past.js";
 import { Shift } from "./shift.js";
 import { Vendors } from "./vendors.js";
-import { KINDS, ago, clock, isCalm, isOver, leftOf, likely, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
+import { KINDS, ago, clock, isOver, leftOf, likely, needsSomebody, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
 
 const STALE_S = 4;
 const LISTED = 200;
@@ -39,6 +39,7 @@ const map = new FloorMap($("map"), camera, vendors);
 const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(allOpen().find((each) => each.id === id)), point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], areas: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
 let floor = null, chosen = null, robotShown = null, heat = null, exits = [], framesDrawn = 0, drawn = 0;
+let listedS = 0; // the time of what the list shows: the map shows the same waits and countdowns
 let pointed = { situation: null, robot: null }; // what the pointer or the focus is on in the list
 const flashed = new Set(); // situations that others became part of just now
 
@@ -74,6 +75,7 @@ function state() {
   if (!live.tickS) return ["loading", down.length ? `Waiting for the ${down.join(" and the ")}…` : "Loading the floor…"];
   const { preparing } = live.health;
   if (preparing) return ["preparing", `No warnings yet: the engine is being prepared, once on this machine (${preparing.done} of ${preparing.total})`];
+  if (late <= STALE_S && live.health.engine_starting) return ["preparing", "No warnings yet: the engine is starting"];
   if (late <= STALE_S && live.health.roles?.engine === "down") return ["unwarned", "No warnings: the engine is down. Robots are shown as they report"];
   if (late > STALE_S) return ["stale", `Nothing new since ${clock(live.tickS)}: ${down.length ? `the ${down.join(" and the ")} is down` : "predictions have stopped"}`];
   const reduced = { coarse: "separations are rough", near: "only near conflicts are shown" }[live.health.effort];
@@ -106,12 +108,12 @@ function scene() {
     for (const uuid of robots) involved.set(uuid, severity);
     const actions = advice?.for_people || picked.has(id) ? advice?.actions ?? [] : [];
     if (actions.length) first.add(actions[0].robot);
-    for (const each of actions) advised.set(each.robot, leftOf(each, advice, atS));
+    for (const each of actions) advised.set(each.robot, leftOf(each, advice, listedS));
     for (const advisory of grouped.get(id) ?? []) if (advisory.resource) contended.set(advisory.resource, { ...advisory, severity });
   }
   const known = floors().find((each) => each.id === floor);
   return {
-    floor, theme: root.dataset.theme, nowS: atS, robots: here, situations, involved, first, advised, highlighted, contended, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
+    floor, theme: root.dataset.theme, nowS: atS, listedS, robots: here, situations, involved, first, advised, highlighted, contended, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
     places: site.places.filter((place) => place.floor === floor), areas: site.areas.filter((area) => area.floor === floor), obstacles: site.obstacles.filter((obstacle) => obstacle.floor === floor), marks: known?.marks ?? [],
     exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),
@@ -150,7 +152,7 @@ function draw(at) {
 
 function tabs() {
   const known = floors(), counts = new Map();
-  for (const { location } of open().filter((situation) => !isCalm(situation))) counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
+  for (const { location } of open().filter(needsSomebody)) counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
   const key = JSON.stringify([known.map(({ id, name }) => [id, name, counts.get(id)]), floor]);
   if ($("tabs").dataset.key === key) return;
   $("tabs").dataset.key = key;
@@ -183,24 +185,24 @@ function show(id) {
 
 // What the list says if nobody has to do anything.
 function nothing(calm) {
-  if (live.health.preparing) return "No warnings yet.";
+  if (live.health.preparing || live.health.engine_starting) return "No warnings yet.";
   return calm ? `Nothing needs you. ${plural(calm, "situation")} ${calm === 1 ? "ends by itself" : "end by themselves"}:` : "Nothing needs you.";
 }
 
 function list() {
-  const listed = open(), inPast = past.atS !== null, grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
+  listedS = nowS();
+  const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), inPast = past.atS !== null, grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
   cards.show(listed, ended(), {
-    nowS: nowS(), chosen, flashed, floorName, floorShown: floor, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
+    nowS: listedS, chosen, flashed, floorName, floorShown: floor, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
   });
-  setText($("count"), listed.length ? `(${listed.length})` : "");
-  const calm = listed.filter(isCalm);
-  $("none").hidden = listed.length > calm.length;
+  setText($("count"), lasting.length ? `(${lasting.length})` : "");
+  $("none").hidden = lasting.some(needsSomebody);
   const left = allOpen().length - listed.length;
   $("filtered").hidden = !filters.active;
   setText($("filtered").firstElementChild, left ? `${plural(left, "situation")} hidden by the filter.` : "The filter hides nothing.");
-  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? nothing(calm.filter((each) => !isOver(each)).length) : "Loading…");
+  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? nothing(lasting.length) : "Loading…");
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
   if ($("machines").open) lines($("machines-lines"), others);
@@ -210,7 +212,7 @@ function list() {
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
-  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${listed.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
+  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health);
   if ($("robots").open) table(here);

@@ -3,7 +3,7 @@
 import { exits } from "./exits.js";
 import { movesFor, poseAt, train } from "./motion.js";
 import { holds } from "./places.js";
-import { Labels, leader } from "./labels.js";
+import { AROUND, BESIDE, Labels, leader } from "./labels.js";
 import { SituationLayer } from "./situation_layer.js";
 import { likely, order, short } from "./texts.js";
 
@@ -16,6 +16,8 @@ const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
 const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
 const SPECK_PX = 5;
 const MOST_AVOIDED = 1500; // with more robots, labels may cover robots
+const SMALL_PX = 60; // a place that is smaller is covered by no label
+const AREA_NAME_AT = [[0, 0.5], [0, 0.8], [0, 0.2], [0.3, 0.5], [0.6, 0.5]]; // where the name of an area may stand, by length and breadth
 const EDGE_PX = 4; // of the numbers of the grid from the edge of the map
 
 export class FloorMap {
@@ -53,10 +55,12 @@ export class FloorMap {
     exits(this, scene);
     if (scene.heat) this.heat(scene);
     const robots = this.within(scene);
-    this.labels.begin(camera, this.unit, robots.length > MOST_AVOIDED ? [] : robots.map((robot) => this.boxOf(robot)));
+    this.labels.begin(camera, this.unit);
     this.labels.take({ left: 0, top: 0, wide: camera.width, high: EDGE_PX + 12 * this.unit }); // the numbers of the grid
     this.labels.take({ left: 0, top: 0, wide: EDGE_PX + 24 * this.unit, high: camera.height });
+    for (const { polygon } of scene.places) this.takeSmall(edges(polygon, camera));
     if (camera.scale > 3) this.fixedNames(scene);
+    if (robots.length <= MOST_AVOIDED) for (const robot of robots) this.labels.take(this.boxOf(robot));
     if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
     this.situations.below(scene);
     this.robots(robots, scene);
@@ -157,18 +161,25 @@ export class FloorMap {
     if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
   }
 
+  // Nothing may stand on a small place, or its label would be taken for that of its neighbour.
+  takeSmall({ left, right, top, bottom }) {
+    if (Math.max(right - left, bottom - top) < SMALL_PX * this.unit) this.labels.take({ left, top, wide: right - left, high: bottom - top });
+  }
+
   // The names of areas and obstacles, which stay where they are, so other labels keep away from them.
   fixedNames(scene) {
     for (const area of scene.areas) this.areaName(area.name, edges(area.polygon, this.camera));
     for (const obstacle of scene.obstacles) this.nameWithin(obstacle.name, edges(obstacle.polygon, this.camera));
   }
 
-  // At the western or southern end, whichever side is shorter, if there is room.
+  // At the western or southern end, whichever side is shorter, if there is room; elsewhere if something stands there.
   areaName(name, { left, right, top, bottom }) {
     const size = 12 * this.unit, width = this.widthOf(name, 12);
     if (width > 1.5 * (right - left) || size > bottom - top) return;
-    if (right - left > bottom - top) this.fixedName(name, left + width / 2 + size, (top + bottom) / 2 + size / 3, 12);
-    else this.fixedName(name, (left + right) / 2, bottom - size, 12);
+    const isWide = right - left > bottom - top, free = ([x, y]) => !this.labels.covered(nameBox(x, y, width, size));
+    const spots = AREA_NAME_AT.map(([along, across]) => isWide
+      ? [left + width / 2 + size + along * (right - left), bottom - across * (bottom - top) + size / 3] : [left + across * (right - left), bottom - size - along * (bottom - top)]);
+    this.fixedName(name, ...(spots.find(free) ?? spots[0]), 12);
   }
 
   // In the middle, if the obstacle is as long as its name.
@@ -177,8 +188,7 @@ export class FloorMap {
   }
 
   fixedName(name, x, y, size) {
-    const wide = this.widthOf(name, size), high = size * this.unit;
-    this.labels.take({ left: x - wide / 2, top: y - 0.85 * high, wide, high });
+    this.labels.take(nameBox(x, y, this.widthOf(name, size), size * this.unit));
     this.text(name, x, y, size, this.ink.faint);
   }
 
@@ -188,7 +198,7 @@ export class FloorMap {
   }
 
   beside(id, thing, text, size, colour) {
-    const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { rings: 1 });
+    const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { tries: BESIDE });
     if (box) this.text(text, box.left + wide / 2, box.top + high * 0.85, size, colour);
   }
 
@@ -346,7 +356,7 @@ export class FloorMap {
     const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${action ? `: ${order(action)}` : ""}`;
     pen.font = `${isBold ? "600 " : ""}${size * unit}px system-ui, sans-serif`;
     const [wide, high] = [pen.measureText(name).width + 4 * unit, (size + 3) * unit], thing = this.boxOf(robot);
-    const box = this.labels.place(robot.uuid, thing, wide, high, { must: rank >= LABEL.first, rings: action || rank >= LABEL.first ? undefined : 1 });
+    const box = this.labels.place(robot.uuid, thing, wide, high, { must: rank >= LABEL.first, tries: action || rank >= LABEL.first ? undefined : AROUND });
     if (!box) return;
     const colour = action ? ink[scene.involved.get(robot.uuid)] ?? ink.ink : ink.faint;
     if (box.line || action) leader(pen, toEdge(box, thing), colour, unit, Boolean(action));
@@ -405,6 +415,9 @@ function edges(polygon, camera) {
   const xs = polygon.map(([x]) => camera.px(x)), ys = polygon.map(([, y]) => camera.py(y));
   return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
 }
+
+// What a text covers that stands around x, on the line y.
+function nameBox(x, y, wide, high) { return { left: x - wide / 2, top: y - 0.85 * high, wide, high }; }
 
 function rankOf({ uuid }, { robot, highlighted, first, advised, involved }) {
   if (uuid === robot) return LABEL.chosen;

@@ -22,19 +22,21 @@ export class Shift {
     const fromS = Math.floor(Date.now() / 1000 - 3600 * Number($("shift-hours").value));
     $("shift-body").textContent = "Reading…";
     try {
-      const answer = await fetch(`shift?since_s=${fromS}`);
+      const [answer, recorded] = await Promise.all([fetch(`shift?since_s=${fromS}`), fetch("recorded")]);
       if (!answer.ok) throw new Error(answer.statusText);
-      const { situations, complete } = await answer.json();
-      this.show(situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost })), fromS, complete);
+      const { situations, complete } = await answer.json(), { from_s: recordedS } = await recorded.json();
+      const all = situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost }));
+      this.show(all, fromS, Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), Date.now() / 1000), complete);
     } catch (error) {
       $("shift-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
-  show(all, fromS, isComplete) {
+  // `knownS` is the earliest time of which anything is known.
+  show(all, fromS, knownS, isComplete) {
     const acknowledged = answers(all), situations = all.filter((each) => !each.joined_into), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
-    const lead = `${document.title}, ${when(fromS)} to ${when(Date.now() / 1000)}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
+    const lead = `${document.title}, ${when(Math.max(fromS, knownS))} to ${when(Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
       + `If nobody had done anything, robots were expected to lose ${span(sum(situations, ({ lost }) => lost))} in all.`;
     $("shift-body").replaceChildren(
       text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),

@@ -26,7 +26,7 @@ export class SituationLayer {
   placeLabels(scene) {
     this.labels = [];
     for (const situation of scene.situations) {
-      const label = situation.endedMs ? null : this.label(situation, scene.nowS);
+      const label = situation.endedMs || isOver(situation) ? null : this.label(situation, scene.listedS);
       if (label) this.labels.push(label);
     }
   }
@@ -87,7 +87,7 @@ export class SituationLayer {
 
   label(situation, nowS) {
     const { pen, unit } = this.map, { id, severity, acknowledgement, situation_kind: kind } = situation;
-    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${isOver(situation) ? "over" : countdown(situation, nowS)}`;
+    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
     pen.font = FONT(unit);
     const { box } = this.shape(situation);
     if (!this.map.labels.inSight(box)) return null;
@@ -112,7 +112,8 @@ export class SituationLayer {
   }
 }
 
-function strengthOf({ endedMs, acknowledgement }) {
+function strengthOf(situation) {
+  const { endedMs, acknowledgement } = situation;
   if (endedMs) return Math.max(0, 0.7 * (1 - (Date.now() - endedMs) / FADE_MS));
-  return acknowledgement ? ANSWERED : 1;
+  return acknowledgement || isOver(situation) ? ANSWERED : 1;
 }

@@ -57,6 +57,9 @@ export function gist(situation) {
 
 export function severityOf(revision) { return isOver(revision) ? "✓ Over" : `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
+// Whether somebody has to do something about it.
+export function needsSomebody(situation) { return !isCalm(situation) && !isOver(situation); }
+
 // Whether nobody has to do anything: such a card is one line until it is chosen.
 export function isCalm({ severity, advice }) { return severity === "caution" && !advice?.for_people; }
 
@@ -106,9 +109,9 @@ export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }
 
-// Most severe first, then what can still be prevented, then what costs most.
+// What is over last, the most severe first, then what can still be prevented, then what costs most.
 export function urgency(a, b) {
-  const rank = SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity);
+  const rank = isOver(a) - isOver(b) || SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity);
   return rank || isLost(a) - isLost(b) || cost(b) - cost(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
 }
 

@@ -47,7 +47,7 @@ export class Vendors {
   }
 
   legend(box, theme, draw) {
-    const key = `${theme} ${this.names.join("\n")}`;
+    const key = `${theme} ${this.names.map((name) => `${name} ${this.mark(name)}`).join("\n")}`;
     if (box.dataset.key === key) return;
     box.dataset.key = key;
     box.replaceChildren(...this.names.map((name) => {

@@ -237,12 +237,22 @@ def test_a_link_to_a_moment_shows_it_and_its_floor(browser: "Browser", floor: Se
         until(page, f"new Date(1000 * document.getElementById('moment').value).toISOString() === '{at}'")
 
 
+def test_the_shift_summary_begins_when_something_is_known(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        page.wait_for_selector(WARNED)
+        page.click("#shift-open")
+        until(
+            page, "document.getElementById('shift-body').textContent.includes('(of the time before nothing is known)')"
+        )
+
+
 @pytest.mark.parametrize(
     ("name", "width", "height", "scheme"),
     [
         ("light", 1280, 800, "light"),
         ("dark", 1400, 850, "dark"),
         ("phone", 390, 844, "light"),
+        ("tablet", 820, 1180, "dark"),
         ("wall", 2560, 1440, "dark"),
     ],
 )
@@ -256,12 +266,13 @@ def test_the_page_fits_each_screen(
         assert page.evaluate("[...document.querySelectorAll('#vendors tr')].every((row) => row.cells.length === 4)")
         assert page.evaluate("[...document.querySelectorAll('#figures tr')].every((row) => row.cells.length === 7)")
         assert page.evaluate("(aside => aside.scrollWidth <= aside.clientWidth)(document.querySelector('aside'))")
+        assert page.evaluate("document.getElementById('map').clientWidth >= 0.6 * innerWidth")
         page.click("#heat")
         until(page, "document.getElementById('heat').ariaPressed === 'true'")
         page.click("#heat")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         assert page.evaluate("document.documentElement.dataset.theme") == scheme
-        keep(page, name, full_page=name == "phone")
+        keep(page, name, full_page=name in ("phone", "tablet"))
 
 
 def test_a_lost_connection_is_shown_and_greys_the_map_and_the_page_reconnects(

@@ -238,6 +238,24 @@ async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser
         await until(page, "document.getElementById('none').textContent === 'Nothing needs you.'")
 
 
+async def test_what_is_over_stands_last_and_is_not_counted(browser: "Browser", face: Served) -> None:
+    over = shown(1, 0, 1, advice=None, advisories=(), severity=Severity.CRITICAL)
+    await face.publish(over, shown(2, 4, 5, advice=None, severity=Severity.CAUTION))
+    async with opened(browser, face) as page:
+        expected = "Nothing needs you. 1 situation ends by itself:"
+        await until(page, f"document.getElementById('none').textContent === '{expected}'")
+        assert await text(page, "#count") == "(1)"
+        assert await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)") == ["situation-2", "situation-1"]
+        assert not await page.locator("#tabs .open").count()
+
+
+async def test_a_press_on_a_card_shows_it_on_the_map(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
+    async with opened(browser, face) as page:
+        await page.click("#situations .what")
+        await page.wait_for_selector('[data-id="situation-1"].chosen')
+
+
 async def test_a_line_of_what_has_ended_says_how(browser: "Browser", face: Served) -> None:
     calm = shown(1, 0, 1, advice=None, severity=Severity.CAUTION)
     async with opened(browser, face) as page:
@@ -402,7 +420,8 @@ async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_ar
         const things = places.map(([x, y]) =>
             ({ left: x - 8, right: x + 8, top: y - 5, bottom: y + 5, wide: 16, high: 10 }));
         const labels = new Labels(), frame = () => {
-            labels.begin({ width: 600, height: 400 }, 1, things);
+            labels.begin({ width: 600, height: 400 }, 1);
+            for (const thing of things) labels.take(thing);
             return things.map((thing, i) => labels.place(i, thing, 90, 18, { must: true }));
         };
         const first = frame(), second = frame();
