@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
-from ingest.shapes import Shape, ShapePart
+from ingest.shapes import Shape, ShapePart, Trailer
 
 
 def octagon(rng: Generator) -> Shape:
@@ -30,10 +30,17 @@ def truck(rng: Generator) -> Shape:
     )
 
 
+def train(rng: Generator) -> Shape:
+    """A round tug with two trailers."""
+    trailer = Trailer(rng.uniform(0.4, 1.0), rng.uniform(0.3, 0.8), 1.1, rng.uniform(-3.0, 3.0))
+    return Shape(Shape.circle(0.8).parts, (-0.2, 0.0), (trailer, trailer))
+
+
 KINDS: dict[str, Callable[[Generator], Shape | None]] = {
     "rectangle": lambda _: None,
     "circle": lambda rng: Shape.circle(rng.uniform(0.4, 2.0)),
     "polygon": octagon,
     "star": star,
     "parts": truck,
+    "train": train,
 }

@@ -1,12 +1,14 @@
 """The true distances of two robots of any shape: shapely's, at many times. Shares only `Track` with the oracle of
-rectangles, and nothing with the engine."""
+rectangles, and with the engine only where trailers are (`trailer_forecasts`, which has tests of its own)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from deconflict.sweep.shapes.trailers import trailer_forecasts
 from ingest.batch import Forecasts
 from tests.helpers.oracle import Floats, Ints, Track
 
@@ -28,14 +30,14 @@ class Approach:
 
 
 class ShapedTrack:
-    """One robot: its track, and its parts in its own frame."""
+    """One body, which is a robot or a trailer: its track, and its parts in its own frame."""
 
     def __init__(self, forecasts: Forecasts, row: int) -> None:
         self.track = Track(forecasts, row)
         length, width = self.track.size / 2
         bottom, top = self.track.height
         shape = forecasts.shape(row)
-        if shape is None:
+        if shape is None or not shape.parts:
             self.parts = [(shapely.box(-length, -width, length, width), 0.0, bottom, top)]
             return
         self.parts = []
@@ -56,8 +58,19 @@ class ShapedTrack:
         return floor, np.asarray(shapely.set_coordinates(cores, corners.reshape(-1, 2)))
 
 
-def distances(a: ShapedTrack, b: ShapedTrack, t_s: Floats) -> Floats:
-    """(n,) distances at n times, inf on different floors and where all parts pass above each other."""
+def bodies(forecasts: Forecasts, row: int) -> list[ShapedTrack]:
+    """A robot and its trailers."""
+    trailers, _ = trailer_forecasts(forecasts.single(row))
+    return [ShapedTrack(forecasts, row), *(ShapedTrack(trailers, at) for at in range(len(trailers)))]
+
+
+def distances(a: Sequence[ShapedTrack], b: Sequence[ShapedTrack], t_s: Floats) -> Floats:
+    """(n,) distances of two robots of these bodies at n times, inf on different floors and where all parts pass above
+    each other."""
+    return np.min([_distances(each, other, t_s) for each in a for other in b], axis=0)
+
+
+def _distances(a: ShapedTrack, b: ShapedTrack, t_s: Floats) -> Floats:
     apart_m, origin = np.full(len(t_s), np.inf), a.track.pose[0, :2]
     for core_a, radius_a, bottom_a, top_a in a.parts:
         for core_b, radius_b, bottom_b, top_b in b.parts:
@@ -74,7 +87,7 @@ def approach(
     forecasts: Forecasts, pair: tuple[int, int], *, now_s: float, horizon_s: float, clearance_m: float
 ) -> Approach:
     """What the robots of two rows do in [`now_s`, `now_s + horizon_s`]."""
-    a, b = (ShapedTrack(forecasts, row) for row in pair)
+    a, b = (bodies(forecasts, row) for row in pair)
     t = np.linspace(0.0, horizon_s, SAMPLES)
     apart_m = distances(a, b, now_s + t)
     within = np.flatnonzero(apart_m <= clearance_m)

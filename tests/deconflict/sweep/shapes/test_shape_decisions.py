@@ -13,7 +13,7 @@ from ingest.batch import Forecasts
 from ingest.shapes import Shape, ShapePart, shapes_of
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, encounters, robot, rows_of_pairs
 from tests.helpers.made_shapes import KINDS
-from tests.helpers.shape_oracle import ShapedTrack, approach, distances
+from tests.helpers.shape_oracle import approach, bodies, distances
 
 DISTANCE_M, LATE_S, SEPARATION_M = 1e-3, 1e-3, 2e-3
 FAMILIES = ("random", "spinning", "near_miss", "heights")
@@ -37,7 +37,7 @@ def disagreements(forecasts: Forecasts, found: Conflicts, clearance_m: float) ->
         if row is None:
             lines += [f"missed {pair} {true.closest_m}"] if true.closest_m <= clearance_m else []
             continue
-        a, b = (ShapedTrack(forecasts, each) for each in pair)
+        a, b = (bodies(forecasts, each) for each in pair)
         contact_s = found.contact_s[row]
         contact_m = distances(a, b, np.array([contact_s, contact_s - 1e-6])).min()
         for kind, much, most in (
