@@ -7,7 +7,6 @@ import asyncio
 import secrets
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
-from http.cookies import CookieError, SimpleCookie
 from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
@@ -26,7 +25,8 @@ from ingest.security.vendor_credentials import VendorCredentials
 
 RANK: Mapping[Role, int] = {"read": 0, "acknowledge": 1, "administer": 2}
 COOKIE = "deconflict_session"
-MOST_SESSIONS = 1000
+MOST_SESSIONS = 100
+"""Of one person; then their oldest ends."""
 MOST_FORM_BYTES = 4096
 
 
@@ -194,19 +194,18 @@ class AccessMiddleware:
             await self._slow_down(request.scope)
             return _login_page("That token is not known.")
         session = secrets.token_urlsafe(32)
-        while len(self._sessions) >= MOST_SESSIONS:
-            self._sessions.pop(next(iter(self._sessions)))
+        theirs = [name for name, other in self._sessions.items() if other.person == signed_in.person]
+        for name in theirs[: max(len(theirs) + 1 - MOST_SESSIONS, 0)]:
+            del self._sessions[name]
         self._sessions[session] = signed_in
         answer = RedirectResponse("/", 303)
         answer.set_cookie(COOKIE, session, httponly=True, secure=self._secure, samesite="strict", path="/")
         return answer
 
     def _of_session(self, headers: Headers) -> SignIn | None:
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-        except CookieError:
-            return None
-        return self._sessions.get(cookie.value) if cookie else None
+        pairs = (pair.partition("=") for pair in headers.get("cookie", "").split(";"))
+        sessions = (self._sessions.get(value.strip()) for name, _, value in pairs if name.strip() == COOKIE)
+        return next(filter(None, sessions), None)
 
 
 def _is_cross_site(headers: Headers) -> bool:

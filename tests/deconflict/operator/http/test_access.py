@@ -112,18 +112,20 @@ async def test_changed_people_apply_at_once_and_end_the_sessions_of_removed_peop
         assert (await browser.get("/advisories", headers=bearer(LEADER))).status_code == 200
 
 
-async def test_sessions_are_bounded_and_the_oldest_ends(
+async def test_sessions_of_a_person_are_bounded_and_end_those_of_nobody_else(
     tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.http.access.MOST_SESSIONS", 1)
+    monkeypatch.setattr("deconflict.operator.http.access.MOST_SESSIONS", 2)
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as first,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as second,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
     ):
-        for browser in (first, second):
-            await browser.post("/login", data={"token": READER})
-        assert [(await client.get("/advisories")).status_code for client in (first, second)] == [401, 200]
+        sessions = []
+        for token in (LEADER, READER, READER, READER):
+            sessions.append((await client.post("/login", data={"token": token})).headers["set-cookie"].split(";")[0])
+            client.cookies.clear()
+        answers = [await client.get("/advisories", headers={"cookie": f"a=b; {session}"}) for session in sessions]
+        assert [answer.status_code for answer in answers] == [200, 401, 200, 200]
 
 
 async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_opened(

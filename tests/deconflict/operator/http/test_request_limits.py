@@ -1,6 +1,7 @@
 """No input leads to an error of the service, and no body is kept that no route needs."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -67,6 +68,22 @@ async def test_a_long_body_is_refused_announced_or_not(tmp_path: Path) -> None:
             announced = await client.post(path, content=b" " * (MOST_BODY_BYTES + 1))
             assert announced.status_code == 413
         assert (await client.post(ACKNOWLEDGEMENT.format("x"), content=chunks())).status_code == 413
+
+
+async def test_no_cookie_takes_long_to_read(tmp_path: Path) -> None:
+    quoted = 'deconflict_session="' + 60_000 * "\\" + '"'
+    async with (
+        served(tmp_path) as face,
+        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+    ):
+        plain_s: list[float] = []
+        quoted_s: list[float] = []
+        for _ in range(3):
+            for cookie, took_s in ((60_000 * "a", plain_s), (quoted, quoted_s)):
+                began_s = time.process_time()
+                assert (await client.get("/advisories", headers={"cookie": cookie})).status_code == 200
+                took_s.append(time.process_time() - began_s)
+        assert min(quoted_s) < 10 * min(plain_s)
 
 
 async def test_every_answer_has_safe_headers(tmp_path: Path) -> None:
