@@ -13,6 +13,8 @@ class Outline(NamedTuple):
     width_m: float
     offset_m: tuple[float, float] = (0.0, 0.0)
     outline: Shape | None = None
+    is_simplified: bool = False
+    """Whether the outline itself can't be used, so that the rectangle stands for it."""
 
     def differs_m(self, length_m: float, width_m: float) -> float:
         """How far its size is from a stated one."""
@@ -26,5 +28,6 @@ def outline_of(corners: Sequence[Corner]) -> Outline:
     xs, ys = zip(*corners, strict=True)
     west, east, south, north = min(xs), max(xs), min(ys), max(ys)
     is_rectangle = set(corners) == {(west, south), (west, north), (east, south), (east, north)}
-    outline = None if is_rectangle or outline_fault(corners) else Shape.polygon(corners)
-    return Outline(east - west, north - south, ((west + east) / 2, (south + north) / 2), outline)
+    is_faulty = not is_rectangle and outline_fault(corners) is not None
+    outline = None if is_rectangle or is_faulty else Shape.polygon(corners)
+    return Outline(east - west, north - south, ((west + east) / 2, (south + north) / 2), outline, is_faulty)

@@ -10,6 +10,7 @@ T = 1_790_000_000.0
 LATER = "2026-09-21T14:13:24Z"
 UNREADABLE = ("headerId", "orderUpdateId", "errors", "loads", "nodeStates", "actionStates")
 SQUARE = [{"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 1.0}]
+BOW_TIE = [{"x": x, "y": y} for x, y in ((0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 1.0))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +76,11 @@ VECTORS = (
         "factsheet",
         factsheet(T, agvGeometry={"envelopes2d": [{"set": "a", "polygonPoints": SQUARE}]}),
         ("outline-unreadable",),
+    ),
+    VdaVector(
+        "factsheet",
+        factsheet(T, agvGeometry={"envelopes2d": [{"set": "a", "polygonPoints": BOW_TIE}]}),
+        ("outline-not-usable",),
     ),
     VdaVector("factsheet", sized(speedMax=0.0), ("speed-limit-not-positive",)),
     VdaVector("state", state(T, operatingMode="DREAMING"), ("operating-mode-unknown",)),

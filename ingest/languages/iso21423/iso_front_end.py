@@ -191,6 +191,8 @@ def _identity(
 ) -> Identity:
     details = message.details or IsoDetails()
     outline = memory.outline or _outline(details.imr_footprint or [])
+    if outline.is_simplified:
+        findings["outline-not-usable"] = None
     height_m = memory.height_m if memory.height_m is not None else details.imr_height or 0.0
     if not height_m <= MAX_SIZE_M:
         raise RejectedError("envelope-absurd", f"the robot is {height_m:g} m high; send metres")

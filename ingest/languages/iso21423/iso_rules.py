@@ -51,6 +51,11 @@ _KEYS = (
     _in_context("clock-off", "The robot's clock is off; its times are corrected.", "times"),
 )
 _WHO = (
+    Rule(
+        "outline-not-usable",
+        "The footprint crosses itself, has no area, over 32 corners or over 30 m; the rectangle around it is used.",
+        "identity",
+    ),
     Rule("speed-limit-not-positive", "The rated speed is not above zero; ignored.", "identity"),
     _in_context("identity-missing", "No identity has come yet; the default envelope is used.", "identity"),
     _in_context("identity-changed", "Model or footprint changed; the newest is used.", "identity"),

@@ -19,7 +19,7 @@ def identity_of(
     """The identity by a factsheet. Raises `RejectedError` if it has no size that a robot can have."""
     parameters, kind = message.physical_parameters or _NO_PARAMETERS, message.type_specification or _NO_TYPE
     height_m = parameters.maximum_height if parameters.maximum_height is not None else parameters.height_max
-    length_m, width_m, offset_m, outline = _body(message, parameters, findings)
+    length_m, width_m, offset_m, outline, _ = _body(message, parameters, findings)
     if not (length_m > 0 and width_m > 0):
         reason = f"physicalParameters say {length_m:g} x {width_m:g} m; send the robot's length and width"
         raise RejectedError("envelope-not-positive", reason)
@@ -72,4 +72,7 @@ def _body(message: FactsheetMessage, parameters: PhysicalParameters, findings: F
         else:
             bodies.append(outline_of([(point.x, point.y) for point in points]))
     length_m, width_m = parameters.length or 0.0, parameters.width or 0.0
-    return min(bodies, key=lambda body: body.differs_m(length_m, width_m), default=Outline(length_m, width_m))
+    own = min(bodies, key=lambda body: body.differs_m(length_m, width_m), default=Outline(length_m, width_m))
+    if own.is_simplified:
+        findings["outline-not-usable"] = None
+    return own

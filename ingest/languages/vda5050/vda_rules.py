@@ -55,6 +55,11 @@ _HEADER = (
 )
 _WHO = (
     Rule("outline-unreadable", "An outline of the factsheet has no three corners; left out.", "factsheet"),
+    Rule(
+        "outline-not-usable",
+        "The outline crosses itself, has no area, over 32 corners or over 30 m; the rectangle around it is used.",
+        "factsheet",
+    ),
     Rule("speed-limit-not-positive", "The greatest speed is not above zero; ignored.", "factsheet"),
     _in_context("identity-missing", "No factsheet has come yet; the default envelope is used.", "factsheet"),
     _in_context("identity-changed", "Type or size changed; the newest factsheet is used.", "factsheet"),

@@ -10,6 +10,7 @@ from tests.helpers.iso_saying import at, identity, iso, odometry, points, states
 from tests.ingest.languages.iso21423.made_iso import IsoListener, T
 
 HUGE = [{"x": 0.0, "y": 0.0}, {"x": 900.0, "y": 0.0}, {"x": 0.0, "y": 1.0}]
+BOW_TIE = [{"x": x, "y": y} for x, y in ((0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 1.0))]
 NOWHERE = {"locationPoint": {"x": 0.0, "y": 0.0}, "orientation": {"yaw": 0.0}}
 POINT = {"timestamp": "2026-09-21T14:13:24Z", "locationPoint": at(1.0, 0.0)}
 
@@ -56,6 +57,7 @@ VECTORS = (
         (),
         "envelope-absurd",
     ),
+    IsoVector("identity", identity(T, imrFootprint=BOW_TIE), ("outline-not-usable",)),
     IsoVector("status", iso(T), ("key-absent", "mode-missing")),
     IsoVector("batteryStatus", iso(T, batterySoc="0.5"), ("number-as-text",)),
     IsoVector("odometry", changed(velocity="fast"), ("value-unreadable", "key-absent")),
