@@ -89,7 +89,7 @@ class SlotTable:
     def discard(self, keys: Iterable[str]) -> list[int]:
         """Remove robots. Returns the slots that become free."""
         left = self._slots.release(keys)
-        self.keys[left], self.robots["count"][left] = "", 0
+        self.keys[left], self.robots["count"][left], self.robots["train"][left] = "", 0, 0
         if len(left):
             self._ranks = None
         return left.tolist()

@@ -115,6 +115,15 @@ def test_a_train_is_one_robot() -> None:
     assert not sweeper.find_conflicts(NOW_S).pairs
 
 
+def test_trailers_that_are_gone_are_near_nobody() -> None:
+    """The other catches up; it begins where the last trailer was."""
+    sweeper, follows = Sweeper(clearance_m=0.2), robot([0, 10], [-6.7, 23.3], [0, 0], 0.0, (0.5, 0.5))
+    sweeper.update(["b", "train"], Forecasts.joined([follows, tug(0.0)]))
+    assert sweeper.find_conflicts(NOW_S).start_separation_m.tolist() == [0.0]
+    sweeper.update(["train"], tug(0.0, trailers=TRAILERS[:1]))
+    assert sweeper.find_conflicts(NOW_S).start_separation_m.tolist() == pytest.approx([6.45 - 2.5])
+
+
 def test_two_trains_meet_by_their_trailers_alone() -> None:
     other = tug(0.0)
     other = replace(other, x_m=other.x_m[::-1] * 0 - 6.0, y_m=other.y_m + 1.0)
