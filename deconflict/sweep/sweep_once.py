@@ -91,7 +91,8 @@ def first_contacts(
     rows by the row of the robot that pulls them.
 
     Returns (p,) when each pair first comes within the clearance by `until_s` (p,), to a millimetre and never late, inf
-    if it does not; and (p,) the distance at `now_s` of the pairs that do. Robots without knots have no contact.
+    if it does not; and (p,) the distance at `now_s` of the pairs that do, and of trains that of the bodies that do.
+    Robots without knots have no contact.
     """
     if not trailers:
         return _first_contacts(robots, knots, a, b, now_s, until_s, clearance_m)

@@ -2,7 +2,8 @@
 
 from collections import deque
 from dataclasses import dataclass, field
-from math import cos, pi, sin
+from itertools import product
+from math import cos, dist, pi, sin
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ class NearestScene:
     """Index of the floor on which they were."""
     x_m: float = 0.0
     y_m: float = 0.0
-    """Midpoint between their centres at that moment."""
+    """Midpoint between the centres of their nearest bodies at that moment."""
 
     @property
     def rank(self) -> tuple[float, float, float, tuple[str, str]]:
@@ -141,7 +142,6 @@ class NearestScenes:
         scene.tracks = [poses[row, there, :3] for row in (0, 1)]
         then = poses[:, there[scene.nearest]]
         scene.sizes = [(float(2 * length), float(2 * width)) for length, width in then[:2, 3:5]]
-        scene.x_m, scene.y_m = then[:2, :2].mean(axis=0).tolist()
         scene.floor = int(then[0, 5])
         drawn = [
             (int(body) // BODIES, SceneBody(track[:, :3], outlines_of(*map(float, track[scene.nearest, [3, 4, 6]]))))
@@ -149,6 +149,14 @@ class NearestScenes:
             if not np.isnan(track[:, 0]).any()
         ]
         scene.bodies = [[body for slot, body in drawn if slot == robot] for robot in robots.tolist()]
+        scene.x_m, scene.y_m = _midpoint(scene)
+
+
+def _midpoint(scene: NearestScene) -> tuple[float, float]:
+    """The midpoint between those two bodies of a scene whose centres are nearest to each other."""
+    a, b = ([body.track[scene.nearest, :2].tolist() for body in robot] for robot in scene.bodies)
+    (a_x_m, a_y_m), (b_x_m, b_y_m) = min(product(a, b), key=lambda pair: dist(*pair))
+    return (a_x_m + b_x_m) / 2, (a_y_m + b_y_m) / 2
 
 
 def outlines_of(half_length_m: float, half_width_m: float, shape: float) -> list[Outline]:

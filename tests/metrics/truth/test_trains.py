@@ -53,6 +53,7 @@ def test_the_nearest_scene_is_drawn_with_trailers_and_true_shapes() -> None:
     truth = crossed(TRAILERS)
     (scene,) = truth.scenes.finish(truth.motion)
     document = scene.document()
+    assert (document["x_m"], document["y_m"]) == pytest.approx((5.0, 0.0), abs=0.8)
     bodies = dict(zip(document["robots"], document["bodies"], strict=True))
     assert [len(body["outlines_m"]) for body in bodies["train"]] == [1] * 5
     assert [len(body["outlines_m"][0]) for body in bodies["b"]] == [24]
