@@ -83,6 +83,7 @@ class ReceiverRole:
             overtaken=self._overtaken,
             measures=self.measures,
             clock=self._now_s,
+            owner_of=self.fleet.owners.owner_of_topic,
             first_id=found.connection + 1,
             shares_port=bool(site.cluster and site.cluster.share_port),
         )

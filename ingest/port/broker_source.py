@@ -24,6 +24,8 @@ from ingest.settings import MqttSource
 
 MOST_TOPICS = 100_000
 """Topics whose connections are kept. Beyond it, the one that was quiet for the longest is closed."""
+LONGEST_TOPIC = 400
+"""Characters. Messages of longer topics are refused: a topic is kept, and is in no limit of what messages may hold."""
 KEEPALIVE_S = 15
 """A broker that answers nothing for about this long is gone."""
 TIMEOUT_S = 10.0
@@ -108,10 +110,13 @@ class BrokerSource:
         topic, raw = message.topic.value, message.payload
         if not isinstance(raw, bytes):
             raw = str(raw or "").encode()
-        connection = self._connection(topic)
+        connection = self._connection(topic if len(topic) <= LONGEST_TOPIC else "")
         if not raw:
             return  # the broker forgets a retained message
-        if len(raw) > self.settings.max_message_bytes:
+        if not connection.topic:
+            reason = f"its topic is longer than {LONGEST_TOPIC} characters; shorten mqtt_sources.prefixes or names"
+            self._receiver.refuse("message-too-large", reason, connection)
+        elif len(raw) > self.settings.max_message_bytes:
             reason = f"larger than {self.settings.max_message_bytes} bytes; raise mqtt_sources.max_message_bytes"
             self._receiver.refuse("message-too-large", reason, connection)
         elif message.retain and self._front_end.has_pose(raw, topic):

@@ -6,6 +6,7 @@ connections it opens.
 
 import ipaddress
 from collections.abc import Hashable
+from functools import lru_cache
 from typing import Generic, TypeVar
 
 Connection = TypeVar("Connection", bound=Hashable)
@@ -54,6 +55,7 @@ class ConnectionShares(Generic[Connection]):
         return max(self._held, key=lambda holder: len(self._held[holder]))
 
 
+@lru_cache(4096)
 def site_of(address: str) -> str:
     """The address, or of an IPv6 address the network that one machine may choose it from."""
     try:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ingest.measures.measures import Measures
 from ingest.port.backlog import Backlog
 from ingest.port.connection import Connection
+from ingest.port.connection_shares import holder_of
 from ingest.port.rate_limits import ArrivedMessage, RateLimits, Rates
 from ingest.port.time_slices import TimeSlices
 from ingest.settings import UNKNOWN, ReceiverSettings
@@ -24,7 +25,10 @@ class FairDelivery:
         deliver: Deliver,
         overtaken: Callable[[ArrivedMessage, str], None],
         measures: Measures,
+        owner_of: Callable[[Connection], str | None],
     ) -> None:
+        """`owner_of` gives the vendor that owns the robot of a topic, if the topic names no vendor."""
+        self._owner_of = owner_of
         self.slices = TimeSlices()
         self._rate_limits = RateLimits(_rates(settings))
         self._backlog = Backlog(self.slices, self._deliver_timed, self._note_overtaken)
@@ -38,13 +42,13 @@ class FairDelivery:
 
     def add(self, message: ArrivedMessage, now_s: float) -> None:
         """Deliver a message now, or when the rate limits of its sender allow it."""
-        at_once, dropped = self._rate_limits.admit(_sender(message.connection), message, now_s)
+        at_once, dropped = self._rate_limits.admit(self._sender(message.connection), message, now_s)
         if at_once:
             self._backlog.add(message)
         elif self._draining is None or self._draining.done():
             self._draining = asyncio.create_task(self._drain())
         if dropped:
-            vendor = message.connection.vendor or UNKNOWN
+            vendor = self._vendor(message.connection) or UNKNOWN
             self._measures.count("deconflict_messages_shed_total", vendor, by=len(dropped))
 
     def timed(self, connection: Connection, read: Callable[[], None], now_s: float) -> float:
@@ -52,7 +56,7 @@ class FairDelivery:
         delivering_s, began_s = self._delivering_s, time.thread_time()
         read()
         spent_s = time.thread_time() - began_s - (self._delivering_s - delivering_s)
-        return self._rate_limits.charge_reading(_sender(connection), spent_s, now_s)
+        return self._rate_limits.charge_reading(self._sender(connection), spent_s, now_s)
 
     async def close(self) -> None:
         """Let nothing more wait for rate limits."""
@@ -68,22 +72,24 @@ class FairDelivery:
         finally:
             spent_s = time.thread_time() - began_s
             self._delivering_s += spent_s
-            self._rate_limits.delivered(_sender(connection), len(raw), spent_s, time.monotonic())
+            self._rate_limits.delivered(self._sender(connection), len(raw), spent_s, time.monotonic())
 
     def _note_overtaken(self, message: ArrivedMessage, uuid: str) -> None:
-        self._rate_limits.delivered(_sender(message.connection), len(message.raw), 0.0, time.monotonic())
+        self._rate_limits.delivered(self._sender(message.connection), len(message.raw), 0.0, time.monotonic())
         self._overtaken(message, uuid)
+
+    def _sender(self, connection: Connection) -> str:
+        """By whom rates are limited."""
+        return holder_of(self._vendor(connection), connection.peer)
+
+    def _vendor(self, connection: Connection) -> str | None:
+        return connection.vendor or (self._owner_of(connection) if connection.topic else None)
 
     async def _drain(self) -> None:
         while self._rate_limits.waiting:
             await asyncio.sleep(DRAIN_EVERY_S)
             for message in self._rate_limits.due(asyncio.get_running_loop().time()):
                 self._backlog.add(message)
-
-
-def _sender(connection: Connection) -> str:
-    """By whom rates are limited."""
-    return connection.vendor or connection.peer
 
 
 def _rates(settings: ReceiverSettings) -> Rates:

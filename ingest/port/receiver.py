@@ -43,7 +43,6 @@ CLOSE_TIMEOUT_S = 2.0
 MOST_CLOSING = HANDSHAKE_FILES // 2
 """Connections that are being closed to make room, at once."""
 
-
 log = logging.getLogger(__name__)
 
 
@@ -81,11 +80,12 @@ class Receiver:
         overtaken: Callable[[ArrivedMessage, str], None],
         measures: Measures,
         clock: Callable[[], float],
+        owner_of: Callable[[Connection], str | None] = lambda _: None,
         first_id: int = 1,
         shares_port: bool = False,
     ) -> None:
-        """With `shares_port` several processes may open the same port, and the kernel distributes the connections among
-        them (`SO_REUSEPORT`)."""
+        """`owner_of` as of `FairDelivery`. With `shares_port` several processes may open the same port, and the kernel
+        distributes the connections among them (`SO_REUSEPORT`)."""
         self.settings, self._shares_port = settings, shares_port
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
@@ -102,7 +102,7 @@ class Receiver:
         self._limit = settings.max_connections
         self._shares: ConnectionShares[Session] = ConnectionShares()
         self._failed_sign_ins = FailedSignIns()
-        self._delivery = FairDelivery(settings, deliver, overtaken, measures)
+        self._delivery = FairDelivery(settings, deliver, overtaken, measures, owner_of)
         self._slices = self._delivery.slices
 
     async def start(self) -> None:

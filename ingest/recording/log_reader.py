@@ -289,9 +289,8 @@ def _rare_event(line: str, document: dict[str, Any]) -> Event:
         return EngineStarted(_time(document["at"]))
     if any(note in document for note in NOTES):
         return BlackBoxNote(document)
-    if "closed" in document or "given" in document:
-        is_closed = "closed" in document
-        return Closed(_connection_of(document)) if is_closed else Given(document["uuid"], document["vendor"])
+    if "given" in document or "closed" in document:
+        return msgspec.convert(document, Given) if "given" in document else Closed(_connection_of(document))
     if "overtaken" in document:
         return Overtaken(_raw(line, document), _time(document["received"]), _connection_of(document))
     return Received(

@@ -38,6 +38,7 @@ from typing import Any
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
+from ingest.port.connection_shares import holder_of
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
 from ingest.recording.rejected_shares import HEAD_BYTES, RecordedPart, RejectedShares
@@ -138,7 +139,8 @@ class Recorder:
         self._count()
 
     def _add_rejected(self, raw: bytes, arrival_s: float, connection: Connection, rule: str) -> None:
-        recorded = self._rejected_shares.admit(connection.vendor or connection.peer, len(raw), arrival_s)
+        sender = holder_of(connection.vendor, connection.peer)
+        recorded = self._rejected_shares.admit(sender, len(raw), arrival_s, len(connection.topic))
         if recorded is not RecordedPart.WHOLE:
             self._measures.count("deconflict_rejected_cut_total", recorded.value)
         if recorded is RecordedPart.NOTHING:

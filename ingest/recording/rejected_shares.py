@@ -47,12 +47,13 @@ class RejectedShares:
         self._senders: OrderedDict[str, _Allowance] = OrderedDict()
         self._all = _full(ALL_BYTES_PER_S, 0.0)
 
-    def admit(self, sender: str, message_bytes: int, now_s: float) -> RecordedPart:
+    def admit(self, sender: str, message_bytes: int, now_s: float, topic_bytes: int = 0) -> RecordedPart:
         """How much to record of a rejected message of a sender: a vendor, or an address."""
         allowances = (self._of(sender, now_s), self._all)
         for allowance in allowances:
             allowance.refill(now_s)
-        whole_bytes, head_bytes = message_bytes + LINE_BYTES, min(message_bytes, HEAD_BYTES) + LINE_BYTES
+        line_bytes = LINE_BYTES + topic_bytes
+        whole_bytes, head_bytes = message_bytes + line_bytes, min(message_bytes, HEAD_BYTES) + line_bytes
         if all(allowance.whole >= whole_bytes for allowance in allowances):
             for allowance in allowances:
                 allowance.whole -= whole_bytes

@@ -9,6 +9,7 @@ from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
 from ingest.languages.front_end import TopicSender
+from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.model import Identity, Rejection, Status, Update
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN
@@ -45,7 +46,7 @@ class RobotOwners:
             return robot.vendor
         heard = self._vendors_heard.get(connection.id, set())
         only = next(iter(heard)) if len(heard) == 1 else UNKNOWN
-        return self.vendors.of_robot(uuid) or only
+        return self.owner(uuid) or only
 
     def other_owner(self, uuid: str, robot: Robot | None, speaker: str | None) -> str | None:
         """The vendor that owns the robot, if that is another one than `speaker`. None if there is no conflict."""
@@ -64,6 +65,11 @@ class RobotOwners:
     def owner(self, uuid: str) -> str | None:
         """The vendor that alone may report the robot. None if it is not settled."""
         return self.vendors.of_robot(uuid) or self.register.owner(uuid)
+
+    def owner_of_topic(self, connection: Connection) -> str | None:
+        """The owner of the robot that the topic of a connection names."""
+        sender = FRONT_ENDS[connection.language].sender(connection.topic)
+        return self.owner(sender.uuid) if sender else None
 
     def problem_of_giving(self, uuid: str, vendor: str) -> str:
         """Why the robot can't be given to the vendor by a person; "" if it can."""
@@ -99,6 +105,8 @@ class RobotOwners:
         if robot is None and self._is_full(self.vendor_of(message.uuid, None, connection)):
             reason = "the vendor has as many robots as reading.max_robots_per_vendor allows; keep each robot's UUID"
             return Rejection("robots-too-many", reason)
+        if robot and not robot.owned and connection.vendor and connection.vendor == self.owner(message.uuid):
+            return None  # the owner is heard in its own language, whoever spoke while it was silent
         serial = message.serial if isinstance(message, Identity) else sender.serial if sender else ""
         heard_since_s = arrival_s - silent_after_s
         return self._languages.rejection(message.uuid, robot, connection.language, (speaker, serial), heard_since_s)

@@ -158,14 +158,14 @@ def _with_connection(memory: VdaMemory, connection: str, heard: Heard) -> VdaMem
 
 def _compare_names(message: Header, sender: TopicSender, findings: Findings) -> None:
     """Topics may replace characters that brokers do not allow, so only letters and digits are compared."""
-    named = _plain(message.manufacturer), _plain(message.serial_number)
+    named = tuple(_plain((name or "")[:MAX_NAME]) for name in (message.manufacturer, message.serial_number))
     if any(named) and named != (_plain(sender.manufacturer), _plain(sender.serial)):
         findings["robot-not-of-topic"] = None
 
 
 @lru_cache(_TOPICS_CACHED)
-def _plain(name: str | None) -> str:
-    return "".join(filter(str.isalnum, (name or "")[:MAX_NAME])).casefold()
+def _plain(name: str) -> str:
+    return "".join(filter(str.isalnum, name)).casefold()
 
 
 def _read_motion(

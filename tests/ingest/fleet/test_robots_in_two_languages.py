@@ -1,6 +1,7 @@
 """A robot that reports in two languages is one robot."""
 
 from ingest.fleet.fleet import Fleet
+from ingest.port.connection import Connection
 from ingest.settings import Datum, Vendor
 from tests.helpers import iso_saying, vda_saying
 from tests.helpers.saying import HALL, identity, robot, status
@@ -45,6 +46,18 @@ def test_the_other_language_counts_when_the_first_has_fallen_silent() -> None:
     later_s = NOW_S + of.reading.silent_after_s + 1
     assert in_vda(of, later_s) is None
     assert in_massrobotics(of, later_s + 1)[1] == "robot-in-two-languages"
+
+
+def test_the_owner_is_heard_again_at_once_whoever_spoke_for_its_robot_while_it_was_silent() -> None:
+    of, uuid, alder = fleet(Vendor(name="Alder")), robot("A-1"), Connection(7, vendor="Alder")
+    of.receive(status("A-1", NOW_S), NOW_S, alder)
+    later_s = NOW_S + of.reading.silent_after_s + 1
+    assert of.receive(iso_saying.odometry(later_s), later_s, iso_saying.line("odometry", uuid)) is None
+    assert of.robots[uuid].vendor == "Alder", "it stays its vendor's"
+    assert of.receive(status("A-1", later_s + 1), later_s + 1, alder) is None
+    assert of.robots[uuid].language == "massrobotics"
+    forged = of.receive(iso_saying.odometry(later_s + 2), later_s + 2, iso_saying.line("odometry", uuid))
+    assert forged == "robot-in-two-languages"
 
 
 def test_the_same_uuid_in_two_languages_is_one_robot_and_may_change_its_language() -> None:

@@ -25,6 +25,8 @@ class Floor:
     delivered: list[tuple[bytes, float, Connection]] = field(default_factory=list)
     refused: list[tuple[str, str, Connection]] = field(default_factory=list)
     closed: list[Connection] = field(default_factory=list)
+    owners: dict[str, str] = field(default_factory=dict)
+    """By topic."""
 
     @property
     def url(self) -> str:
@@ -54,6 +56,7 @@ async def floor(vendors: tuple[Vendor, ...] = (), **settings: Any) -> AsyncItera
         overtaken=lambda *_: None,
         measures=measures,
         clock=lambda: float(next(ticks)),
+        owner_of=lambda connection: served_floor.owners.get(connection.topic),
     )
     served_floor = Floor(receiver, measures, closed=closed)
     await receiver.start()

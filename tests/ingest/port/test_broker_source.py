@@ -14,6 +14,8 @@ from ingest.port.broker_source import BrokerSource
 from ingest.settings import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.deconflict.roles.made_service import free_ports
+from tests.helpers import iso_saying
+from tests.helpers.saying import robot
 from tests.helpers.vda_saying import factsheet, state, topic
 from tests.ingest.port.made_receiver import Floor, floor, until
 
@@ -91,6 +93,28 @@ async def test_a_message_over_the_limit_is_refused() -> None:
         await until(lambda: of.delivered)
         assert [rule for rule, _, _ in of.refused] == ["message-too-large"]
         assert len(of.raws()[0]) == 100
+
+
+async def test_long_topics_are_refused_and_none_is_kept() -> None:
+    async with broker() as port, floor() as of, heard(of, port) as source:
+        await until(lambda: source.is_connected)
+        for number in range(5):
+            await publish(port, (f"uagv/v2/Mallory/{number}{1000 * 'x'}/state", b"{}"))
+        await publish(port, (topic("state"), b"{}"))
+        await until(lambda: of.delivered)
+        assert {(rule, connection.topic) for rule, _, connection in of.refused} == {("message-too-large", "")}
+        assert len(of.refused) == 5
+        assert list(source._connections) == ["", topic("state")]
+
+
+async def test_a_flood_of_a_maker_that_no_topic_names_leaves_the_robots_of_a_vendor_their_share() -> None:
+    async with broker() as port, floor(max_messages_per_s=10.0) as of, heard(of, port, language="iso21423") as source:
+        of.owners[iso_saying.topic("odometry", robot("A-1"))] = "ALDER"
+        await until(lambda: source.is_connected)
+        flood = [(iso_saying.topic("odometry", robot(f"M-{number}")), b"{}") for number in range(300)]
+        await publish(port, *flood, (iso_saying.topic("odometry", robot("A-1")), b"[]"))
+        await until(lambda: b"[]" in of.raws())
+        assert len(of.raws()) < 50
 
 
 async def test_a_broker_that_comes_late_and_goes_is_heard_again_with_what_it_retains() -> None:

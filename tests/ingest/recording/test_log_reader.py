@@ -81,6 +81,7 @@ def test_a_foreign_message_is_taken_as_it_stands(tmp_path: Path, line: str, mess
         b'{"received": null, "message": {}}',
         b'{"received": "2009-11-17T10:00:21Z", "base64": "?"}',
         b'{"received": "2009-11-17T10:00:21Z", "message": {}',
+        b'{"given": "2009-11-17T10:00:21Z", "uuid": 5, "vendor": ["x"]}',
         b"\xff",
     ],
 )
