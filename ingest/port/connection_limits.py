@@ -7,6 +7,7 @@ import socket as sockets
 from collections.abc import Callable
 from typing import Any, cast
 
+from ingest.port.connection_shares import Newcomers
 from ingest.port.frame_cutter import FrameCuttingConnection, FrameCuttingServer
 from ingest.security.tls_handshakes import TlsHandshakes, abort_without_handshake
 
@@ -22,7 +23,7 @@ log = logging.getLogger(__name__)
 
 
 class BoundedConnection(FrameCuttingServer):
-    """Aborts at once if there are `most` TCP connections, so that accepting never runs out of descriptors.
+    """Ends another handshake, or itself, if there are `most` TCP connections: accepting never runs out of descriptors.
 
     If it did, asyncio would log a traceback for each waiting connection and try again every second.
     """
@@ -32,28 +33,55 @@ class BoundedConnection(FrameCuttingServer):
         *args: Any,
         most: Callable[[], int],
         refused: Callable[[], None],
+        newcomers: Newcomers,
         handshakes: TlsHandshakes | None,
         **kwargs: Any,
     ) -> None:
         super().__init__(*args, **kwargs)
-        self._most, self._refused, self._handshakes = most, refused, handshakes
+        self._most, self._refused, self._newcomers, self._handshakes = most, refused, newcomers, handshakes
+        self._accepted: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Called when the connection is accepted. With TLS it is called again after the handshake."""
         accepted, handshakes = cast(asyncio.Transport, transport), self._handshakes
-        if handshakes is None or not handshakes.awaited(accepted):
+        if self._accepted is not None:
             super().connection_made(accepted)
-            if self._too_many(0):
-                self._refused()
-                self.transport.abort()
-        elif self._too_many(1 + len(handshakes)):
-            self._refused()
+            return
+        self._accepted = accepted
+        has_room = self._has_room()
+        if handshakes is not None and not has_room:
             abort_without_handshake(accepted)
-        else:
-            handshakes.begin(accepted, self)
+            return
+        self._newcomers.add(accepted)
+        if handshakes is not None:
+            handshakes.begin(accepted, self).add_done_callback(self._handshake_done)
+            return
+        super().connection_made(accepted)
+        if not has_room:
+            accepted.abort()
 
-    def _too_many(self, more: int) -> bool:
-        return len(self.server.handler_tasks) + more > self._most()
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._end_as_newcomer()
+        super().connection_lost(exc)
+
+    def listen(self, listener: Callable[[bytes], None], read: Callable[[bytes], None] | None = None) -> None:
+        self._end_as_newcomer()
+        super().listen(listener, read)
+
+    def _end_as_newcomer(self) -> None:
+        if self._accepted is not None:
+            self._newcomers.remove(self._accepted)
+
+    def _handshake_done(self, _: object) -> None:
+        if not hasattr(self, "transport"):  # it failed
+            self._end_as_newcomer()
+
+    def _has_room(self) -> bool:
+        """Whether there is room for this connection, perhaps because another handshake has made it."""
+        if len(self.server.handler_tasks) + len(self._handshakes or ()) < self._most():
+            return True
+        self._refused()
+        return self._newcomers.end_one()
 
 
 def connection_limit(wanted: int) -> int:

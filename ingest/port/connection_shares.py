@@ -4,6 +4,7 @@ The address, vendor or person with most connections loses its oldest one. So nob
 connections it opens.
 """
 
+import asyncio
 import ipaddress
 from collections.abc import Hashable
 from functools import lru_cache
@@ -53,6 +54,32 @@ class ConnectionShares(Generic[Connection]):
     def largest_holder(self) -> str:
         """The holder with most connections; there has to be one."""
         return max(self._held, key=lambda holder: len(self._held[holder]))
+
+
+class Newcomers:
+    """Accepted connections that have not shaken hands. Of too many, the address with most loses its oldest."""
+
+    def __init__(self) -> None:
+        self._shares: ConnectionShares[asyncio.Transport] = ConnectionShares()
+
+    def __len__(self) -> int:
+        return len(self._shares)
+
+    def add(self, transport: asyncio.Transport) -> None:
+        peer = transport.get_extra_info("peername")
+        self._shares.add(transport, site_of(str(peer[0])) if peer else "")
+
+    def remove(self, transport: asyncio.Transport) -> None:
+        self._shares.remove(transport)
+
+    def end_one(self) -> bool:
+        """End one for another. False if there is none."""
+        if not len(self._shares):
+            return False
+        oldest = self._shares.oldest(self._shares.largest_holder())
+        self._shares.remove(oldest)
+        oldest.abort()
+        return True
 
 
 @lru_cache(4096)

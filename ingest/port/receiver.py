@@ -23,7 +23,7 @@ from websockets.protocol import State
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit, keep_alive
-from ingest.port.connection_shares import ConnectionShares, holder_of
+from ingest.port.connection_shares import ConnectionShares, Newcomers, holder_of
 from ingest.port.fair_delivery import Deliver, FairDelivery
 from ingest.port.frame_cutter import FrameCuttingConnection
 from ingest.port.rate_limits import ArrivedMessage
@@ -84,8 +84,7 @@ class Receiver:
         first_id: int = 1,
         shares_port: bool = False,
     ) -> None:
-        """`owner_of` as of `FairDelivery`. With `shares_port` several processes may open the same port, and the kernel
-        distributes the connections among them (`SO_REUSEPORT`)."""
+        """Several processes may open one port with `shares_port` (`SO_REUSEPORT`). `owner_of` as of `FairDelivery`."""
         self.settings, self._shares_port = settings, shares_port
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
@@ -112,6 +111,7 @@ class Receiver:
             BoundedConnection,
             most=lambda: self._limit + HANDSHAKE_FILES,
             refused=self._count_full,
+            newcomers=Newcomers(),
             handshakes=self._handshakes,
         )
         self._server = await serve(

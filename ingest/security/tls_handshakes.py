@@ -23,7 +23,7 @@ class TlsHandshakes:
         """Whether the handshake of an accepted connection has not begun."""
         return transport.get_extra_info("sslcontext") is None
 
-    def begin(self, transport: asyncio.Transport, protocol: asyncio.Protocol) -> None:
+    def begin(self, transport: asyncio.Transport, protocol: asyncio.Protocol) -> asyncio.Task[None]:
         """Begin a handshake. After it `protocol` gets the connection; before, it is not called."""
         early = _EarlyData()
         transport.set_protocol(early)
@@ -31,6 +31,7 @@ class TlsHandshakes:
         task = asyncio.create_task(self._perform(transport, early, protocol))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
 
     def close(self) -> None:
         """Cancel the handshakes in progress."""

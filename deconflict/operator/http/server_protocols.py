@@ -12,8 +12,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import CloseCode
 
-from ingest.port.connection_shares import ConnectionShares, site_of
-from ingest.security.tls_handshakes import TlsHandshakes, abort_without_handshake
+from ingest.port.connection_shares import ConnectionShares, Newcomers, site_of
+from ingest.security.tls_handshakes import TlsHandshakes
 
 IDLE_TIMEOUT_S = 10.0
 """A connection without a request for this long is ended."""
@@ -23,7 +23,7 @@ LEAST_READ_BYTES = 1 << 16
 SUBSCRIBER_BYTES, SUBSCRIBER_BYTES_PER_S = 8192, 256
 """What a subscriber may send at once, and then in a second. No message is expected."""
 MOST_HANDSHAKES = 100
-"""TLS handshakes at once."""
+"""TLS handshakes at once. Beyond that, the address with most loses its oldest."""
 
 
 _BARE_LINE_FEED, _FOLDED_LINE = re.compile(rb"(?<!\r)\n"), re.compile(rb"\r\n[ \t]")
@@ -162,11 +162,12 @@ class HttpProtocol(H11Protocol):
         """Called when the connection is accepted, and with TLS once more after the handshake."""
         handshakes: TlsHandshakes | None = self._state.handshakes
         if handshakes is not None and handshakes.awaited(transport):
-            if len(handshakes) >= min(self._state.places.most, MOST_HANDSHAKES):
+            newcomers: Newcomers = self._state.newcomers
+            if len(newcomers) >= min(self._state.places.most, MOST_HANDSHAKES):
                 count_refused(self._state, "face-full")
-                abort_without_handshake(transport)
-            else:
-                handshakes.begin(transport, self)
+                newcomers.end_one()
+            newcomers.add(transport)
+            handshakes.begin(transport, self).add_done_callback(lambda _: newcomers.remove(transport))
             return
         super().connection_made(transport)
         self._timer = self.loop.call_later(IDLE_TIMEOUT_S, self._check_idle)

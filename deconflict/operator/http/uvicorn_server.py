@@ -10,6 +10,7 @@ from fastapi import FastAPI
 
 from deconflict.operator.http.server_protocols import HttpProtocol, WebSocketProtocol, count_refused
 from ingest.port.connection_limits import max_open_files
+from ingest.port.connection_shares import Newcomers
 from ingest.security.certificates import Certificates
 from ingest.security.tls_handshakes import TlsHandshakes
 
@@ -54,7 +55,7 @@ def create_server(app: FastAPI, certificates: Certificates | None = None) -> Ope
     handshakes = None
     if certificates:
         handshakes = TlsHandshakes(certificates, HANDSHAKE_S, partial(count_refused, app.state, "face-tls-failed"))
-    app.state.handshakes = handshakes
+    app.state.handshakes, app.state.newcomers = handshakes, Newcomers()
     return OperatorServer(
         uvicorn.Config(
             app,

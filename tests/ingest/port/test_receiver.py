@@ -226,6 +226,27 @@ async def test_guessing_tokens_is_slowed_down_and_a_right_token_is_not(monkeypat
             await until(served_floor.raws)
 
 
+async def test_handshakes_of_an_address_that_never_end_make_room_for_those_of_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("ingest.port.receiver.HANDSHAKE_FILES", 3)
+    async with floor(max_connections=3, open_timeout_s=600.0) as served_floor:
+        port = served_floor.receiver.port
+        silent = [await asyncio.open_connection("127.0.0.1", port, local_addr=("127.0.0.2", 0)) for _ in range(9)]
+        await until(lambda: served_floor.count("full") == 3)
+        honest = [await connect(served_floor.url) for _ in range(3)]
+        assert served_floor.count("full") == 6
+        for robot in honest:
+            await robot.send("there is room")
+        await until(lambda: len(served_floor.raws()) == 3)
+        with suppress(ConnectionResetError):
+            assert [await reader.read() for reader, _ in silent[:6]] == 6 * [b""]
+        for robot in honest:
+            await robot.close()
+        for _, writer in silent:
+            writer.close()
+
+
 async def test_a_peer_that_never_shakes_hands_is_let_go() -> None:
     async with floor(open_timeout_s=0.1) as served_floor:
         reader, writer = await asyncio.open_connection("127.0.0.1", served_floor.receiver.port)
@@ -302,9 +323,10 @@ def test_more_connections_than_files_are_turned_away_and_do_not_fill_the_log() -
             if i < 120:
                 robots[i].sendall(HANDSHAKE)
                 assert b" 101 " in robots[i].recv(4096)
-        for _ in range(300):
-            with socket.create_connection(address, timeout=PATIENCE_S) as refused, suppress(ConnectionResetError):
-                assert refused.recv(1) == b""
+        for i in range(300):
+            robots.append(opened.enter_context(socket.create_connection(address, timeout=PATIENCE_S)))
+            with suppress(ConnectionResetError):
+                assert robots[120 + i].recv(1) == b""
         for robot in robots:
             robot.close()
         out, err = service.communicate("done\n", timeout=PATIENCE_S)

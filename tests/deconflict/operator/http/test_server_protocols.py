@@ -54,10 +54,28 @@ async def test_a_tls_handshake_that_hangs_is_ended_and_counts_as_a_connection(
             async with asyncio.timeout(60):
                 with suppress(ConnectionResetError):
                     assert await reader.read() == b""
-        await until(lambda: refused(face, "face-tls-failed") == 2, 60)
+        await until(lambda: refused(face, "face-tls-failed") == 4, 60)
         assert refused(face, "face-full") == 2
         async with httpx.AsyncClient(trust_env=False, verify=trusting(authority), timeout=60) as client:
             assert (await client.get(f"https://{face.address}/healthz")).status_code == 200
+        for _, writer in silent:
+            writer.close()
+
+
+async def test_tls_handshakes_of_an_address_that_never_end_make_room_for_those_of_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.HANDSHAKE_S", 600.0)
+    monkeypatch.setattr("deconflict.operator.http.server_protocols.MOST_HANDSHAKES", 3)
+    authority = trustme.CA()
+    write(authority, tmp_path)
+    async with served(tmp_path, tls=Tls(certificate=str(tmp_path / "site.pem"))) as face:
+        host, port = face.address.split(":")
+        silent = [await asyncio.open_connection(host, int(port), local_addr=("127.0.0.2", 0)) for _ in range(5)]
+        await until(lambda: refused(face, "face-full") == 2)
+        async with httpx.AsyncClient(trust_env=False, verify=trusting(authority), timeout=60) as client:
+            assert (await client.get(f"https://{face.address}/healthz")).status_code == 200
+        assert refused(face, "face-full") == 3
         for _, writer in silent:
             writer.close()
 
