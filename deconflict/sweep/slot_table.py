@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_table import SHAPES
+from deconflict.sweep.shapes.shape_table import UNSOUND as UNSOUND_SHAPE
 from ingest.batch import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -50,6 +51,9 @@ class SlotTable:
     ) -> Ints | None:
         """Replace the forecasts of `keys`, which are all different. The envelopes are `widened_m` longer and wider than
         reported. Returns their slots; None if any new forecast can't be swept, and then no forecast is replaced."""
+        shapes = SHAPES.numbers_of_sound(forecasts)
+        if np.any(shapes == UNSOUND_SHAPE):
+            return None
         slots, new = self._slots.assign(keys)
         if new:
             self._name(slots[new], [keys[row] for row in new])
@@ -61,7 +65,7 @@ class SlotTable:
         if used == UNSOUND:
             return None
         self._used, self.widened_m[slots] = used, widened_m
-        self._set_shapes(slots, SHAPES.numbers(forecasts))
+        self._set_shapes(slots, shapes)
         return slots
 
     def _set_shapes(self, slots: Ints, numbers: Ints | int) -> None:

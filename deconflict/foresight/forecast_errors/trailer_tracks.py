@@ -8,7 +8,7 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.pending_forecasts import TRACK_LOOKS
 from deconflict.foresight.forecast_errors.track_kernels import LONG_AGO_S, ReportHistory
-from deconflict.sweep.geometry.knots import faults
+from deconflict.sweep.geometry.knots import motion_faults
 from deconflict.sweep.geometry.pose import poses_at
 from deconflict.sweep.shapes.trailers import rows_of_trains, trailer_forecasts
 from deconflict.sweep.shapes.trains import pairs_with_trailers
@@ -60,7 +60,7 @@ class TrailerTracks:
         if not rows:
             return
         forecasts, event_s = batch.forecasts.take(rows), batch.event_s[rows]
-        trailers, pulled_by = trailer_forecasts(forecasts, faults(forecasts))
+        trailers, pulled_by = trailer_forecasts(forecasts, motion_faults(forecasts))
         tracks = poses_at(trailers, event_s[pulled_by], TRACK_LOOKS)
         half_m = np.stack([trailers.length_m, trailers.width_m]) / 2
         for row in np.unique(pulled_by).tolist():

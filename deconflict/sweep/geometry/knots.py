@@ -82,7 +82,7 @@ def is_sound(
     bottom_m: Floats,
     top_m: Floats,
 ) -> bool:
-    """Whether `faults` finds no fault but of shapes. A comparison with nan is false."""
+    """Whether `motion_faults` finds no fault. A comparison with nan is false."""
     for row in range(len(start) - 1):
         if start[row + 1] <= start[row] or not bottom_m[row] <= top_m[row]:
             return False
@@ -103,11 +103,15 @@ _is_sound, _sound = inner(is_sound), kernel(numba.boolean(_INTS, *[_FLOATS] * 8)
 
 def faults(forecasts: Forecasts) -> dict[int, str]:
     """The reason why a robot can't be swept, by row. The other robots can."""
+    return motion_faults(forecasts) | dict.fromkeys(_unsound_shapes(forecasts), "shape-not-valid")
+
+
+def motion_faults(forecasts: Forecasts) -> dict[int, str]:
+    """As `faults`, without those of shapes."""
     f = forecasts
     by_knot, by_robot = (f.t_s, f.x_m, f.y_m, f.yaw_rad), (f.length_m, f.width_m, f.bottom_m, f.top_m)
     sound = _sound(ready(f.start, np.int64), *(ready(column) for column in (*by_knot, *by_robot)))
-    reasons = {} if sound else _reasons(forecasts)
-    return reasons | dict.fromkeys(_unsound_shapes(forecasts), "shape-not-valid")
+    return {} if sound else _reasons(forecasts)
 
 
 def _unsound_shapes(forecasts: Forecasts) -> list[int]:
@@ -117,7 +121,7 @@ def _unsound_shapes(forecasts: Forecasts) -> list[int]:
 
 
 def _reasons(forecasts: Forecasts) -> dict[int, str]:
-    """The reasons of `faults`. Of several reasons of one robot the last in the list below counts."""
+    """The reasons of `motion_faults`. Of several reasons of one robot the last in the list below counts."""
     reasons: dict[int, str] = {}
     sizes = np.column_stack([forecasts.length_m, forecasts.width_m])
     heights_wrong = np.isnan(forecasts.bottom_m) | np.isnan(forecasts.top_m) | (forecasts.bottom_m > forecasts.top_m)
@@ -218,8 +222,6 @@ def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: For
     Returns the new end of the used knots. Nothing is written if that is beyond `knots`, or if a forecast is invalid:
     then the result is `UNSOUND`.
     """
-    if _unsound_shapes(forecasts):
-        return UNSOUND
     f, table = forecasts, (robots, knots, slots, used)
     t_s, x_m, y_m, yaw_rad = (ready(column) for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad))
     sizes_m = (ready(column) for column in (f.length_m, f.width_m, f.bottom_m, f.top_m))

@@ -15,10 +15,12 @@ import shapely
 from numpy.typing import NDArray
 
 from ingest.batch import Bools, Floats, Forecasts, Ints
-from ingest.shapes import Shape, ShapePart
+from ingest.shapes import Shape, ShapePart, is_sound
 
 RECTANGLE = 0
 """The number of a robot that is a rectangle."""
+UNSOUND = -1
+"""In place of a number, if a shape can't be swept."""
 MOST_CORNERS = 32
 """Of one piece."""
 CONVEX_M2 = 1e-12
@@ -86,17 +88,28 @@ class ShapeTable:
 
     def numbers(self, forecasts: Forecasts) -> Ints | int:
         """(n,) the number of each robot's shape, or `RECTANGLE` if all are rectangles. Shapes not seen yet are
-        added."""
+        added. A shape that can't be swept counts as a rectangle."""
+        numbers: Ints | int = np.maximum(self.numbers_of_sound(forecasts), RECTANGLE)
+        return numbers
+
+    def numbers_of_sound(self, forecasts: Forecasts) -> Ints | int:
+        """As `numbers`, and `UNSOUND` of a shape that can't be swept."""
         if forecasts.shapes is None:
             return RECTANGLE
         with self._lock:
             return np.fromiter(map(self._number, forecasts.shapes), np.int64, len(forecasts))
 
     def _number(self, shape: Shape | None) -> int:
-        if shape is None or not shape.parts:
+        if shape is None:
+            return RECTANGLE
+        if shape.trailers and not is_sound(shape):
+            return UNSOUND
+        if not shape.parts:
             return RECTANGLE
         number = self._numbers.get(shape.parts)
         if number is None:
+            if not is_sound(shape):
+                return UNSOUND
             number = len(self._shapes)
             self._add(shape)
             self._numbers[shape.parts] = number

@@ -11,7 +11,7 @@ from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.frames.towing import STEP_M, axle_at, towed_yaw
 from ingest.kernels import inner, kernel, ready
-from ingest.shapes import Trailer
+from ingest.shapes import Trailer, is_sound
 
 BEND_RAD = 0.05
 """A trailer gets a knot after each such turn of itself."""
@@ -27,9 +27,10 @@ _READ, _WHOLE = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (num
 
 def trailer_forecasts(forecasts: Forecasts, without: Container[int] = ()) -> tuple[Forecasts, Ints]:
     """The forecasts of all trailers, train by train, and the row of the robot that pulls each. Trailers of the rows
-    `without` are left out."""
-    rows = [row for row in rows_of_trains(forecasts) if row not in without]
-    shapes = [shape for row in rows if (shape := forecasts.shape(row))]
+    `without` are left out, and trains that can't be swept."""
+    pulled = ((row, forecasts.shape(row)) for row in rows_of_trains(forecasts) if row not in without)
+    sound = {row: shape for row, shape in pulled if shape and is_sound(shape)}
+    rows, shapes = list(sound), list(sound.values())
     if not shapes:
         return Forecasts.empty(), np.empty(0, np.int64)
     counts = [len(shape.trailers) for shape in shapes]

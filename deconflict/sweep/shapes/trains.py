@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.sweep.geometry.knots import Robots, faults
+from deconflict.sweep.geometry.knots import Robots, motion_faults
 from deconflict.sweep.shapes.trailers import rows_of_trains, trailer_forecasts
 from ingest.batch import Bools, Floats, Forecasts, Ints
 
@@ -45,7 +45,7 @@ class Trains:
 
     def bodies(self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | None) -> Bodies:
         """New forecasts of robots, with those of their trailers. Trailers of an invalid forecast are left out."""
-        trailers, pulled_by = trailer_forecasts(forecasts, faults(forecasts))
+        trailers, pulled_by = trailer_forecasts(forecasts, motion_faults(forecasts))
         if widened_m is not None:
             by_m = widened_m[pulled_by]
             trailers = replace(trailers, length_m=trailers.length_m + by_m, width_m=trailers.width_m + by_m)
