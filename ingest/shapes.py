@@ -188,8 +188,10 @@ def _is_sound_part(part: ShapePart) -> bool:
 
 
 def _is_sound_train(shape: Shape) -> bool:
-    have_sizes = all(0.0 < size_m < inf for trailer in shape.trailers for size_m in trailer[:3])
-    return have_sizes and all(map(isfinite, (*shape.axle_m, *(trailer.yaw_rad for trailer in shape.trailers))))
+    for length_m, width_m, hitch_m, yaw_rad in shape.trailers:
+        if not (0.0 < length_m < inf and 0.0 < width_m < inf and 0.0 < hitch_m < inf and isfinite(yaw_rad)):
+            return False
+    return all(map(isfinite, shape.axle_m))
 
 
 def _form_fault(corners_m: Sequence[Corner], smallest_m2: float) -> str | None:
