@@ -93,6 +93,29 @@ def many_connections(target: Target, stop: Event) -> None:
             held.pop(0).close()
 
 
+def half_open_connections(target: Target, stop: Event) -> None:
+    """Connections to the robots' port that never say a byte, opened again when they are ended."""
+    held: list[socket.socket] = []
+    while not stop.is_set():
+        held = [connection for connection in held if _is_open(connection)]
+        while len(held) < MOST_CONNECTIONS and not stop.is_set():
+            with suppress(OSError):
+                held.append(_connected(target.robots))
+        time.sleep(STEP_S)
+
+
+def quoted_cookies(target: Target, stop: Event) -> None:
+    """Requests with a long cookie of quoted backslashes, one after the other."""
+    cookie = 'deconflict_session="' + LONG_BYTES // 2 * "\\" + '"'
+    request = f"GET /healthz HTTP/1.1\r\nHost: {target.face}\r\nCookie: {cookie}\r\n\r\n".encode()
+    while not stop.is_set():
+        with suppress(OSError), _connected(target.face) as connection:
+            connection.settimeout(1.0)
+            connection.sendall(request)
+            connection.recv(4096)
+        time.sleep(STEP_S)
+
+
 FLOODS: dict[str, Callable[[Target, Event], None]] = {
     "control": control,
     "pings-stream": pings_to_the_stream,
@@ -103,6 +126,8 @@ FLOODS: dict[str, Callable[[Target, Event], None]] = {
     "unknown-arrays": unknown_arrays,
     "unread-answers": unread_answers,
     "connections": many_connections,
+    "half-open": half_open_connections,
+    "cookies": quoted_cookies,
 }
 
 
@@ -161,6 +186,20 @@ def _web_socket(address: str, path: str) -> socket.socket:
         connection.close()
         raise OSError(answer[:80])
     return connection
+
+
+def _is_open(connection: socket.socket) -> bool:
+    """False, and closed, if the other end has ended the connection."""
+    connection.setblocking(False)
+    try:
+        if connection.recv(1):
+            return True
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    connection.close()
+    return False
 
 
 def _is_sent(connection: socket.socket, data: bytes) -> bool:

@@ -7,6 +7,8 @@ import time
 from collections import defaultdict
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -20,21 +22,22 @@ from ingest.measures.measures import Histogram
 from tests.helpers.saying import robot
 
 AHEAD_S = 2.0
-"""A meeting is told of if its advisory was received this long before, and is open."""
+"""A meeting is told of if the newest revision of its pair that was received this long before predicts it."""
+NEAR_S = 4.0
+"""A revision predicts a meeting at most so far from when it is. A pair meets every twelve seconds."""
 SAMPLE_S = 0.5
 
 
 class Subscriber:
-    """Follows the stream, and notes when each advisory of an honest pair was received first and last."""
+    """Follows the stream, and notes what each revision about an honest pair predicts, and when it was received."""
 
     def __init__(self, url: str, pairs: int) -> None:
         self._url = url
         self._pair_of = {
             tuple(sorted((robot(f"honest {pair}.0"), robot(f"honest {pair}.1")))): pair for pair in range(pairs)
         }
-        self.open_s: dict[int, list[tuple[float, float]]] = defaultdict(list)
-        """By pair, from when to when each of its advisories was open, as received."""
-        self._raised_s: dict[str, float] = {}
+        self._predictions: dict[int, list[tuple[float, float]]] = defaultdict(list)
+        """By pair: when each revision was received, and when it predicts the pair to meet; NaN if it is cleared."""
         self.revisions, self.largest_bytes, self._seen = 0, 0, 0
         self._stopping = False
         self._thread = threading.Thread(target=lambda: asyncio.run(self._follow()))
@@ -60,10 +63,8 @@ class Subscriber:
         pair = self._pair_of.get(tuple(revision["robots"]))
         if revision["kind"] != "conflict" or pair is None:
             return
-        raised_s = self._raised_s.setdefault(revision["id"], now_s)
-        spans = [span for span in self.open_s[pair] if span[0] != raised_s]
-        ended_s = now_s if revision["state"] == "cleared" else float("inf")
-        self.open_s[pair] = [*spans, (raised_s, ended_s)]
+        predicted_s = datetime.fromisoformat(revision["predicted_at"]).timestamp()
+        self._predictions[pair].append((now_s, nan if revision["state"] == "cleared" else predicted_s))
 
     def told(self, start_s: float, pairs: int, since_s: float, until_s: float) -> tuple[int, int]:
         """How many of the meetings between two times were told of, and how many there were."""
@@ -71,8 +72,13 @@ class Subscriber:
         for pair in range(pairs):
             for t_s in meetings_s(pair, since_s - start_s, until_s - start_s):
                 at_s, meetings = start_s + t_s, meetings + 1
-                number += any(begin <= at_s - AHEAD_S and end >= at_s - AHEAD_S for begin, end in self.open_s[pair])
+                number += abs(self._predicted_s(pair, at_s - AHEAD_S) - at_s) <= NEAR_S
         return number, meetings
+
+    def _predicted_s(self, pair: int, by_s: float) -> float:
+        """When the newest revision that was received by then predicts a pair to meet. NaN if there is none."""
+        received = [predicted_s for received_s, predicted_s in self._predictions[pair] if received_s <= by_s]
+        return received[-1] if received else nan
 
 
 @dataclass

@@ -32,6 +32,7 @@ def test_beside_every_attack_honest_robots_are_warned_and_no_role_ends() -> None
         subscriber.stop()
         number, meetings = subscriber.told(start_s, PAIRS, began_s, ended_s)
         assert (number, meetings > 5) == (meetings, True)
+        assert subscriber.told(start_s, PAIRS, ended_s + 20, ended_s + 40)[0] == 0, "of these nothing was received"
         assert {role.role: role.restarts for role in running.roles} == {"receiver": 0, "engine": 0, "operator": 0}
 
 
