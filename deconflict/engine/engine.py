@@ -24,6 +24,7 @@ from deconflict.engine.near_miss_trigger import NearMissTrigger
 from deconflict.engine.place_names import PlaceNames
 from deconflict.engine.robot_sweep import RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
+from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
@@ -43,6 +44,11 @@ COARSE_M = 0.25
 
 class Engine:
     """Live robots, their sweep and forecasts of conflicts, and the open advisories. Keeps its own `measures`."""
+
+    near_misses: list[Pair]
+    """Pairs that came within the clearance in the last pass while one of them moved."""
+    losses: list[PlacedLoss]
+    """Losses that ended before the last pass. None with `conflicts_only`: robots near a tile would count twice."""
 
     def __init__(
         self,
@@ -79,8 +85,8 @@ class Engine:
         self._map_drift = MapDrift.at(site.resources)
         self._resume(learned or {})
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
-        self.near_misses: list[Pair] = []
-        """Pairs that came within the clearance in the last pass while one of them moved."""
+        self._loss_places = LossPlaces.of(site)
+        self.near_misses, self.losses = [], []
         self._updated: set[str] = set()
         """Robots with a new forecast since the last pass."""
         self._metrics = EngineMetrics(self.measures, self.open, self.foresight, self._map_drift)
@@ -170,7 +176,10 @@ class Engine:
         self._advice.charge(revisions)
         if heard:
             self.foresight.note_advice(now_s, waits_until_s(revisions))
+        losses = self.foresight.losses.take()
+        self.losses = [] if self._conflicts_only else self._loss_places.placed(losses, self.floors.names)
         self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.deferred)
+        self._metrics.count_losses(self.losses)
         return revisions
 
     def _update_presence(self, now_s: float) -> set[str]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from deconflict.advisories.advisory_counts import NEAR_MISSES, count_by_severity, count_revisions, set_open_count
 from deconflict.advisory import AnyAdvisory
 from deconflict.engine.map_drift import MapDrift
+from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.sweep.incremental import PairConflicts
 from ingest.batch import Pair
@@ -43,6 +44,11 @@ class EngineMetrics:
             self._measures.count("deconflict_revisions_deferred_total", vendor, by=conflicts_left)
         self._measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self._measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
+
+    def count_losses(self, losses: Iterable[PlacedLoss]) -> None:
+        for loss, _, place in losses:
+            labels = loss.vendor, loss.by_vendor, loss.kind.value, place
+            self._measures.count("deconflict_lost_seconds_total", *labels, by=loss.lost_s)
 
     def _set_levels(self) -> None:
         set_open_count(self._measures, count_by_severity(self._open_advisories()))

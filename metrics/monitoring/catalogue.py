@@ -260,6 +260,15 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_outlet_deliveries_total": counter("Revisions that a webhook or broker accepted.", "outlet"),
     "deconflict_outlet_failures_total": counter("Failed attempts to deliver a revision.", "outlet"),
     "deconflict_outlet_waiting": gauge("Revisions that wait because an outlet does not accept any.", "outlet"),
+    "deconflict_lost_seconds_total": counter(
+        "Seconds that robots of `vendor` lost because a robot of `by` was in their way, by how it was in the way, and "
+        "by the zone, resource or area of the site where they began to lose time (empty outside all). Its error is in "
+        "docs/losses.md. Not in a cluster.",
+        "vendor",
+        "by",
+        "kind",
+        "zone",
+    ),
     "deconflict_near_misses_total": counter(
         "Near misses: two robots came within the clearance by their forecasts, and at least one of them moved."
     ),

@@ -9,9 +9,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deconflict.foresight.interactions.forecast_ways import distance_along, gaps_to, shortest_way_left, way_from
 from deconflict.foresight.interactions.progress_kernels import (
@@ -113,6 +114,21 @@ class InteractionReports(NamedTuple):
     """(n, AHEAD_S) usual errors of forecasts of its kind, by whole seconds ahead."""
 
 
+class ReportedMotion(NamedTuple):
+    """The newest `KEPT` reports of each robot, by slot, as views that change with each report."""
+
+    states: NDArray[Any]
+    """(slots,) of `STATE`: which report is the newest, and how many are kept."""
+    t_s: Floats
+    """(slots, KEPT) time of each."""
+    tracks: Floats
+    """(slots, KEPT, AHEAD_S + 1, 3) x_m, y_m and yaw_rad, as reported and as forecast for each second after that."""
+    floor: Floats
+    """(slots, KEPT)"""
+    speed: Floats
+    """(slots, KEPT) speed from the report before."""
+
+
 class InteractionFinder:
     """By slot: the newest reports of each robot, and whether it gives way to another one."""
 
@@ -173,6 +189,10 @@ class InteractionFinder:
                         self._update_open(slot, interaction, float(reports.event_s[row]), half_m, levels_m, vendor)
                     )
         return [interaction for interaction in found if interaction is not None]
+
+    @property
+    def history(self) -> ReportedMotion:
+        return ReportedMotion(self._states, self._t_s, self._tracks, self._floor, self._speed)
 
     def giving_way(self) -> dict[int, int]:
         """By slot of each robot that gives way, the slot of the robot to which it gives way."""

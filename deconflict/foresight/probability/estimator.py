@@ -17,9 +17,9 @@ from deconflict.foresight.forecast_errors.error_measures import measure
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts, ReportedTracks
 from deconflict.foresight.forecast_errors.self_contradiction import blank_records, compare_with_stated_ways, straight_on
 from deconflict.foresight.forecast_errors.track_kernels import Errors
-from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S
-from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.foresight.losses.loss_finder import LossFinder
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.advice_followers import AdviceFollowers
 from deconflict.foresight.probability.calibration import Calibration, contact_features, log_odds
@@ -86,7 +86,7 @@ class ProbabilityEstimator:
         self._bounds = Bounds(clearance_m, apart_m, horizon_s)
         self._robots, self._pending = TrackedRobots(crowds), PendingForecasts()
         self._stated_ways = blank_records(0)
-        self._finder, self._followers = InteractionFinder(), AdviceFollowers()
+        self.losses, self._followers = LossFinder(), AdviceFollowers()
         self._candidates = PairCandidates(self._robots, clearance_m, horizon_s)
         self._measuring = PairMeasuring(self._bounds, self._robots, self._pending)
         self._rollouts = PairRollouts(clearance_m, horizon_s, self._robots, self._pending)
@@ -192,9 +192,8 @@ class ProbabilityEstimator:
     def _find_interactions(self, batch: Batch, reports: ReportedTracks) -> None:
         """Find which robots gave way to each other, by the reports of a batch, and note it in their pairs."""
         usual_m = self.following.bands_m[reports.kind, :GIVES_WAY_AHEAD_S, 2]
-        progress = interaction_reports(batch, reports.slot, reports.track, usual_m)
-        robots = self._robots
-        for interaction in self._finder.receive(progress, robots.half_m, robots.levels_m, robots.vendor):
+        robots, reported = self._robots, (reports.slot, reports.track, usual_m)
+        for interaction in self.losses.receive(batch, *reported, robots.half_m, robots.levels_m, robots.vendor):
             self._note_interaction(interaction)
 
     def _note_interaction(self, interaction: Interaction) -> None:
@@ -334,7 +333,7 @@ class ProbabilityEstimator:
         more = slots - len(self._stated_ways)
         if more > 0:
             self._stated_ways = np.concatenate([self._stated_ways, blank_records(more)])
-            for table in (self._pending, self._rollouts, self._finder, self._followers):
+            for table in (self._pending, self._rollouts, self.losses, self._followers):
                 table.grow(slots)
 
     def _forget(self, uuids: Collection[str]) -> None:
@@ -344,7 +343,7 @@ class ProbabilityEstimator:
         self._stated_ways[slots] = blank_records(len(slots))
         self._pending.forget(slots)
         self._rollouts.forget(slots)
-        self._finder.forget(slots.tolist())
+        self.losses.forget(slots.tolist())
         self._followers.forget(slots)
         a, b = slots_of(self._pairs["code"])
         self._pairs = self._pairs[self._robots.is_used[a] & self._robots.is_used[b]]

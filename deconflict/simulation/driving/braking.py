@@ -50,6 +50,8 @@ class Braking:
         n, makes = len(members), [member.make for member in members]
         self.yields_to: Ints = np.full(n, NOBODY)
         """(n,) the robot of another fleet for which each brakes, slows down or swerves."""
+        self.slowed_by: Ints = np.full(n, NOBODY)
+        """(n,) the robot, of any fleet, because of which each is now slower than its path allows."""
         self.behind: Ints = np.full(n, NOBODY)
         """(n,) the robot of its own fleet that is ahead of it, or whose path it would enter; for a person, of any
         fleet."""
@@ -102,11 +104,16 @@ class Braking:
         self._note_yields(seen, free, held, np.minimum(slow_mps, known_mps) < YIELDS_SHARE * pace_mps, line)
         order_m, order = self._own_order(seen, known_m, free.known, crossing)
         open_m = np.minimum(order_m, line[0])
-        wanted_mps = np.minimum(np.minimum(pace_mps, slow_mps), self._gently(seen, open_m))
+        order_mps, seen_mps = self._gently(seen, open_m), np.minimum(slow_mps, known_mps)
+        wanted_mps = np.minimum(np.minimum(pace_mps, slow_mps), order_mps)
+        by = np.select([held, line[0] < order_m], [self._held_for, line[1]], order)
+        nearest = np.where(seen.person, free.known, free.sensed)
+        causes = [held, self._passings.past != NOBODY, seen_mps < np.minimum(order_mps, pace_mps), order_mps < pace_mps]
+        self.slowed_by = np.where(seen.going, np.select(causes, [by, self._passings.past, nearest, by], NOBODY), NOBODY)
         return Course(
             wanted_mps=np.where(held | ~seen.going, 0.0, wanted_mps),
             kept=seen.going & (held | (open_m < NEARLY_M)),
-            by=np.select([held, line[0] < order_m], [self._held_for, line[1]], order),
+            by=by,
         )
 
     def _gently(self, seen: Traffic, open_m: Floats) -> Floats:

@@ -32,6 +32,32 @@ def nearest_corner(
 
 
 @inner
+def rectangle_gap(
+    x: float,
+    y: float,
+    turn_a: tuple[float, float],
+    turn_b: tuple[float, float],
+    half_a: tuple[float, float],
+    half_b: tuple[float, float],
+) -> float:
+    """The distance of two rectangles, negative in overlap, as `signed_gap`. (x, y) is from A's centre to B's, a turn
+    is its cosine and sine, and the half sides are along the heading and across it."""
+    (ca, sa), (cb, sb), (length_a, width_a), (length_b, width_b) = turn_a, turn_b, half_a, half_b
+    c, s = ca * cb + sa * sb, ca * sb - sa * cb
+    ax, ay, bx, by = ca * x + sa * y, ca * y - sa * x, -(cb * x + sb * y), -(cb * y - sb * x)
+    along_a = abs(ax) - length_a - length_b * abs(c) - width_b * abs(s)
+    across_a = abs(ay) - width_a - length_b * abs(s) - width_b * abs(c)
+    along_b = abs(bx) - length_b - length_a * abs(c) - width_a * abs(s)
+    across_b = abs(by) - width_b - length_a * abs(s) - width_a * abs(c)
+    widest = max(along_a, across_a, along_b, across_b)
+    if widest > 0.0:
+        of_b, _, _ = nearest_corner(ax, ay, c, s, length_b, width_b, length_a, width_a)
+        of_a, _, _ = nearest_corner(bx, by, c, -s, length_a, width_a, length_b, width_b)
+        widest = sqrt(min(of_a, of_b))
+    return widest
+
+
+@inner
 def _set_turns(c: Floats, s: Floats, yaw: Floats, row: int) -> None:
     """Set cosine and sine of a row of headings, most of which equal the one before."""
     for at in range(len(c)):
@@ -50,19 +76,10 @@ def _signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Fl
         _set_turns(cos_b, sin_b, yaw_b, row)
         length_a, width_a, length_b, width_b = half_a[0, row], half_a[1, row], half_b[0, row], half_b[1, row]
         for at in range(looks):
-            x, y, ca, sa, cb, sb = dx[row, at], dy[row, at], cos_a[at], sin_a[at], cos_b[at], sin_b[at]
-            c, s = ca * cb + sa * sb, ca * sb - sa * cb
-            ax, ay, bx, by = ca * x + sa * y, ca * y - sa * x, -(cb * x + sb * y), -(cb * y - sb * x)
-            along_a = abs(ax) - length_a - length_b * abs(c) - width_b * abs(s)
-            across_a = abs(ay) - width_a - length_b * abs(s) - width_b * abs(c)
-            along_b = abs(bx) - length_b - length_a * abs(c) - width_a * abs(s)
-            across_b = abs(by) - width_b - length_a * abs(s) - width_a * abs(c)
-            widest = max(along_a, across_a, along_b, across_b)
-            if widest > 0.0:
-                of_b, _, _ = nearest_corner(ax, ay, c, s, length_b, width_b, length_a, width_a)
-                of_a, _, _ = nearest_corner(bx, by, c, -s, length_a, width_a, length_b, width_b)
-                widest = sqrt(min(of_a, of_b))
-            apart[row, at] = widest
+            turn_a, turn_b = (cos_a[at], sin_a[at]), (cos_b[at], sin_b[at])
+            apart[row, at] = rectangle_gap(
+                dx[row, at], dy[row, at], turn_a, turn_b, (length_a, width_a), (length_b, width_b)
+            )
     return apart
 
 

@@ -17,7 +17,9 @@ CLEARANCE_M = 0.3
 NONE_SWEPT = SweptConflicts((), np.empty(0), np.empty(0), np.empty(0))
 
 
-NO_STOPS = Destinations(np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.int64))
+def no_stops(robots: int) -> Destinations:
+    none = np.empty(0)
+    return Destinations(np.zeros(robots + 1, np.int64), none, none, none, np.empty(0, np.int64))
 
 
 Velocity = tuple[float, float]
@@ -74,6 +76,6 @@ class Stage:
             reports_within_s=np.zeros(n),
             amounts=np.full(n, np.nan, AMOUNTS),
             forecasts=Forecasts.joined(walk.forecast(t_s) for walk in self.walks.values()),
-            destinations=NO_STOPS,
+            destinations=no_stops(n),
             gone=(),
         )

@@ -1,0 +1,73 @@
+"""How much of the time that robots lose to each other the service finds, and how much it invents.
+
+The demo's floors know who loses how much to whom. Time that people lose is left out; time lost to people counts. A loss
+is right if robot, other robot and time are right. The other figures count it whatever the other robot, and compare the
+sums of each pair of vendors minute by minute.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.losses.loss_scores import LossScore, by_second, score_pairs, score_robots, score_vendors
+from benchmarks.losses.losses_run import run
+from benchmarks.watch_demo.watching import START_S
+
+WAYS = "pair", "any robot", "vendors"
+Scores = tuple[LossScore, ...]
+"""One for each of `WAYS`."""
+
+
+def scores_of(robots: int, seed: int, seconds: float, without_paths: float) -> Scores:
+    floor = run(robots, seed, seconds, without_paths)
+    found = by_second(floor.found, floor.rows, START_S)
+    return (
+        score_pairs(floor.true, found, floor.robots),
+        score_robots(floor.true, found, floor.robots),
+        score_vendors(floor.true, found, floor.robots, floor.vendors),
+    )
+
+
+def total(scores: Sequence[LossScore]) -> LossScore:
+    return LossScore(
+        sum(score.true_s for score in scores), sum(score.found_s for score in scores),
+        sum(score.right_s for score in scores),
+    )  # fmt: skip
+
+
+def line(title: str, scores: Scores) -> str:
+    shares = (
+        f"{way}: found {score.share_found:5.1%}, invented {score.share_invented:5.1%}"
+        for way, score in zip(WAYS, scores, strict=True)
+    )
+    return f"{title:26} lost {scores[0].true_s:6.0f} s; " + "; ".join(shares)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    options = argparse.ArgumentParser(prog="python -m benchmarks.losses", description=__doc__)
+    options.add_argument("--robots", type=int, default=100, help="robots and people")
+    options.add_argument("--seeds", type=int, nargs="+", default=[31, 32])
+    options.add_argument("--minutes", type=float, default=6.0)
+    options.add_argument("--without-paths", type=float, nargs="+", default=[0.0, 0.2], metavar="SHARE")
+    options.add_argument("--json", type=Path, metavar="OUT.json")
+    args = options.parse_args(arguments)
+    document = {}
+    for share in args.without_paths:
+        scores = []
+        for seed in args.seeds:
+            scores.append(scores_of(args.robots, seed, 60 * args.minutes, share))
+            print(line(f"{share:.0%} without paths, seed {seed}", scores[-1]), flush=True)
+        totals = tuple(total(column) for column in zip(*scores, strict=True))
+        print(line(f"{share:.0%} without paths, all", totals), flush=True)
+        document[f"{share:g}"] = {"lost_s": round(totals[0].true_s, 1)} | {
+            f"{figure} by {way}": round(getattr(score, figure), 4)
+            for way, score in zip(WAYS, totals, strict=True)
+            for figure in ("share_found", "share_invented")
+        }
+    if args.json:
+        args.json.write_text(json.dumps(document, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""How much time robots lose to which other robots, found from reports."""

@@ -1,0 +1,189 @@
+"""Finds interactions and losses in reports: which robot gives way to which, and how much time it loses.
+
+Pure: the same reports give the same losses, live and in a replay.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
+from deconflict.foresight.interactions.progress_kernels import AHEAD_S
+from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.foresight.losses.blockers import NOBODY, KnownRobots
+from deconflict.foresight.losses.loss import Loss, LossKind, kind_of, root_of
+from deconflict.foresight.losses.loss_kernels import LOSING, ORDER, REFERENCES, lost_times
+from deconflict.foresight.losses.travel_states import travel_states
+from deconflict.foresight.motion_assumptions import MOVES_MPS
+from deconflict.sweep.robot_slots import lengthen
+from ingest.batch import Batch, Floats, Ints
+
+LEAST_LOST_S = 0.7
+"""Smaller losses are left out: forecasts are not as exact."""
+PART_S = 60.0
+"""A loss that lasts longer is reported in parts of this length."""
+CONTINUES_S = 1.0
+"""A loss ends if the robot loses nothing for longer than this."""
+COLUMNS = "_states", "_references", "_ways", "_has_way", "_names_destinations", "_reports_paths"
+"""Arrays by slot. All grow together."""
+
+
+@dataclass(slots=True, eq=False)
+class _OpenLoss:
+    """A loss that lasts. Slots stand for robots."""
+
+    by: int
+    root: int
+    kind: LossKind
+    from_s: float
+    until_s: float
+    floor: int
+    x_m: float
+    y_m: float
+    lost_s: float = 0.0
+    is_sure: bool = True
+
+
+class LossFinder:
+    """By slot, what is known of the time that each robot loses."""
+
+    def __init__(self) -> None:
+        self._interactions = InteractionFinder()
+        """It keeps the reports."""
+        self._states = np.zeros(0, LOSING)
+        self._references = np.zeros((0, REFERENCES, AHEAD_S + 1, 3))
+        self._ways = np.zeros((0, AHEAD_S + 1, 3))
+        self._has_way = np.zeros(0, np.bool_)
+        self._names_destinations = np.zeros(0, np.bool_)
+        """Whether a robot has ever named a destination."""
+        self._reports_paths = np.zeros(0, np.bool_)
+        """Whether a robot has ever reported a path."""
+        self._names: dict[int, tuple[str, str]] = {}
+        """By slot, the UUID of the robot and its vendor."""
+        self._open: dict[int, _OpenLoss] = {}
+        """By slot of the losing robot."""
+        self._ended: list[Loss] = []
+
+    def grow(self, slots: int) -> None:
+        """Make room for this many slots."""
+        self._interactions.grow(slots)
+        more = slots - len(self._states)
+        if more > 0:
+            lengthen(self, COLUMNS, more)
+            self._states["blocker"][-more:] = NOBODY
+
+    def forget(self, slots: list[int]) -> None:
+        """Other robots have these slots from now on. Losses of the robots that had them, and to these, end."""
+        self._interactions.forget(slots)
+        gone = set(slots)
+        for slot in [slot for slot, loss in self._open.items() if not gone.isdisjoint((slot, loss.by, loss.root))]:
+            self._end(slot)
+        self._states["blocker"][np.isin(self._states["blocker"], slots)] = NOBODY
+        self._states[slots] = np.zeros((), LOSING)
+        self._states["blocker"][slots] = NOBODY
+        for known in (self._has_way, self._names_destinations, self._reports_paths):
+            known[slots] = False
+
+    def receive(
+        self, batch: Batch, slots: Ints, track: Floats, usual_m: Floats, half_m: Floats, levels_m: Floats, vendor: Ints
+    ) -> list[Interaction]:
+        """Add the n robots of a batch, which have these slots (n,). Returns the interactions of which they show
+        something new; `take` returns the losses.
+
+        `track` and `usual_m` are as in `InteractionReports`. By slot are the half sides `half_m` (2, slots), bottom and
+        top `levels_m` (2, slots), and the number of the `vendor` (slots,).
+        """
+        reports = interaction_reports(batch, slots, track, usual_m)
+        interactions = self._interactions.receive(reports, half_m, levels_m, vendor)
+        names_destinations, reports_paths = self._names_destinations[slots], self._reports_paths[slots]
+        states = travel_states(batch, track[:, : AHEAD_S + 1], names_destinations, reports_paths)
+        self._reports_paths[slots] |= states.plans >= ORDER
+        self._names_destinations[slots] |= states.has_destination
+        self._names.update(zip(slots.tolist(), zip(batch.robots, batch.vendors, strict=True), strict=True))
+        robots = self._known(half_m, levels_m, vendor)
+        lost = lost_times(self._states, self._references, robots, slots, reports.event_s, states.goes, states.plans)
+        by_slot = dict(zip(slots[lost["row"]].tolist(), lost, strict=True))
+        for slot in slots.tolist():
+            if slot in by_slot or slot in self._open:
+                self._update(slot, by_slot.get(slot), robots)
+        return interactions
+
+    def take(self) -> list[Loss]:
+        """The losses that have ended since the last call, in the order of time."""
+        ended, self._ended = self._ended, []
+        return sorted(ended, key=lambda loss: (loss.until_s, loss.robot))
+
+    def _known(self, half_m: Floats, levels_m: Floats, vendor: Ints) -> KnownRobots:
+        history = self._interactions.history
+        return KnownRobots(
+            newest=np.ascontiguousarray(history.states["newest"]),
+            reports=np.ascontiguousarray(history.states["reports"]),
+            t_s=history.t_s,
+            tracks=history.tracks,
+            floor=history.floor,
+            half_m=half_m,
+            levels_m=levels_m,
+            vendor=vendor,
+            ways=self._ways,
+            has_way=self._has_way,
+        )
+
+    def _update(self, slot: int, lost: Any, robots: KnownRobots) -> None:
+        """Continue, begin or end the loss of a robot of a batch. `lost` is of `LOST`, None if it lost nothing."""
+        loss = self._open.get(slot)
+        if lost is None or lost["blocker"] == NOBODY:
+            if loss and not self._states["loses"][slot]:
+                self._end(slot)
+            return
+        if loss and (loss.by != lost["blocker"] or lost["from_s"] > loss.until_s + CONTINUES_S):
+            self._end(slot)
+            loss = None
+        if loss is None:
+            loss = self._open[slot] = self._begin(slot, lost, robots)
+        loss.until_s, loss.lost_s = float(lost["until_s"]), loss.lost_s + float(lost["lost_s"])
+        loss.is_sure &= bool(lost["is_on_way"])
+        if loss.until_s - loss.from_s >= PART_S:
+            self._end(slot)
+
+    def _begin(self, slot: int, lost: Any, robots: KnownRobots) -> _OpenLoss:
+        by, from_s = int(lost["blocker"]), float(lost["from_s"])
+        root, for_each_other = root_of(self._states["blocker"], slot)
+        here, other = robots.tracks[slot, robots.newest[slot], 0], robots.tracks[by, robots.newest[by], 0]
+        kind = kind_of(
+            other[2] - here[2],
+            stands=self._speed_mps(by) < MOVES_MPS,
+            waits=self._states["blocker"][by] != NOBODY,
+            for_each_other=for_each_other,
+        )
+        floor = int(robots.floor[slot, robots.newest[slot]])
+        return _OpenLoss(by, root, kind, from_s, from_s, floor, float(here[0]), float(here[1]))
+
+    def _speed_mps(self, slot: int) -> float:
+        """Until the newest report."""
+        history = self._interactions.history
+        return float(history.speed[slot, history.states["newest"][slot]])
+
+    def _end(self, slot: int) -> None:
+        loss = self._open.pop(slot)
+        if loss.lost_s < LEAST_LOST_S:
+            return
+        (robot, vendor), (by, by_vendor), (root, root_vendor) = (self._names[at] for at in (slot, loss.by, loss.root))
+        self._ended.append(
+            Loss(
+                robot=robot,
+                by=by,
+                root=root,
+                vendor=vendor,
+                by_vendor=by_vendor,
+                root_vendor=root_vendor,
+                kind=loss.kind,
+                from_s=loss.from_s,
+                until_s=loss.until_s,
+                lost_s=round(loss.lost_s, 3),
+                is_sure=loss.is_sure,
+                floor=loss.floor,
+                x_m=round(loss.x_m, 2),
+                y_m=round(loss.y_m, 2),
+            )
+        )
