@@ -4,6 +4,7 @@ import argparse
 import gc
 import json
 import os
+import select
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -179,7 +180,12 @@ def main() -> int:
     args = parser().parse_args()
     begin_log(args.log)
     try:
-        return int(args.run(args))
+        code = int(args.run(args))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        if not _output_is_closed():
+            raise
+        return 0
     except (
         site_file.SiteError,
         PlanError,
@@ -192,6 +198,17 @@ def main() -> int:
     ) as error:
         sys.stderr.write(f"deconflict: {visible_lines(str(error))}\n")
         return MISUSED
+    return code
+
+
+def _output_is_closed() -> bool:
+    """Whether nobody reads the output any more, as after `| head`. Then the rest of it is discarded."""
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), 0)
+    if not any(events & select.POLLERR for _, events in poll.poll(0)):
+        return False
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return True
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The command line explains itself, and the same fault has the same exit code."""
 
 import argparse
+import os
 import re
 import subprocess
 import sys
@@ -35,6 +36,15 @@ def test_every_command_has_an_example_that_is_understood(command: argparse.Argum
     assert examples
     for example in examples:
         assert parser().parse_args(example.split()).run
+
+
+def test_a_reader_that_has_seen_enough_is_no_fault() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "deconflict", "schema", "openapi"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(

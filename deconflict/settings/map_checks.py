@@ -37,10 +37,10 @@ def datum_problems(datum: Datum) -> Iterator[str]:
     if datum.coordinates == "metres" or not datum.reference_points:
         return
     degrees = np.array([(point.x, point.y) for point in datum.reference_points])
-    for row, metres in enumerate(Projection(datum).points(degrees)):
+    for point, metres in zip(datum.reference_points, Projection(datum).points(degrees), strict=True):
         if not np.hypot(*metres) < MAX_SITE_M:
             yield (
-                f"reference_points[{row}]: lies more than {MAX_SITE_M / 1000:.0f} km from reference_location; "
+                f"reference_points.{point.id}: lies more than {MAX_SITE_M / 1000:.0f} km from reference_location; "
                 f"expected x = latitude, y = longitude, in degrees ({datum.coordinates})"
             )
 

@@ -98,7 +98,9 @@ def report_lines(report: SiteReport) -> Iterator[str]:
     for question in questions(site):
         yield f"NOTE {question}"
     yield ""
-    yield f"{site.name}: {len(site.datums)} datums, {len(site.vendors)} vendors, {len(report.maps)} own maps"
+    counts = {"datum": site.datums, "vendor": site.vendors, "own map": report.maps}
+    counted = (f"{len(found)} {noun if len(found) == 1 else noun + 's'}" for noun, found in counts.items())
+    yield f"{site.name}: {', '.join(counted)}"
     for datum in site.datums:
         yield from _datum_lines(datum)
     for vendor in site.vendors:

@@ -2,6 +2,7 @@
 
 import difflib
 import json
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -59,10 +60,11 @@ def site_from_document(document: Mapping[str, Any]) -> Site:
     try:
         site = Site.model_validate_json(json.dumps(document, default=str), strict=True)
     except ValidationError as error:
-        raise SiteError(_explained(problem) for problem in error.errors(include_url=False)) from error
+        problems = [_explained(problem) for problem in error.errors(include_url=False)]
+        raise SiteError(_with_names(problem, document) for problem in problems) from error
     contradictions = list(_contradictions(site))
     if contradictions:
-        raise SiteError(contradictions)
+        raise SiteError(_with_names(problem, document) for problem in contradictions)
     return site
 
 
@@ -102,6 +104,33 @@ def _explained(error: Mapping[str, Any]) -> str:
     if location[-1] in SECRETS:
         return f"{key}: {message}; expected env:NAME or file:PATH, not the secret itself"
     return f"{key}: {message}; found {str(error['input'])[:80]!r}"
+
+
+def _with_names(problem: str, document: Mapping[str, Any]) -> str:
+    """A problem whose keys have names instead of numbers: "vendors.Corvid.token", not "vendors[0].token"."""
+    return _NUMBERED_KEY.sub(lambda key: _named_key(key[0], document), problem)
+
+
+_NUMBERED_KEY = re.compile(r"\b\w+\[\d+\](?:\.\w+(?:\[\d+\])?)*")
+
+
+def _named_key(key: str, document: Any) -> str:
+    """Entries without a name of their own keep their number."""
+    named, at = "", document
+    for part, row in re.findall(r"(\w+)(?:\[(\d+)\])?", key):
+        at = at.get(part) if isinstance(at, Mapping) else None
+        named += f".{part}" if named else part
+        if row:
+            entries = at if isinstance(at, list) else []
+            names = [_name_of(entry) for entry in entries]
+            at, name = (entries[int(row)], names[int(row)]) if int(row) < len(entries) else (None, None)
+            named += f".{name}" if name and names.count(name) == 1 else f"[{row}]"
+    return named
+
+
+def _name_of(entry: Any) -> str | None:
+    names = (entry.get(key) for key in ("name", "id", "datum")) if isinstance(entry, Mapping) else ()
+    return next((name for name in names if isinstance(name, str) and name), None)
 
 
 def _nearest(found: str, known: list[str]) -> str:

@@ -20,7 +20,9 @@ def secret(source: str) -> str:
     """The secret at `env:NAME` or `file:PATH`, without surrounding white space. Raises `SecretError`."""
     kind, _, place = source.partition(":")
     if kind == "env":
-        value = os.environ.get(place, "")
+        if place not in os.environ:
+            raise SecretError(f"{source}: is not set; expected an environment variable with the secret")
+        value = os.environ[place]
     else:
         try:
             value = Path(place).read_text(encoding="utf-8")
@@ -30,6 +32,14 @@ def secret(source: str) -> str:
     if len(value) < LEAST_LENGTH:
         raise SecretError(f"{source}: found {len(value)} characters; expected a secret of at least {LEAST_LENGTH}")
     return value
+
+
+def secret_of(owner: str, source: str) -> str:
+    """The secret of `source`. Raises `SecretError`, which names the owner."""
+    try:
+        return secret(source)
+    except SecretError as error:
+        raise SecretError(f"{owner}: {error}") from error
 
 
 def renewed(source: str, before: str) -> str:
@@ -47,7 +57,7 @@ class Tokens:
     def __init__(self, sources: Mapping[str, str]) -> None:
         """`sources` gives each owner the source of its token. Raises `SecretError`, also if two share a token."""
         self._sources = dict(sources)
-        self._digests = {owner: _digest(secret(source)) for owner, source in self._sources.items()}
+        self._digests = {owner: _digest(secret_of(owner, source)) for owner, source in self._sources.items()}
         self._owners = self._by_digest()
 
     def __bool__(self) -> bool:

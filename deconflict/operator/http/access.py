@@ -20,7 +20,7 @@ from ingest.port.connection_shares import site_of
 from ingest.security.certificates import Certificates
 from ingest.security.failed_sign_ins import FailedSignIns
 from ingest.security.origin_check import host_of, is_fixed, is_loopback
-from ingest.security.tokens import Tokens, secret
+from ingest.security.tokens import Tokens, secret_of
 from ingest.security.vendor_credentials import VendorCredentials
 
 RANK: Mapping[Role, int] = {"read": 0, "acknowledge": 1, "administer": 2}
@@ -52,10 +52,10 @@ def verify_credentials(site: Site) -> None:
     """Raises `SecretError` or `CertificateError` if a secret or certificate of the site file can't be used."""
     VendorCredentials(site.vendors)
     People(site.operator.people)
-    webhook_secrets = [webhook.secret for webhook in site.webhooks]
-    for source in (*webhook_secrets, *([site.mqtt.password] if site.mqtt else [])):
+    outlets = [(f"webhook {webhook.name}", webhook.secret) for webhook in site.webhooks]
+    for name, source in (*outlets, ("mqtt", site.mqtt.password if site.mqtt else None)):
         if source:
-            secret(source)
+            secret_of(name, source)
     for tls in (site.receiver.tls, site.operator.tls):
         if tls:
             Certificates(tls)

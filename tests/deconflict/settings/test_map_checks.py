@@ -75,7 +75,7 @@ def test_reference_points_in_metres_and_near_ones_in_degrees_pass() -> None:
 def test_absolute_degrees_in_a_relative_datum_are_a_problem() -> None:
     yard = Datum.model_validate({**sound()["datums"][1], "coordinates": "latlon-relative"})
     (problem,) = datum_problems(yard)
-    assert problem.startswith("reference_points[0]: lies more than 20 km from reference_location")
+    assert problem.startswith("reference_points.post: lies more than 20 km from reference_location")
     assert problem.endswith("(latlon-relative)")
     point = yard.reference_points[0].model_copy(update={"x": 0.001, "y": 0.001})
     assert list(datum_problems(yard.model_copy(update={"reference_points": (point,)}))) == []

@@ -45,5 +45,5 @@ def test_a_bad_shape_is_named_by_its_key(model: str, key: str, problem: str) -> 
     with pytest.raises(SiteError) as error:
         site_from_toml(site.encode(), Path("site.toml"))
     (line,) = error.value.problems
-    assert line.startswith(f"vendors[0].models.R1{key}: ")
+    assert line.startswith(f"vendors.Round.models.R1{key}: ")
     assert problem in line

@@ -13,14 +13,14 @@ HOOK = {"name": "mes", "url": "http://mes.example/", "secret": "env:MES"}
     [
         ("webhooks", [HOOK, HOOK], r"webhooks\[1\]\.name: 'mes' is taken"),
         ("webhooks", [HOOK | {"name": "mqtt"}], "give each outlet a name of its own"),
-        ("webhooks", [HOOK | {"secret": ""}], r"webhooks\[0\]\.secret: is empty; expected env:NAME or file:PATH"),
+        ("webhooks", [HOOK | {"secret": ""}], r"webhooks\.mes\.secret: is empty; expected env:NAME or file:PATH"),
         (
             "webhooks",
             [HOOK | {"secret": "hunter2"}],
-            r"webhooks\[0\]\.secret: .* expected env:NAME or file:PATH, not the",
+            r"webhooks\.mes\.secret: .* expected env:NAME or file:PATH, not the",
         ),
-        ("webhooks", [HOOK | {"url": "mes.example"}], r"webhooks\[0\]\.url: "),
-        ("webhooks", [HOOK | {"retry_s": [9.0, 1.0]}], r"webhooks\[0\]\.retry_s: found \[9\.0, 1\.0\]"),
+        ("webhooks", [HOOK | {"url": "mes.example"}], r"webhooks\.mes\.url: "),
+        ("webhooks", [HOOK | {"retry_s": [9.0, 1.0]}], r"webhooks\.mes\.retry_s: found \[9\.0, 1\.0\]"),
         ("mqtt", {"host": "broker", "topic": "all/#"}, r"mqtt\.topic: "),
         ("mqtt", {"host": "broker", "retry_s": [2.0, 1.0]}, r"mqtt\.retry_s: found \[2\.0, 1\.0\]"),
     ],

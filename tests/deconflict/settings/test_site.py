@@ -36,14 +36,18 @@ def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
     [
         ("datum", [], "datum: there is no such key; did you mean datums?"),
         ("conflict.clearence_m", 0.5, "conflict.clearence_m: there is no such key; did you mean clearance_m?"),
-        ("vendors.1.maps.0.reading", {}, "vendors[1].maps[0].reading: there is no such key; did you mean readings?"),
+        ("vendors.1.maps.0.reading", {}, "vendors.bolt.maps.own.reading: there is no such key; did you mean readings?"),
         (
             "vendors.1.models.b1.offset",
             [0, 0],
-            "vendors[1].models.b1.offset: there is no such key; did you mean offset_m?",
+            "vendors.bolt.models.b1.offset: there is no such key; did you mean offset_m?",
         ),
         ("store.zzz", 1, "store.zzz: there is no such key; expected one of directory"),
-        ("vendors.1.maps.0.site_datum", None, "vendors[1].maps[0].site_datum: is missing; expected The site's datum"),
+        (
+            "vendors.1.maps.0.site_datum",
+            None,
+            "vendors.bolt.maps.own.site_datum: is missing; expected The site's datum",
+        ),
         ("vendors.0.name", None, "vendors[0].name: is missing; expected Short name in metrics and advisories"),
         (
             "conflict.clearance_m",
@@ -55,9 +59,9 @@ def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
         ("conflict.clearance_m", True, "conflict.clearance_m: input should be a valid number; found 'True'"),
         ("conflict.horizon_s", float("inf"), "conflict.horizon_s: input should be a finite number; found 'inf'"),
         ("receiver.port", 70000, "receiver.port: input should be less than or equal to 65535; found '70000'"),
-        ("datums.0.coordinates", "feet", "datums[0].coordinates: input should be 'metres', 'latlon' or"),
-        ("datums.0.reference_points.2.x", "a", "datums[0].reference_points[2].x: input should be a valid number"),
-        ("vendors.1.maps.0.readings.dock", [1.0], "vendors[1].maps[0].readings.dock[1]: is missing"),
+        ("datums.0.coordinates", "feet", "datums.Hall.coordinates: input should be 'metres', 'latlon' or"),
+        ("datums.0.reference_points.2.x", "a", "datums.Hall.reference_points.pillar.x: input should be a valid number"),
+        ("vendors.1.maps.0.readings.dock", [1.0], "vendors.bolt.maps.own.readings.dock[1]: is missing"),
         ("reading.default_envelope_m", [1, 0, 0], "reading.default_envelope_m[1]: input should be greater than 0"),
     ],
 )
@@ -70,47 +74,47 @@ def test_a_wrong_key_is_named_with_what_was_found_and_expected(
 @pytest.mark.parametrize(
     ("path", "value", "says"),
     [
-        ("datums.1.id", HALL.upper(), f"datums[1].id: '{HALL}' is given by datums[0].id too"),
-        ("datums.0.id", "", "datums[0].id: '' names no datum"),
-        ("datums.1.id", NIL, f"datums[1].id: '{NIL}' names no datum"),
-        ("datums.0.reference_points.1.id", "door", "datums[0].reference_points[1].id: 'door' is given by"),
-        ("datums.1.reference_location", None, "datums[1].reference_location: is missing"),
-        ("datums.1.reference_location", [-171.06, 42.36], "datums[1].reference_location: found [-171.06, 42.36]"),
+        ("datums.1.id", HALL.upper(), f"datums.Yard.id: '{HALL}' is given by datums.Hall.id too"),
+        ("datums.0.id", "", "datums.Hall.id: '' names no datum"),
+        ("datums.1.id", NIL, f"datums.Yard.id: '{NIL}' names no datum"),
+        ("datums.0.reference_points.1.id", "door", "datums.Hall.reference_points[1].id: 'door' is given by"),
+        ("datums.1.reference_location", None, "datums.Yard.reference_location: is missing"),
+        ("datums.1.reference_location", [-171.06, 42.36], "datums.Yard.reference_location: found [-171.06, 42.36]"),
         ("vendors.1.name", "acme", "vendors[1].name: 'acme' is given by vendors[0].name too"),
         (
             "vendors.0.manufacturers",
             ["BOLT robotics"],
-            "vendors[1].manufacturers[0]: 'bolt robotics' is given by vendors[0]",
+            "vendors.bolt.manufacturers[0]: 'bolt robotics' is given by vendors.acme",
         ),
         (
             "vendors.0.manufacturers",
             ["ACME", "Bolt"],
-            "vendors[1].name: 'bolt' is given by vendors[0].manufacturers[1] too",
+            "vendors.bolt.name: 'bolt' is given by vendors.acme.manufacturers[1] too",
         ),
         (
             "vendors.1.robots",
             [ROBOT],
-            "vendors[1].robots[0]: '1c0e7d6e-1111-4f6f-8000-000000000001' is given by vendors[0]",
+            "vendors.bolt.robots[0]: '1c0e7d6e-1111-4f6f-8000-000000000001' is given by vendors.acme",
         ),
         (
             "vendors.1.dial",
             ["10.0.0.7:3000"],
-            "vendors[1].dial[0]: found '10.0.0.7:3000'; expected ws://HOST:PORT/PATH",
+            "vendors.bolt.dial[0]: found '10.0.0.7:3000'; expected ws://HOST:PORT/PATH",
         ),
         (
             "vendors.1.maps.0.site_datum",
             "yrd",
-            "vendors[1].maps[0].site_datum: no datum has the id 'yrd'; did you mean yard?",
+            "vendors.bolt.maps.own.site_datum: no datum has the id 'yrd'; did you mean yard?",
         ),
         (
             "vendors.1.maps.0.readings.dok",
             [1, 1],
-            "vendors[1].maps[0].readings.dok: datum 'Hall' has no such point; did you mean",
+            "vendors.bolt.maps.own.readings.dok: datum 'Hall' has no such point; did you mean",
         ),
         (
             "vendors.1.maps.1",
             {"datum": "OWN", "site_datum": HALL, "readings": {}},
-            "vendors[1].maps[1].datum: 'own' is given by",
+            "vendors.bolt.maps.OWN.datum: 'own' is given by",
         ),
         ("conflict.confirm", [3, 2], "conflict.confirm: [3, 2] asks for more looks than it counts"),
         ("conflict.critical_s", 6.0, "conflict.critical_s: found 6.0; expected at most conflict.warning_s = 5.0"),
@@ -135,17 +139,17 @@ RACK = {"kind": "rack", "floor": HALL, "outline_m": SQUARE}
 @pytest.mark.parametrize(
     ("section", "place", "says"),
     [
-        ("resources", DOCK | {"datum": "attic"}, "resources[0].datum: no datum has the id 'attic'"),
-        ("resources", DOCK | {"polygon": [SQUARE[0], SQUARE[2], *SQUARE[1:]]}, "resources[0].polygon: self-inter"),
-        ("resources", DOCK | {"polygon": [[0.0, 0.0]] * 3}, "resources[0].polygon: "),
-        ("resources", DOCK | {"floors": [{"datum": "yard", "polygon": SQUARE}]}, "resources[0].floors: a dock is on"),
-        ("zones", {key: AISLE[key] for key in AISLE if key != "axis"}, "zones[0].axis: is missing"),
-        ("zones", AISLE | {"kind": "door"}, "zones[0].axis: a door has none"),
-        ("zones", AISLE | {"axis": [[1.0, 1.0], [1.0, 1.0]]}, "zones[0].axis: both ends are at [1.0, 1.0]"),
+        ("resources", DOCK | {"datum": "attic"}, "resources.d.datum: no datum has the id 'attic'"),
+        ("resources", DOCK | {"polygon": [SQUARE[0], SQUARE[2], *SQUARE[1:]]}, "resources.d.polygon: self-inter"),
+        ("resources", DOCK | {"polygon": [[0.0, 0.0]] * 3}, "resources.d.polygon: "),
+        ("resources", DOCK | {"floors": [{"datum": "yard", "polygon": SQUARE}]}, "resources.d.floors: a dock is on"),
+        ("zones", {key: AISLE[key] for key in AISLE if key != "axis"}, "zones.a.axis: is missing"),
+        ("zones", AISLE | {"kind": "door"}, "zones.a.axis: a door has none"),
+        ("zones", AISLE | {"axis": [[1.0, 1.0], [1.0, 1.0]]}, "zones.a.axis: both ends are at [1.0, 1.0]"),
         ("obstacles", RACK | {"floor": "attic"}, "obstacles[0].floor: no datum has the id 'attic'"),
         ("obstacles", RACK | {"outline_m": [[0.0, 0.0]] * 3}, "obstacles[0].outline_m: "),
         ("obstacles", RACK | {"kind": "rock"}, "obstacles[0].kind: input should be 'rack', 'wall' or 'machine'"),
-        ("zones", AISLE | {"capacity": 0}, "zones[0].capacity: input should be greater than or equal to 1"),
+        ("zones", AISLE | {"capacity": 0}, "zones.a.capacity: input should be greater than or equal to 1"),
     ],
 )
 def test_a_wrong_place_is_named_with_what_to_change(
@@ -164,7 +168,7 @@ def test_an_obstacle_of_a_site_with_several_floors_needs_its_floor(tmp_path: Pat
 
 def test_a_resource_and_a_zone_share_no_id(tmp_path: Path) -> None:
     document = sound() | {"resources": [DOCK], "zones": [AISLE | {"id": "d"}]}
-    with pytest.raises(SiteError, match=r"zones\[0\].id: 'd' is given by resources\[0\].id too"):
+    with pytest.raises(SiteError, match=r"zones\.d.id: 'd' is given by resources\.d.id too"):
         load(written(document, tmp_path))
 
 
@@ -200,7 +204,7 @@ def test_readings_without_a_fit_load_but_are_a_problem(tmp_path: Path) -> None:
 def test_reference_points_with_latitude_and_longitude_swapped_are_a_problem(tmp_path: Path) -> None:
     document = put(sound(), "datums.1.reference_points.0", {"id": "post", "x": -71.059, "y": 42.361})
     (problem,) = fit_problems(load(written(document, tmp_path)))
-    assert problem.startswith("datum Yard: reference_points[0]: lies more than 20 km from reference_location")
+    assert problem.startswith("datum Yard: reference_points.post: lies more than 20 km from reference_location")
 
 
 def test_the_json_schema_accepts_what_the_loader_accepts_and_describes_each_field() -> None:

@@ -24,7 +24,7 @@ def test_a_valid_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
     code, text = checked(sound(), tmp_path)
     assert code == 0
     assert text.startswith("PASSED\n")
-    assert "works: 2 datums, 2 vendors, 1 own maps" in text
+    assert "works: 2 datums, 2 vendors, 1 own map" in text
     assert "\n\nacme: sends in the datums' own coordinates\n" in text
     assert "\n\nbolt: own map own on datum Hall\n" in text
     assert "method adjust, not mirrored, rotation 90.000 deg, translation (0.000, 0.000) m" in text
@@ -71,7 +71,7 @@ def test_each_reference_point_shows_its_residual_with_it_and_without_it(tmp_path
             "FAILS vendor bolt, map own: mirrored: the",
         ),
         ("vendors.1.maps.0.mirrored", True, "FAILS vendor bolt, map own: mirrored: found true"),
-        ("datums.1.reference_points.0.x", -42.361, "FAILS datum Yard: reference_points[0]: lies more than 20 km"),
+        ("datums.1.reference_points.0.x", -42.361, "FAILS datum Yard: reference_points.post: lies more than 20 km"),
     ],
     ids=["bad fit", "collinear", "mirrored", "not mirrored", "elsewhere"],
 )
