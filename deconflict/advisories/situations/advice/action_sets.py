@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from deconflict.advice.actions.waiting import PERSON_REACTION_S, SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
+from deconflict.advice.expected_loss import saves_time
 from deconflict.advisories.situations.advice.stakes import SERVICE_REACTION_S, preventable_cost_of
 from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation
 
@@ -97,7 +98,7 @@ def _sets_of(
             continue
         actions = tuple(action for each in advice.actions if (action := _left_of(each, advice, advisory, now_s)))
         is_for_them = all(action.robot in robots for action in actions)
-        if actions and is_for_them and _is_worth_waiting(advisory, actions, now_s):
+        if actions and is_for_them and _saves_time(advisory, actions, now_s):
             for_people = advisory.id not in passing and _is_for_people(advisory, actions, now_s)
             if for_people or all(action.action != "look" for action in actions):
                 yield ActionSet(actions, advisory, _waits(advisory, actions), for_people)
@@ -110,11 +111,14 @@ def _is_for_people(advisory: AnyAdvisory, actions: Iterable[Action], now_s: floa
     return is_long and preventable_cost_of(advisory, now_s, PERSON_REACTION_S) >= PEOPLE_SAVE_S
 
 
-def _is_worth_waiting(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:
-    """Whether the waits before a conflict cost no more than what they can still prevent."""
-    waits_s = sum(action.seconds or 0.0 for action in actions if action.action == "wait")
+def _saves_time(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:
+    """Whether what is asked for before a conflict costs no more than it still saves."""
+    if not isinstance(advisory, ConflictAdvisory):
+        return True
+    waits_s = [action.seconds or 0.0 for action in actions if action.action == "wait"]
+    slow_s = [action.seconds or 0.0 for action in actions if action.action == "slow_down"]
     prevented_s = preventable_cost_of(advisory, now_s, SERVICE_REACTION_S)
-    return not isinstance(advisory, ConflictAdvisory) or 0.0 < prevented_s >= waits_s
+    return prevented_s > 0.0 and saves_time(prevented_s, waits_s, slow_s)
 
 
 def _left_of(action: Action, advice: Recommendation, advisory: AnyAdvisory, now_s: float) -> Action | None:

@@ -12,6 +12,7 @@ from deconflict.advisory import (
     ConflictAdvisory,
     ContentionAdvisory,
     DeadlockAdvisory,
+    EncounterClass,
     Location,
     Recommendation,
     Wait,
@@ -40,6 +41,11 @@ def conflict(
         "summary": f"Robot {min(robots)} and Robot {max(robots)} cross in {left_s:.0f} s",
     }
     return made(1, **(whole | fields))
+
+
+def head_on(robots: str, left_s: float = 8.0, **fields: Any) -> ConflictAdvisory:
+    """A conflict that costs so much that robots should wait for some seconds to prevent it."""
+    return conflict(robots, left_s, **({"encounter_class": EncounterClass.HEAD_ON} | fields))
 
 
 def finding(kind: str, robots: str, **fields: Any) -> Any:

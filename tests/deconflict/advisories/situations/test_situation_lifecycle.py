@@ -12,6 +12,7 @@ from tests.deconflict.advisories.situations.made_situations import (
     blockage,
     conflict,
     deadlock,
+    head_on,
     lifecycle,
     queue,
     raised,
@@ -114,7 +115,7 @@ def test_a_robot_that_joins_is_listed_sooner_than_other_news() -> None:
 
 
 def test_the_first_advice_is_published_at_once() -> None:
-    situations, first = lifecycle(), conflict("ab")
+    situations, first = lifecycle(), head_on("ab")
     situations.revise(NOW_S, [first])
     (advised,) = situations.revise(NOW_S + 0.5, [first.next_revision(recommendation=advice(action("a")))])
     assert advised.advice is not None
@@ -165,8 +166,8 @@ def test_a_clock_that_goes_back_freezes_nothing() -> None:
 
 
 def test_a_severity_falls_only_after_a_while() -> None:
-    slow = advice(action("a", "slow_down", seconds=20.0, speed_mps=0.5))
-    situations, first = lifecycle(), conflict("ab", 25.0, encounter_class=EncounterClass.HEAD_ON, recommendation=slow)
+    backing = advice(action("a", "back_out", where="of Aisle 3"))
+    situations, first = lifecycle(), head_on("ab", 25.0, recommendation=backing)
     situations.revise(NOW_S, [first])
     likely, unlikely = (first.next_revision(probability=p) for p in (0.8, 0.08))
     for second in range(1, 20):
@@ -194,8 +195,8 @@ def test_a_robot_that_two_situations_ask_for_goes_to_the_more_urgent() -> None:
 
 def test_a_robot_has_one_thing_to_do_in_situations_of_equal_urgency() -> None:
     situations = lifecycle()
-    situations.revise(NOW_S, [conflict("ab", recommendation=advice(action("a")))])
-    situations.revise(NOW_S + 1, [conflict("ac", x_m=40.0, recommendation=advice(action("a")))])
+    situations.revise(NOW_S, [head_on("ab", recommendation=advice(action("a")))])
+    situations.revise(NOW_S + 1, [head_on("ac", x_m=40.0, recommendation=advice(action("a")))])
     assert [each.advice is None for each in situations.open()] == [False, True]
 
 

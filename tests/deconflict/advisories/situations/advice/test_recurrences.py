@@ -54,7 +54,7 @@ def test_what_ends_by_itself_each_time_asks_nobody_for_anything() -> None:
 
 def test_a_conflict_within_it_asks_nobody_for_anything_either() -> None:
     situations, now_s = locked(OFTEN - 1)
-    slow = advice(action("a", "slow_down", seconds=20.0, speed_mps=0.5), action("b", "go_first"))
+    slow = advice(action("a", "slow_down", seconds=14.0, speed_mps=0.5), action("b", "go_first"))
     meets = conflict("ab", 9.0, now_s=now_s, encounter_class=EncounterClass.HEAD_ON, recommendation=slow)
     (third,) = situations.revise(now_s, [lock(99, now_s, recommendation=None), meets])
     assert third.severity is Severity.CAUTION

@@ -13,6 +13,7 @@ from tests.deconflict.advisories.situations.made_situations import (
     blockage,
     conflict,
     deadlock,
+    head_on,
     queue,
 )
 
@@ -26,29 +27,29 @@ def revised(
 
 
 def test_the_first_to_do_comes_first() -> None:
-    soon = conflict("ab", 5.0, recommendation=advice(action("b")))
-    later = conflict("bc", 9.0, recommendation=advice(action("c")))
+    soon = head_on("ab", 5.0, recommendation=advice(action("b")))
+    later = head_on("bc", 9.0, recommendation=advice(action("c")))
     found = revised(None, NOW_S, later, soon)
     assert found is not None
     assert found.text == "Robot b should wait 4 s; Robot c should wait 4 s"
 
 
 def test_nobody_has_to_wait_for_less_than_a_person_can_do() -> None:
-    short = conflict("ab", recommendation=advice(action("a", seconds=2.0)))
+    short = head_on("ab", recommendation=advice(action("a", seconds=2.0)))
     assert revised(None, NOW_S, short) is None
 
 
 def test_advice_stands_while_it_is_proposed_anywhere() -> None:
-    first = conflict("ab", 30.0, recommendation=advice(action("a", "slow_down", seconds=20.0, speed_mps=0.5)))
+    first = head_on("ab", 30.0, recommendation=advice(action("a", "slow_down", seconds=14.0, speed_mps=0.5)))
     before = revised(None, NOW_S, first)
-    other = conflict("bc", 29.0, recommendation=advice(action("c")))
+    other = head_on("bc", 29.0, recommendation=advice(action("c")))
     assert revised(before, NOW_S + 2 * STANDS_S, other, first) == before
 
 
 def test_a_change_says_why() -> None:
-    slowing = advice(action("a", "slow_down", seconds=20.0, speed_mps=0.5))
-    before = revised(None, NOW_S, conflict("ab", recommendation=slowing))
-    other = conflict("ab", 30.0, recommendation=advice(action("b")))
+    slowing = advice(action("a", "slow_down", seconds=6.0, speed_mps=0.5))
+    before = revised(None, NOW_S, head_on("ab", recommendation=slowing))
+    other = head_on("ab", 30.0, recommendation=advice(action("b")))
     after = revised(before, NOW_S + STANDS_S, other)
     assert after is not None
     assert (after.actions[0].robot, after.changed_because) == (
@@ -58,18 +59,18 @@ def test_a_change_says_why() -> None:
 
 
 def test_advice_stands_for_some_seconds_at_least() -> None:
-    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"))))
-    assert revised(before, NOW_S + 1, conflict("ab", recommendation=advice(action("b")))) == before
+    before = revised(None, NOW_S, head_on("ab", recommendation=advice(action("a"))))
+    assert revised(before, NOW_S + 1, head_on("ab", recommendation=advice(action("b")))) == before
 
 
 def test_a_wait_that_is_over_is_no_advice() -> None:
-    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"))))
-    assert revised(before, NOW_S + 5, conflict("ab")) is None
+    before = revised(None, NOW_S, head_on("ab", recommendation=advice(action("a"))))
+    assert revised(before, NOW_S + 5, head_on("ab")) is None
 
 
 def test_a_wait_is_not_asked_for_again_after_its_time() -> None:
     given = advice(action("a")).model_copy(update={"given_at": moment(NOW_S)})
-    waiting = conflict("ab", 30.0, recommendation=given)
+    waiting = head_on("ab", 30.0, recommendation=given)
     before = revised(None, NOW_S, waiting)
     assert before is not None
     assert revised(before, NOW_S + 5, waiting) is None
@@ -77,19 +78,19 @@ def test_a_wait_is_not_asked_for_again_after_its_time() -> None:
 
 def test_what_is_left_of_a_wait_is_advised() -> None:
     given = advice(action("a", seconds=20.0)).model_copy(update={"given_at": moment(NOW_S - 15)})
-    found = revised(None, NOW_S, conflict("ab", 10.0, recommendation=given, encounter_class=EncounterClass.HEAD_ON))
+    found = revised(None, NOW_S, head_on("ab", 10.0, recommendation=given, encounter_class=EncounterClass.HEAD_ON))
     assert found is not None
     assert found.actions[0].seconds == 5.0
 
 
 def test_a_wait_that_nobody_asks_for_ends() -> None:
-    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("a", seconds=60.0))))
-    assert revised(before, NOW_S + STANDS_S, conflict("ab")) is None
+    before = revised(None, NOW_S, head_on("ab", recommendation=advice(action("a", seconds=60.0))))
+    assert revised(before, NOW_S + STANDS_S, head_on("ab")) is None
 
 
 def test_advice_to_a_robot_that_has_left_the_situation_ends() -> None:
-    before = revised(None, NOW_S, conflict("ab", recommendation=advice(action("b"), action("a"))))
-    assert revised(before, NOW_S + 1, conflict("bc", recommendation=advice(action("b")))) != before
+    before = revised(None, NOW_S, head_on("ab", recommendation=advice(action("b"), action("a"))))
+    assert revised(before, NOW_S + 1, head_on("bc", recommendation=advice(action("b")))) != before
 
 
 def test_something_more_urgent_takes_the_place_of_advice_that_stands() -> None:
@@ -106,21 +107,21 @@ def test_robots_in_an_unsolved_conflict_are_not_both_sent_first() -> None:
     found = revised(
         None,
         NOW_S,
-        conflict("ab", recommendation=advice(action("a"), action("b", "go_first"))),
-        conflict("ac", recommendation=advice(action("a"), action("c", "go_first"))),
-        conflict("bc"),
+        head_on("ab", recommendation=advice(action("a"), action("b", "go_first"))),
+        head_on("ac", recommendation=advice(action("a"), action("c", "go_first"))),
+        head_on("bc"),
     )
     assert found is not None
     assert [(each.robot, each.action) for each in found.actions] == [("a", "wait")]
 
 
 def test_that_a_robot_goes_first_is_no_advice_by_itself() -> None:
-    assert revised(None, NOW_S, conflict("ab", recommendation=advice(action("b", "go_first")))) is None
+    assert revised(None, NOW_S, head_on("ab", recommendation=advice(action("b", "go_first")))) is None
 
 
 def test_robots_of_a_ring_do_not_all_wait() -> None:
-    ring = [conflict(pair, recommendation=advice(action(waiter))) for pair, waiter in (("ab", "a"), ("bc", "b"))]
-    last = conflict("ca", 9.0, recommendation=advice(action("c")))
+    ring = [head_on(pair, recommendation=advice(action(waiter))) for pair, waiter in (("ab", "a"), ("bc", "b"))]
+    last = head_on("ca", 9.0, recommendation=advice(action("c")))
     found = revised(None, NOW_S, *ring, last)
     assert found is not None
     assert [each.robot for each in found.actions] == ["a", "b"]
@@ -128,7 +129,7 @@ def test_robots_of_a_ring_do_not_all_wait() -> None:
 
 def test_the_actions_of_one_plan_are_taken_whole_or_not_at_all() -> None:
     first, other = (
-        conflict(pair, recommendation=advice(*(action(robot, "back_out") for robot in pair))) for pair in ("ab", "cd")
+        head_on(pair, recommendation=advice(*(action(robot, "back_out") for robot in pair))) for pair in ("ab", "cd")
     )
     found = revised(None, NOW_S, first, other)
     assert found is not None
@@ -136,27 +137,27 @@ def test_the_actions_of_one_plan_are_taken_whole_or_not_at_all() -> None:
 
 
 def test_a_plan_with_a_robot_that_the_situation_does_not_list_is_left_out() -> None:
-    assert revised(None, NOW_S, conflict("ab", recommendation=advice(action("a"), action("z")))) is None
+    assert revised(None, NOW_S, head_on("ab", recommendation=advice(action("a"), action("z")))) is None
 
 
-def test_a_wait_that_costs_more_than_the_conflict_is_no_advice() -> None:
+def test_a_wait_that_costs_more_than_it_saves_is_no_advice() -> None:
     likely, unlikely = (
-        conflict("ab", recommendation=advice(action("a")), probability=probability) for probability in (0.7, 0.6)
+        head_on("ab", recommendation=advice(action("a")), probability=probability) for probability in (0.6, 0.5)
     )
     assert revised(None, NOW_S, likely) is not None
     assert revised(None, NOW_S, unlikely) is None
 
 
 def test_waits_of_one_recommendation_cost_together() -> None:
-    both = conflict("ab", recommendation=advice(action("a"), action("b")), probability=0.9)
+    both = head_on("ab", recommendation=advice(action("a"), action("b")), probability=0.9)
     assert revised(None, NOW_S, both) is None
 
 
 def test_advice_stands_until_everybody_has_had_their_time() -> None:
-    first = conflict("ab", 5.0, recommendation=advice(action("a", seconds=3.0)))
-    second = conflict("bc", 9.0, recommendation=advice(action("c", seconds=4.5)))
+    first = head_on("ab", 5.0, recommendation=advice(action("a", seconds=3.0)))
+    second = head_on("bc", 9.0, recommendation=advice(action("c", seconds=4.5)))
     before = revised(None, NOW_S, first, second)
-    assert revised(before, NOW_S + 3.5, conflict("ab"), conflict("bc")) == before
+    assert revised(before, NOW_S + 3.5, head_on("ab"), head_on("bc")) == before
 
 
 def test_advice_that_says_where_to_go_takes_the_place_of_vague_advice() -> None:
@@ -176,7 +177,7 @@ def test_a_person_is_asked_to_look_at_a_blocker() -> None:
 
 
 def test_people_are_asked_first_and_for_long_enough() -> None:
-    crossing = conflict("ab", 5.0, recommendation=advice(action("a")))
+    crossing = head_on("ab", 5.0, recommendation=advice(action("a")))
     blocked = blockage("xcd", recommendation=advice(action("x", "look")))
     found = revised(None, NOW_S, crossing, blocked)
     assert found is not None
@@ -188,7 +189,7 @@ def test_people_are_asked_first_and_for_long_enough() -> None:
 
 
 def test_what_people_can_do_takes_the_place_of_what_programs_do() -> None:
-    crossing = conflict("ab", 5.0, recommendation=advice(action("a")))
+    crossing = head_on("ab", 5.0, recommendation=advice(action("a")))
     before = revised(None, NOW_S, crossing)
     assert before is not None
     assert not before.for_people
@@ -213,22 +214,22 @@ def test_advice_for_people_makes_way_at_once_for_what_helps_instead() -> None:
 
 
 def test_a_robot_that_is_busy_elsewhere_gets_no_advice() -> None:
-    crossing = conflict("ab", 5.0, recommendation=advice(action("a"), action("b", "go_first")))
+    crossing = head_on("ab", 5.0, recommendation=advice(action("a"), action("b", "go_first")))
     assert revised(None, NOW_S, crossing, busy="a") is None
     assert revised(None, NOW_S, crossing, busy="b") is None
 
 
 def test_advice_ends_if_its_robot_gets_something_more_urgent_to_do() -> None:
-    crossing = conflict("ab", 5.0, recommendation=advice(action("a")))
+    crossing = head_on("ab", 5.0, recommendation=advice(action("a")))
     before = revised(None, NOW_S, crossing)
-    other = conflict("bc", 6.0, recommendation=advice(action("c")))
+    other = head_on("bc", 6.0, recommendation=advice(action("c")))
     after = revised(before, NOW_S + 1, crossing, other, busy="a")
     assert after is not None
     assert after.changed_because == "Robot a has something more urgent to do"
 
 
 def test_who_goes_first_is_no_step_of_its_own() -> None:
-    crossing = conflict("ab", 5.0, recommendation=advice(action("a"), action("b", "go_first")))
+    crossing = head_on("ab", 5.0, recommendation=advice(action("a"), action("b", "go_first")))
     found = revised(None, NOW_S, crossing)
     assert found is not None
     assert found.text == "Robot a should wait 4 s, so that Robot b goes first"
