@@ -341,8 +341,8 @@ def _raw(line: str, document: dict[str, Any], keys: re.Pattern[str] = _MESSAGE, 
     return json.dumps(document[name], ensure_ascii=False).encode()
 
 
-def _time(text: str) -> float:
-    stamp = timestamps.parse(text)
+def _time(text: object) -> float:
+    stamp = timestamps.parse(text) if isinstance(text, str) else None
     if stamp is None:
-        raise ValueError(f"{text!r} is no time")
+        raise ValueError(f'{text!r} is no time, as "2026-11-22T10:00:00Z" is')
     return stamp.t_s

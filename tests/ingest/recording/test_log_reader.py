@@ -95,6 +95,15 @@ def test_an_unreadable_line_is_counted_and_logged(
     assert f"{log}, line 2 is left out" in caplog.text
 
 
+def test_a_time_as_a_number_is_answered_with_how_times_are_written(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_text('{"received": 1258452021.0, "message": {}}')
+    assert read(log) == ([], 1)
+    assert '1258452021.0 is no time, as "2026-11-22T10:00:00Z" is' in caplog.text
+
+
 @pytest.mark.parametrize("pack", [bytes, gzip.compress, zstandard.compress])
 @pytest.mark.parametrize("name", ["a.jsonl", "a.jsonl.gz", "a.jsonl.zst"])
 def test_a_log_is_read_by_how_it_begins_whatever_it_is_called(
