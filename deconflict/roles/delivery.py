@@ -10,11 +10,13 @@ from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.engine.message_latency import observe_latency
+from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.runtime.learned_state import Part, packed
 from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, cut_into_parcels, packed_parcel
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -67,6 +69,8 @@ class Delivery:
         self.set_asides = SetAsides(self.measures)
         self._operator = Caller(runtime, "operator")
         self._waiting: queue.SimpleQueue[WaitingParcel | None] = queue.SimpleQueue()
+        self._sender, self._lost = uuid4().hex, 0
+        """The name under which losses are sent, and the number of their last parcel."""
         self._added_bytes = self._delivered_bytes = 0
         self._learned: deque[dict[str, Part]] = deque(maxlen=1)
         self._thread = threading.Thread(target=self._deliver, name="delivery")
@@ -101,8 +105,9 @@ class Delivery:
         measures: Measures,
         near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
         presence: Callable[[], dict[str, Any] | None] = lambda: None,
+        losses: Sequence[LedgerEntry] = (),
     ) -> None:
-        """Queue one pass: its revisions and near misses, and once a second its measures and the robots' presence.
+        """Queue one pass: its revisions, near misses and losses, and once a second its measures and presence.
 
         `arrivals_s` has by vendor the arrival times of the messages that the pass reflects.
         """
@@ -112,9 +117,12 @@ class Delivery:
         if due:
             self._measured_s = now_s
             report = {"measures": [measures.as_document(), self.measures.as_document()], "presence": presence()}
+        if losses:
+            self._lost += 1
+            report["losses"] = {"sender": self._sender, "number": self._lost, "entries": losses}
         near = [near_misses[first : first + MOST_LINES] for first in range(0, len(near_misses), MOST_LINES)]
         parts = list(zip_longest(cut_into_parcels(self._lines(revisions)), near, fillvalue=()))
-        parts = parts or ([((), ())] if due else [])
+        parts = parts or ([((), ())] if report else [])
         for number, (lines, pairs) in enumerate(parts, 1):
             head = {"queued_s": now_s, "near_misses": pairs, **(report if number == len(parts) else {})}
             self._add(WaitingParcel(packed_parcel(head, lines), arrivals_s if number == len(parts) else {}))

@@ -16,6 +16,7 @@ from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.engine.place_names import PlaceNames
+from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.roles.delivery import RETRY_S, Delivery
 from deconflict.roles.health.canary_engine import judged
 from deconflict.roles.health.canary_pair import WITH_CANARY
@@ -163,7 +164,7 @@ class EngineRole:
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         presence = partial(engine.presence.document, batch.now_s)
-        self._delivery.add_pass(published, arrived_s, engine.measures, near, presence)
+        self._delivery.add_pass(published, arrived_s, engine.measures, near, presence, ledger_entries(engine.losses))
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})

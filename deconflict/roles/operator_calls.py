@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import sqlite3
 import time
 from collections.abc import Iterable
 from itertools import groupby
@@ -14,6 +15,7 @@ from deconflict.advisory import Acknowledgement
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api_sources import SourceUnavailableError
+from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
@@ -44,10 +46,12 @@ class OperatorCalls:
         learned_file: LearnedFile,
         keeper: Keeper,
         face_measures: Measures,
+        ledger: LossLedger,
     ) -> None:
         """`face_measures` are those of the HTTP application."""
         self._runtime, self._store, self._publisher, self._sources = runtime, store, publisher, sources
         self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
+        self._ledger = ledger
         self._own_measures = publisher.measures, face_measures
         self.another_stream = asyncio.Event()
         """Set if the stored advisories do not belong to the stream that is followed. Then the role restarts."""
@@ -124,7 +128,17 @@ class OperatorCalls:
         if head.get("near_misses"):
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
             await asyncio.to_thread(self._keeper.note, pairs)
+        if head.get("losses"):
+            await asyncio.to_thread(self._add_losses, **head["losses"])
         return self._taken()
+
+    def _add_losses(self, sender: str, number: int, entries: list[list[Any]]) -> None:
+        """Add losses to the ledger. Advisories do not wait for a ledger that fails."""
+        try:
+            self._ledger.add(sender, number, [LedgerEntry(*entry) for entry in entries])
+        except sqlite3.Error as error:
+            self._publisher.measures.count("deconflict_losses_dropped_total", by=len(entries))
+            log.warning("%d losses are missing in the ledger: %s", len(entries), error)
 
     async def _last_stored(self, _: bytes) -> bytes:
         """The last stored line of the stream that is followed: a `StreamPosition`."""

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import socket
+import sqlite3
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -13,6 +14,7 @@ from pathlib import Path
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api import create_app
 from deconflict.operator.http.api_sources import Exposition
+from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.outlets.outlets import Outlets
 from deconflict.operator.public_face import PublicFace
 from deconflict.operator.store.learned_file import LearnedFile
@@ -47,7 +49,8 @@ class OperatorRole:
         self.port = 0
         self._store = Store(data, follows_stream=bool(site.cluster))
         engine = EngineReport(CanaryHealth(self._store))
-        self.sources = OperatorSources(site, runtime, data, engine)
+        self._ledger = LossLedger(data, site.losses)
+        self.sources = OperatorSources(site, runtime, data, engine, self._ledger)
         self._publisher = Publisher(self._store, Measures())
         app = create_app(self._publisher, self._store, self.sources, exposition, site)
         self._face = PublicFace(app, Certificates(site.operator.tls) if site.operator.tls else None)
@@ -55,8 +58,9 @@ class OperatorRole:
         self._keeper = Keeper(site, data, self._store, self._publisher.measures)
         learned_file = LearnedFile(data, self._publisher.measures)
         self._calls = OperatorCalls(
-            runtime, self._store, self._publisher, self.sources, engine, learned_file, self._keeper, app.state.measures
-        )
+            runtime, self._store, self._publisher, self.sources, engine, learned_file, self._keeper, app.state.measures,
+            self._ledger,
+        )  # fmt: skip
         if site.cluster:
             self._publisher.forward_answer = self._calls.forward_answer
 
@@ -71,6 +75,7 @@ class OperatorRole:
             self.sources.history.close()
             await self._publisher.close()
             self._store.close()
+            self._ledger.close()
         if self._calls.another_stream.is_set():
             log.error("the stored advisories are kept as %s", self._store.set_aside(datetime.now(UTC)).name)
 
@@ -108,11 +113,18 @@ class OperatorRole:
             if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
                 pruned_s = time.monotonic()
                 before = datetime.now(UTC) - timedelta(days=self._site.store.keep_days)
+                await self._prune_losses()
                 await self._remove("age", f"cleared before {before}", partial(self._store.prune, before))
             most_bytes = self._site.store.advisories_bytes
             text = f"that changed longest ago, to keep within store.advisories_bytes = {most_bytes},"
             await self._remove("size", text, partial(self._store.prune_to, most_bytes))
             await asyncio.sleep(MEASURE_SIZE_EVERY_S)
+
+    async def _prune_losses(self) -> None:
+        try:
+            await asyncio.to_thread(self._ledger.prune, time.time())
+        except sqlite3.Error as error:
+            log.warning("old losses can't be removed: %s", error)
 
     async def _remove(self, reason: str, text: str, prune: Callable[[], int]) -> None:
         """Remove cleared advisories. `text` says which."""
@@ -146,5 +158,6 @@ class OperatorRole:
                     self._outlets.renew(site.webhooks, site.mqtt)
                 except SecretError as error:
                     log.error("the old webhooks and mqtt stay in use: %s", error)
+                self._ledger.settings = site.losses
                 self._site = self.sources.history.site = self._keeper.site = site
             await asyncio.sleep(RELOAD_CHECK_S)

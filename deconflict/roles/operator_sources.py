@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import sqlite3
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -11,8 +12,11 @@ from typing import Any
 from deconflict.engine.load_shedding import Effort
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.http.api_sources import SourceUnavailableError
+from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
 from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
+from deconflict.operator.store.store import StoreError
 from deconflict.operator.vendor_health import vendor_health
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
 from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
@@ -52,9 +56,10 @@ class EngineReport:
 class OperatorSources:
     """The `Sources` of the API. Asks the other roles at each request."""
 
-    def __init__(self, site: Site, runtime: Path, data: Path, engine: EngineReport) -> None:
+    def __init__(self, site: Site, runtime: Path, data: Path, engine: EngineReport, ledger: LossLedger) -> None:
         self._is_cluster, self._runtime, self._engine = bool(site.cluster), runtime, engine
         self._receiver = AsyncCaller(runtime, "follower" if site.cluster else "receiver")
+        self._ledger = ledger
         self._archive = Archive(data / FOLDER)
         self.history = History(site, data / "log")
         self.notice = ""
@@ -167,6 +172,12 @@ class OperatorSources:
             "fading": presence["fading"],
             "taken_off": {uuid: removal["heard_s"] for uuid, removal in presence["taken_off"].items()},
         }
+
+    async def losses(self, question: LossQuestion) -> LossList:
+        try:
+            return await asyncio.to_thread(self._ledger.ask, question)
+        except sqlite3.Error as error:
+            raise StoreError(f"the ledger of losses can't be read: {error}") from error
 
     def blackboxes(self) -> list[dict[str, Any]]:
         return self._archive.boxes()

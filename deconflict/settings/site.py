@@ -118,6 +118,19 @@ class StoreSettings(Section):
     """Above this size of the database the cleared advisories that changed longest ago are removed; open ones stay."""
 
 
+class LossSettings(Section):
+    """The ledger of the time that robots lose to each other."""
+
+    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 100.0
+    """How long an hour of the ledger is kept."""
+    most_bytes: Annotated[int, Field(gt=0)] = 1 << 30
+    """Above this size of the ledger its oldest hours are removed."""
+    currency: str = ""
+    """Unit of the costs, such as "EUR"."""
+    cost_per_robot_hour: dict[str, Annotated[float, Field(ge=0, allow_inf_nan=False)]] = {}  # noqa: RUF012 - pydantic copies it
+    """What an hour of a robot costs, by vendor ("Alder") or by vendor and model ("Alder/A100")."""
+
+
 class BlackBox(Section):
     """A file for each near miss with what was received and decided, for replays; needs `recorder.enabled`."""
 
@@ -169,6 +182,7 @@ class Site(Section):
     store: StoreSettings = StoreSettings()
     cluster: Cluster | None = None
     """Settings of a cluster of machines; without them the service runs on this machine alone."""
+    losses: LossSettings = LossSettings()
     blackbox: BlackBox = BlackBox()
 
 

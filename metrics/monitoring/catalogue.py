@@ -269,6 +269,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "kind",
         "zone",
     ),
+    "deconflict_losses_dropped_total": counter(
+        "Losses that are missing in the ledger because it could not be written."
+    ),
     "deconflict_near_misses_total": counter(
         "Near misses: two robots came within the clearance by their forecasts, and at least one of them moved."
     ),

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from deconflict.foresight.losses.loss import NOBODY
 from deconflict.foresight.losses.planned_times import TURN_M
 from deconflict.foresight.motion_assumptions import BRAKES_MPS2, MOVES_MPS
 from deconflict.sweep.geometry.envelope_distances import rectangle_gap
@@ -20,7 +21,6 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner
 
-NOBODY = -1
 WAY_STEP_M, FARTHEST_M = 0.2, 6.5
 """Distance between two samples of a way, and its length."""
 SAMPLES = 48

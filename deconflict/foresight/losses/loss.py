@@ -4,13 +4,13 @@ from enum import StrEnum
 from math import pi
 from typing import NamedTuple
 
-from deconflict.foresight.losses.blockers import NOBODY
 from ingest.batch import Ints
 from ingest.frames.angles import turn_between
 
 FOLLOWS_RAD, MEETS_RAD = pi / 4, 3 * pi / 4
 """Robots whose headings differ by less go the same way; if they differ by more than the second, they meet head-on."""
 LONGEST_CHAIN = 50
+NOBODY = -1
 
 
 class LossKind(StrEnum):
@@ -38,6 +38,8 @@ class Loss(NamedTuple):
     root: str
     """UUID of the robot at the head of the queue; the same as `by` if that one waits for nobody."""
     vendor: str
+    model: str
+    """Of the losing robot; "" if it has named none."""
     by_vendor: str
     root_vendor: str
     kind: LossKind

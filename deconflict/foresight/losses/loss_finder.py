@@ -11,8 +11,8 @@ import numpy as np
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
-from deconflict.foresight.losses.blockers import NOBODY, KnownRobots
-from deconflict.foresight.losses.loss import Loss, LossKind, kind_of, root_of
+from deconflict.foresight.losses.blockers import KnownRobots
+from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
 from deconflict.foresight.losses.loss_kernels import LOSING, ORDER, REFERENCES, lost_times
 from deconflict.foresight.losses.travel_states import travel_states
 from deconflict.foresight.motion_assumptions import MOVES_MPS
@@ -59,8 +59,8 @@ class LossFinder:
         """Whether a robot has ever named a destination."""
         self._reports_paths = np.zeros(0, np.bool_)
         """Whether a robot has ever reported a path."""
-        self._names: dict[int, tuple[str, str]] = {}
-        """By slot, the UUID of the robot and its vendor."""
+        self._names: dict[int, tuple[str, str, str]] = {}
+        """By slot, the UUID of the robot, its vendor and its model."""
         self._open: dict[int, _OpenLoss] = {}
         """By slot of the losing robot."""
         self._ended: list[Loss] = []
@@ -100,7 +100,9 @@ class LossFinder:
         states = travel_states(batch, track[:, : AHEAD_S + 1], names_destinations, reports_paths)
         self._reports_paths[slots] |= states.plans >= ORDER
         self._names_destinations[slots] |= states.has_destination
-        self._names.update(zip(slots.tolist(), zip(batch.robots, batch.vendors, strict=True), strict=True))
+        self._names.update(
+            zip(slots.tolist(), zip(batch.robots, batch.vendors, batch.models, strict=True), strict=True)
+        )
         robots = self._known(half_m, levels_m, vendor)
         lost = lost_times(self._states, self._references, robots, slots, reports.event_s, states.goes, states.plans)
         by_slot = dict(zip(slots[lost["row"]].tolist(), lost, strict=True))
@@ -168,13 +170,15 @@ class LossFinder:
         loss = self._open.pop(slot)
         if loss.lost_s < LEAST_LOST_S:
             return
-        (robot, vendor), (by, by_vendor), (root, root_vendor) = (self._names[at] for at in (slot, loss.by, loss.root))
+        robot, vendor, model = self._names[slot]
+        (by, by_vendor, _), (root, root_vendor, _) = self._names[loss.by], self._names[loss.root]
         self._ended.append(
             Loss(
                 robot=robot,
                 by=by,
                 root=root,
                 vendor=vendor,
+                model=model,
                 by_vendor=by_vendor,
                 root_vendor=root_vendor,
                 kind=loss.kind,

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from deconflict.foresight.losses.blockers import (
     FARTHEST_M,
     KNOWN,
-    NOBODY,
     KnownRobots,
     LosingRobot,
     find_blocker,
     way_ahead,
 )
+from deconflict.foresight.losses.loss import NOBODY
 from deconflict.foresight.losses.planned_times import TURN_M, beside_s, planned_s
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Floats, Ints

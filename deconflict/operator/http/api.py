@@ -31,6 +31,7 @@ from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnav
 from deconflict.operator.http.page_routes import add_page_routes
 from deconflict.operator.http.request_limits import RequestLimitsMiddleware, invalid_request
 from deconflict.operator.http.server_protocols import Places
+from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.operator.live.advisory_stream import AdvisoryStream
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
@@ -71,6 +72,7 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
     app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people, signed_in=app.state.places.sign_in)
     app.add_middleware(RequestLimitsMiddleware, places=app.state.places)
     _add_routes(app, ApiRoutes(publisher, store, sources, exposition, measures))
+    add_loss_routes(app, lambda question: sources.losses(question))  # noqa: PLW0108 - a description has no sources
     _add_sockets(app, publisher, store, sources)
     app.add_exception_handler(SourceUnavailableError, source_unavailable)
     app.add_exception_handler(StoreError, store_failed)

@@ -5,7 +5,10 @@ from typing import Any
 GROUPS = {
     "situations": ("What people should look at", ("situations", "shift")),
     "advisories": ("What programs follow", ("advisories", "heat")),
-    "floor": ("Robots and vendors, as they report", ("robots", "vendors", "quarantine", "presence")),
+    "floor": (
+        "Robots and vendors, as they report, and the time that they lose",
+        ("losses", "robots", "vendors", "quarantine", "presence"),
+    ),
     "map": ("What a map shows", ("site", "plans", "recorded", "past")),
     "operation": ("State of the service", ("healthz", "metrics", "blackboxes", "schema")),
 }

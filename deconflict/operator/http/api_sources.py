@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
+from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
 from ingest.batch import Batch
 
 Document = dict[str, Any]
@@ -55,6 +56,9 @@ class Sources(FloorSource, Protocol):
 
     async def health(self) -> Document:
         """`status`, "ok" or "degraded", and `roles`."""
+
+    async def losses(self, question: LossQuestion) -> LossList:
+        """Lost time. Raises `StoreError` if the ledger can't be read."""
 
     def blackboxes(self) -> list[Document]:
         """The contents of each black box, newest last. Raises `OSError`."""

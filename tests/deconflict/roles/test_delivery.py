@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import ADVISORY
+from deconflict.operator.ledger.loss_ledger import LedgerEntry
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.store.store import Store
 from deconflict.roles import delivery
 from deconflict.roles.delivery import Delivery, UndeliveredError
@@ -60,6 +62,26 @@ async def test_a_pass_larger_than_what_may_wait_for_the_disk_is_stored_in_order(
     store = Store(tmp_path)
     assert [revision.id for revision in store.after(0, -1)] == [f"advisory-{number}" for number in range(count)]
     store.close()
+
+
+async def test_losses_of_a_pass_reach_the_ledger(tmp_path: Path) -> None:
+    with runtime_directory() as runtime:
+        stop = asyncio.Event()
+        role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), tmp_path, render)
+        running = asyncio.create_task(role.run(stop))
+        await role.ready.wait()
+        running_delivery = Delivery(Path(runtime))
+        running_delivery.start()
+        loss = LedgerEntry(
+            60.0, "Alder", "A100", "Corvid", "Basalt", "queue", "hall", "Dock", 4.1, 7.9, 8.0, is_sure=True
+        )
+        for _ in range(2):
+            running_delivery.add_pass([], {}, Measures(), losses=[loss])
+        await asyncio.to_thread(running_delivery.stop)
+        kept = (await role.sources.losses(LossQuestion(0.0, 3600.0))).total
+        stop.set()
+        await running
+    assert (kept.lost_s, kept.losses) == (16.0, 2)
 
 
 async def test_a_refused_parcel_is_sent_again_before_the_next(monkeypatch: pytest.MonkeyPatch) -> None:

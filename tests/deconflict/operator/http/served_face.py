@@ -15,13 +15,15 @@ from deconflict.operator.blackbox.archive import Archive
 from deconflict.operator.http.api import create_app
 from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.http.uvicorn_server import OperatorServer, create_server
+from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
 from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.runtime.rpc import LinkDownError
 from deconflict.settings.fleet_factory import fleet_of
-from deconflict.settings.site import Operator, Site
+from deconflict.settings.site import LossSettings, Operator, Site
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from ingest.security.certificates import Certificates
@@ -42,6 +44,7 @@ class GivenSources:
     reloads: int = 0
     recent: RecentBatches = field(default_factory=RecentBatches)
     archive: Archive | None = None
+    ledger: LossLedger = field(default_factory=lambda: LossLedger(None, LossSettings()))
     whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).snapshot(1.0))
 
     async def robots(self) -> list[dict[str, Any]]:
@@ -56,6 +59,9 @@ class GivenSources:
     async def quarantine(self) -> list[dict[str, Any]]:
         self._ask("receiver")
         return [{"rule": "not-json", "reason": "ends too early", "raw": "{"}]
+
+    async def losses(self, question: LossQuestion) -> LossList:
+        return self.ledger.ask(question)
 
     async def measures(self) -> list[dict[str, Any]]:
         self._ask("receiver")

@@ -175,6 +175,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/advisories/{advisory_id}",
         "/advisories/{advisory_id}/acknowledgement",
         "/heat",
+        "/losses",
         "/past",
         "/plans/{datum}",
         "/presence",

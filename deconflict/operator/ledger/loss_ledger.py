@@ -1,0 +1,183 @@
+"""The ledger of lost time in one SQLite file: sums by hour, vendors, kind and place.
+
+A loss counts in the hour in which it began. A parcel of losses that comes twice counts once. If the file is damaged, it
+is set aside, and a new one is begun.
+"""
+
+import logging
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
+
+from deconflict.foresight.losses.loss_places import PlacedLoss
+from deconflict.operator.ledger.loss_questions import (
+    CELL_M,
+    DAY_S,
+    HOUR_S,
+    LossList,
+    LossQuestion,
+    LossSum,
+    answer,
+)
+from deconflict.settings.site import LossSettings
+
+log = logging.getLogger(__name__)
+
+FILE_NAME = "losses.db"
+IN_MEMORY = ":memory:"
+TABLES = """
+CREATE TABLE IF NOT EXISTS losses (
+    hour_s INTEGER, vendor TEXT, model TEXT, by_vendor TEXT, root_vendor TEXT, kind TEXT, floor TEXT, place TEXT,
+    cell_x INTEGER, cell_y INTEGER, lost_s REAL, sure_s REAL, losses INTEGER,
+    PRIMARY KEY (hour_s, vendor, model, by_vendor, root_vendor, kind, floor, place, cell_x, cell_y)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS parcels (sender TEXT PRIMARY KEY, number INTEGER) WITHOUT ROWID;
+"""
+ADD = """
+INSERT INTO losses VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 1)
+ON CONFLICT DO UPDATE SET lost_s = lost_s + excluded.lost_s, sure_s = sure_s + excluded.sure_s, losses = losses + 1
+"""
+COLUMNS = {
+    "vendor": "vendor",
+    "model": "model",
+    "by": "by_vendor",
+    "root": "root_vendor",
+    "kind": "kind",
+    "floor": "floor",
+    "place": "place",
+    "cell": "cell_x || ',' || cell_y",
+    "hour": "hour_s",
+    "day": f"hour_s - hour_s % {DAY_S}",
+}
+"""By key of a question."""
+FILTERS = {"vendor": "vendor", "by": "by_vendor", "kind": "kind", "place": "place"}
+
+
+class LedgerEntry(NamedTuple):
+    """What the ledger keeps of a loss."""
+
+    from_s: float
+    vendor: str
+    model: str
+    by_vendor: str
+    root_vendor: str
+    kind: str
+    floor: str
+    place: str
+    x_m: float
+    y_m: float
+    lost_s: float
+    is_sure: bool
+
+
+def ledger_entries(losses: Iterable[PlacedLoss]) -> list[LedgerEntry]:
+    return [
+        LedgerEntry(
+            loss.from_s, loss.vendor, loss.model, loss.by_vendor, loss.root_vendor, loss.kind.value, datum, place,
+            loss.x_m, loss.y_m, loss.lost_s, loss.is_sure,
+        )
+        for loss, datum, place in losses
+    ]  # fmt: skip
+
+
+class LossLedger:
+    """The ledger of one directory, or in memory without one. Every method may be called from any thread."""
+
+    def __init__(self, directory: Path | None, settings: LossSettings) -> None:
+        """Raises `sqlite3.Error` if the file can't be used."""
+        self.settings = settings
+        self._path, self._lock = directory and directory / FILE_NAME, Lock()
+        try:
+            self._db = self._opened()
+        except sqlite3.DatabaseError as error:
+            if self._path is None or isinstance(error, sqlite3.OperationalError):
+                raise
+            aside = self._path.with_name(f"losses-{datetime.now(UTC):%Y%m%dT%H%M%S}.db")
+            self._path.replace(aside)
+            log.error("%s: %s: it is kept as %s, and a new one is begun", self._path, error, aside.name)
+            self._db = self._opened()
+
+    def close(self) -> None:
+        with self._lock:
+            self._db.close()
+
+    def add(self, sender: str, number: int, entries: Sequence[LedgerEntry]) -> None:
+        """Add a parcel of losses, unless its number or a later one is known of its sender. Raises `sqlite3.Error`."""
+        with self._transaction() as db:
+            last = db.execute("SELECT number FROM parcels WHERE sender = ?", (sender,)).fetchone()
+            if last and number <= last[0]:
+                return
+            db.execute("DELETE FROM parcels")
+            db.execute("INSERT INTO parcels VALUES (?, ?)", (sender, number))
+            db.executemany(ADD, (_row_of(entry) for entry in entries))
+
+    def ask(self, question: LossQuestion) -> LossList:
+        """Raises `sqlite3.Error`."""
+        columns = ", ".join(COLUMNS[key] for key in (*question.keys, "vendor", "model"))
+        wanted = {name: value for name in FILTERS if (value := getattr(question, name)) is not None}
+        conditions = "".join(f" AND {FILTERS[name]} = :{name}" for name in wanted)
+        span = {"from_s": question.from_s - question.from_s % HOUR_S, "until_s": question.until_s}
+        with self._transaction() as db:
+            rows = db.execute(
+                f"SELECT {columns}, SUM(lost_s), SUM(sure_s), SUM(losses) FROM losses"  # noqa: S608 - constants
+                f" WHERE hour_s >= :from_s AND hour_s < :until_s{conditions} GROUP BY {columns}",
+                span | wanted,
+            ).fetchall()
+        width = len(question.keys)
+        sums = [LossSum(_values(question, row[:width]), *row[width:]) for row in rows]
+        settings = self.settings
+        return answer(question._replace(from_s=span["from_s"]), sums, settings.cost_per_robot_hour, settings.currency)
+
+    def prune(self, now_s: float) -> int:
+        """Remove hours that are older than the settings say, or too many; returns how many. Raises `sqlite3.Error`."""
+        before_s, removed = now_s - self.settings.keep_days * DAY_S, 0
+        with self._transaction() as db:
+            while True:
+                (oldest_s,) = db.execute("SELECT MIN(hour_s) FROM losses").fetchone()
+                if oldest_s is None or (oldest_s >= before_s and _used_bytes(db) <= self.settings.most_bytes):
+                    return removed
+                db.execute("DELETE FROM losses WHERE hour_s = ?", (oldest_s,))
+                removed += 1
+
+    def _opened(self) -> sqlite3.Connection:
+        if self._path:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+        db = sqlite3.connect(self._path or IN_MEMORY, isolation_level=None, check_same_thread=False)
+        try:
+            db.execute("PRAGMA journal_mode = WAL")
+            db.executescript(TABLES)
+        except BaseException:
+            db.close()
+            raise
+        return db
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        with self._lock, self._db as db:
+            db.execute("BEGIN")
+            yield db
+
+
+def _row_of(entry: LedgerEntry) -> tuple[object, ...]:
+    from_s, *names, x_m, y_m, lost_s, is_sure = entry
+    cell = int(x_m // CELL_M), int(y_m // CELL_M)
+    return int(from_s // HOUR_S * HOUR_S), *names, *cell, lost_s, lost_s if is_sure else 0.0
+
+
+def _values(question: LossQuestion, values: Sequence[object]) -> tuple[object, ...]:
+    """The values of the keys; of a cell its middle."""
+    return tuple(
+        tuple((int(part) + 0.5) * CELL_M for part in str(value).split(",")) if key == "cell" else value
+        for key, value in zip(question.keys, values, strict=True)
+    )
+
+
+def _used_bytes(db: sqlite3.Connection) -> int:
+    pages, free, page_bytes = (
+        db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("page_count", "freelist_count", "page_size")
+    )
+    return int((pages - free) * page_bytes)

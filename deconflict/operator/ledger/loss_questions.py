@@ -1,0 +1,94 @@
+"""Questions about lost time, and their answers with costs."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, NamedTuple
+
+from pydantic import BaseModel, Field
+
+LossKey = Literal["vendor", "model", "by", "root", "kind", "floor", "place", "cell", "hour", "day"]
+HOUR_S, DAY_S = 3600, 86400
+CELL_M = 2.0
+
+
+class LossQuestion(NamedTuple):
+    """Which losses are asked for, and by which keys they are summed."""
+
+    from_s: float
+    until_s: float
+    keys: tuple[LossKey, ...] = ()
+    vendor: str | None = None
+    by: str | None = None
+    kind: str | None = None
+    place: str | None = None
+    limit: int = 1000
+
+
+class LossSum(NamedTuple):
+    """The losses of robots of one vendor and model."""
+
+    values: tuple[Any, ...]
+    """The values of the question's keys; that of `cell` is x and y of its middle in metres."""
+    vendor: str
+    model: str
+    lost_s: float
+    sure_s: float
+    losses: int
+
+
+class LossRow(BaseModel, extra="allow"):
+    """The sum of some losses. Further fields are the keys that were asked for."""
+
+    lost_s: float = Field(description="seconds that robots lost")
+    sure_s: float = Field(description="the part whose cause is sure")
+    losses: int = Field(description="number of losses, or parts of long ones")
+    cost: float | None = Field(description="of the robots whose vendor or model has a cost; null if none has")
+
+
+class LossList(BaseModel):
+    """Lost time. docs/losses.md defines the figures and has their errors."""
+
+    from_s: float = Field(description="the first hour begins then, seconds since the epoch")
+    until_s: float = Field(description="the last hour begins before")
+    currency: str
+    total: LossRow
+    rows: list[LossRow] = Field(description="one for each combination of the keys, the largest first")
+    more: bool = Field(description="true if `limit` left some out")
+
+
+def hourly_cost(costs: Mapping[str, float], vendor: str, model: str) -> float | None:
+    """What an hour of a robot costs: by vendor and model, as "Alder/A100", or else by vendor; None if not known."""
+    return costs.get(f"{vendor}/{model}", costs.get(vendor))
+
+
+def answer(question: LossQuestion, sums: Iterable[LossSum], costs: Mapping[str, float], currency: str) -> LossList:
+    """The answer to a question."""
+    total, rows = _row({}), dict[tuple[Any, ...], LossRow]()
+    for part in sums:
+        per_hour = hourly_cost(costs, part.vendor, part.model)
+        cost = None if per_hour is None else per_hour * part.lost_s / HOUR_S
+        row = rows.setdefault(part.values, _row(dict(zip(question.keys, part.values, strict=True))))
+        for each in (total, row):
+            _add(each, part, cost)
+    found = sorted((_rounded(row) for row in rows.values()), key=lambda row: -row.lost_s) if question.keys else []
+    return LossList(
+        from_s=question.from_s,
+        until_s=question.until_s,
+        currency=currency,
+        total=_rounded(total),
+        rows=found[: question.limit],
+        more=len(found) > question.limit,
+    )
+
+
+def _row(keys: Mapping[str, Any]) -> LossRow:
+    return LossRow(lost_s=0.0, sure_s=0.0, losses=0, cost=None, **keys)
+
+
+def _add(row: LossRow, part: LossSum, cost: float | None) -> None:
+    row.lost_s, row.sure_s, row.losses = row.lost_s + part.lost_s, row.sure_s + part.sure_s, row.losses + part.losses
+    row.cost = row.cost if cost is None else (row.cost or 0.0) + cost
+
+
+def _rounded(row: LossRow) -> LossRow:
+    cost = None if row.cost is None else round(row.cost, 2)
+    return row.model_copy(update={"lost_s": round(row.lost_s, 1), "sure_s": round(row.sure_s, 1), "cost": cost})

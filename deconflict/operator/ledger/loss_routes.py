@@ -1,0 +1,74 @@
+"""`GET /losses`: how much time robots lost, by any of the keys, over any span."""
+
+import csv
+import io
+import time
+from collections.abc import Awaitable, Callable
+from typing import Annotated, Literal, cast, get_args
+
+from fastapi import FastAPI, HTTPException, Query, Response
+from pydantic_core import to_json
+
+from deconflict.foresight.losses.loss import LossKind
+from deconflict.operator.ledger.loss_questions import DAY_S, LossKey, LossList, LossQuestion
+
+KEYS = get_args(LossKey)
+MOST_ROWS = 10_000
+
+
+Ask = Callable[[LossQuestion], Awaitable[LossList]]
+
+
+def add_loss_routes(app: FastAPI, ask: Ask) -> None:
+    @app.get("/losses", response_model=LossList, responses={200: {"content": {"text/csv": {}}}})
+    async def losses(
+        group: Annotated[
+            str, Query(description=f"keys to sum by, separated by commas: {', '.join(KEYS)}")
+        ] = "vendor,by",
+        from_s: Annotated[
+            float | None, Query(ge=0, allow_inf_nan=False, description="seconds since the epoch; a day ago if absent")
+        ] = None,
+        until_s: Annotated[float | None, Query(ge=0, allow_inf_nan=False, description="now if absent")] = None,
+        vendor: Annotated[str | None, Query(description="only time that robots of this vendor lost")] = None,
+        by: Annotated[str | None, Query(description="only time lost to robots of this vendor")] = None,
+        kind: Annotated[LossKind | None, Query(description="only losses of this kind")] = None,
+        place: Annotated[str | None, Query(description="only losses that began in this place")] = None,
+        limit: Annotated[int, Query(ge=1, le=MOST_ROWS, description="largest number of rows")] = 1000,
+        table: Annotated[
+            Literal["json", "csv"], Query(alias="format", description="JSON, or the rows as CSV")
+        ] = "json",
+    ) -> Response:
+        """How much time robots lost to each other, in whole hours, by any of the keys."""
+        end_s = time.time() if until_s is None else until_s
+        begin_s = end_s - DAY_S if from_s is None else from_s
+        question = LossQuestion(begin_s, end_s, loss_keys(group), vendor, by, kind and kind.value, place, limit)
+        found = await ask(question)
+        if table == "csv":
+            return Response(as_csv(question, found), media_type="text/csv; charset=utf-8")
+        return Response(to_json(found), media_type="application/json")
+
+
+def loss_keys(text: str) -> tuple[LossKey, ...]:
+    """The keys of a list that is separated by commas. Raises `HTTPException`."""
+    keys = tuple(dict.fromkeys(key.strip() for key in text.split(",") if key.strip()))
+    if unknown := [key for key in keys if key not in KEYS]:
+        raise HTTPException(422, f"group: {unknown[0]!r} is no key; expected any of {', '.join(KEYS)}")
+    return cast(tuple[LossKey, ...], keys)
+
+
+def as_csv(question: LossQuestion, found: LossList) -> str:
+    """The rows with a header. Texts that a spreadsheet would take for a formula begin with an apostrophe."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    figures = ("lost_s", "sure_s", "losses", "cost")
+    writer.writerow([*question.keys, *figures])
+    for row in found.rows:
+        values = row.model_dump()
+        writer.writerow([_safe(values[key]) for key in (*question.keys, *figures)])
+    return text.getvalue()
+
+
+def _safe(value: object) -> object:
+    if isinstance(value, tuple):
+        return " ".join(map(str, value))
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value

@@ -1,0 +1,89 @@
+"""The ledger of lost time."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
+from deconflict.operator.ledger.loss_questions import DAY_S, HOUR_S, LossQuestion, LossRow
+from deconflict.settings.site import LossSettings
+from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, START_S
+
+
+@pytest.fixture
+def ledger(tmp_path: Path) -> Iterator[LossLedger]:
+    with closing(LossLedger(tmp_path, LossSettings())) as opened:
+        yield opened
+
+
+def question(*keys: str, **fields: object) -> LossQuestion:
+    return LossQuestion(**{"from_s": START_S, "until_s": START_S + DAY_S, "keys": keys} | fields)  # type: ignore[arg-type]
+
+
+def lost(rows: list[LossRow], key: str) -> dict[object, float]:
+    return {row.model_dump()[key]: row.lost_s for row in rows}
+
+
+def test_losses_are_summed_by_any_key(ledger: LossLedger) -> None:
+    ledger.add("engine", 1, [QUEUED, CROSSED, LATER])
+    assert lost(ledger.ask(question("vendor")).rows, "vendor") == {"Alder": 11.0, "Corvid": 5.0}
+    assert lost(ledger.ask(question("hour")).rows, "hour") == {START_S: 11.0, START_S + HOUR_S: 5.0}
+    assert lost(ledger.ask(question("cell")).rows, "cell") == {(5.0, 7.0): 16.0}
+    total = ledger.ask(question()).total
+    assert (total.lost_s, total.sure_s, total.losses) == (16.0, 13.0, 3)
+
+
+def test_filters_and_the_span_leave_others_out(ledger: LossLedger) -> None:
+    ledger.add("engine", 1, [QUEUED, CROSSED, LATER])
+    assert ledger.ask(question(by="Basalt")).total.lost_s == 3.0
+    assert ledger.ask(question(place="Aisle 3", vendor="Alder")).total.lost_s == 8.0
+    assert ledger.ask(question(from_s=START_S + HOUR_S + 10.0)).total.lost_s == 5.0
+
+
+def test_a_parcel_that_comes_twice_counts_once(ledger: LossLedger) -> None:
+    ledger.add("engine", 1, [QUEUED])
+    ledger.add("engine", 1, [QUEUED])
+    ledger.add("another engine", 1, [QUEUED])
+    assert ledger.ask(question()).total.losses == 2
+
+
+def test_an_hour_of_a_model_costs_what_the_site_says_or_what_its_vendor_costs(ledger: LossLedger) -> None:
+    ledger.settings = LossSettings(currency="EUR", cost_per_robot_hour={"Alder": 3600.0, "Alder/A200": 7200.0})
+    ledger.add("engine", 1, [QUEUED, QUEUED._replace(model="A200"), LATER])
+    found = ledger.ask(question("vendor"))
+    assert {row.model_dump()["vendor"]: row.cost for row in found.rows} == {"Alder": 24.0, "Corvid": None}
+    assert (found.total.cost, found.currency) == (24.0, "EUR")
+
+
+def test_the_ledger_outlives_a_restart(tmp_path: Path) -> None:
+    for number in (1, 2):
+        with closing(LossLedger(tmp_path, LossSettings())) as opened:
+            opened.add("engine", number, [QUEUED])
+    with closing(LossLedger(tmp_path, LossSettings())) as opened:
+        assert opened.ask(question()).total.lost_s == 16.0
+
+
+def test_hours_are_removed_if_they_are_old_or_too_many(ledger: LossLedger) -> None:
+    ledger.add("engine", 1, [QUEUED, LATER])
+    ledger.settings = LossSettings(keep_days=1.0)
+    assert ledger.prune(START_S + DAY_S + 1.0) == 1
+    assert ledger.ask(question()).total.lost_s == 5.0
+    ledger.settings = LossSettings(most_bytes=1)
+    assert ledger.prune(START_S) == 1
+
+
+def test_a_damaged_file_is_set_aside(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_bytes(b"no database at all" * 100)
+    with closing(LossLedger(tmp_path, LossSettings())) as opened:
+        opened.add("engine", 1, [QUEUED])
+        assert opened.ask(question()).total.losses == 1
+    assert len(list(tmp_path.glob("losses-*.db"))) == 1
+
+
+def test_a_ledger_that_can_t_be_opened_says_so(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).mkdir()
+    with pytest.raises(sqlite3.Error):
+        LossLedger(tmp_path, LossSettings())
