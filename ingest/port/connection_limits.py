@@ -16,6 +16,9 @@ SPARE_FILES = 200
 HANDSHAKE_FILES = 80
 """Of those, descriptors for connections that are not yet admitted or refused. An accept takes up to 100 at once."""
 
+UNREAD_BYTES = 1 << 17
+"""The kernel keeps about twice as much for a connection that is not read. By default it is some megabytes: a flood of
+small messages would have to be read for minutes after its end."""
 KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}
 """Seconds until the first probe of a silent peer, seconds between probes, and unanswered probes to give up after."""
 
@@ -104,11 +107,12 @@ def max_open_files() -> int:
     return wanted
 
 
-def keep_alive(socket: FrameCuttingConnection) -> None:
-    """Find a peer that has vanished without a word."""
+def set_options(socket: FrameCuttingConnection) -> None:
+    """Find a peer that has vanished without a word, and let one that is not read wait soon."""
     raw: sockets.socket | None = socket.transport.get_extra_info("socket")
     if raw is None or raw.fileno() < 0:
         return
+    raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_RCVBUF, UNREAD_BYTES)
     raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_KEEPALIVE, 1)
     for name, value in KEEPALIVE.items():
         if option := getattr(sockets, name, None):

@@ -34,7 +34,7 @@ class FairDelivery:
         self._backlog = Backlog(self.slices, self._deliver_timed, self._note_overtaken)
         self._deliver, self._overtaken, self._measures = deliver, overtaken, measures
         self._delivering_s = 0.0
-        """Processor time spent on deliveries so far."""
+        """Time of the event loop spent on deliveries so far."""
         self._draining: asyncio.Task[None] | None = None
 
     def use_limits(self, settings: ReceiverSettings) -> None:
@@ -52,10 +52,14 @@ class FairDelivery:
             self._measures.count("deconflict_messages_shed_total", vendor, by=len(dropped))
 
     def timed(self, connection: Connection, read: Callable[[], None], now_s: float) -> float:
-        """Read from a socket. Returns for how long it should not be read, because its sender's take too much time."""
-        delivering_s, began_s = self._delivering_s, time.thread_time()
+        """Read from a socket. Returns for how long it should not be read, because its sender's take too much time.
+
+        It is the time of the event loop, not of the processor: if other processes leave this one little of it, a sender
+        gets its share of that only.
+        """
+        delivering_s, began_s = self._delivering_s, time.perf_counter()
         read()
-        spent_s = time.thread_time() - began_s - (self._delivering_s - delivering_s)
+        spent_s = time.perf_counter() - began_s - (self._delivering_s - delivering_s)
         return self._rate_limits.charge_reading(self._sender(connection), spent_s, now_s)
 
     async def close(self) -> None:
@@ -66,12 +70,12 @@ class FairDelivery:
 
     def _deliver_timed(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """Deliver a message, and charge its sender for the time that it takes."""
-        began_s = time.thread_time()
+        began_s, began_loop_s = time.thread_time(), time.perf_counter()
         try:
             self._deliver(raw, arrival_s, connection)
         finally:
             spent_s = time.thread_time() - began_s
-            self._delivering_s += spent_s
+            self._delivering_s += time.perf_counter() - began_loop_s
             self._rate_limits.delivered(self._sender(connection), len(raw), spent_s, time.monotonic())
 
     def _note_overtaken(self, message: ArrivedMessage, uuid: str) -> None:

@@ -5,8 +5,8 @@ Nearly all messages are one plain frame, and those are cut from the bytes here. 
 pings, closes, errors) is left to websockets. Bytes are cut only while websockets is between two frames.
 
 All sockets are read into one buffer. By default asyncio allocates a new one of 256 KiB for each read, which costs more
-than the read. What is left to websockets is read in smaller pieces, because thousands of pings or fragments fit into
-the whole buffer.
+than the read. What is left to websockets is read in smaller pieces, and so are small messages, because thousands of
+pings, fragments or empty messages fit into the whole buffer.
 """
 
 import asyncio
@@ -34,10 +34,12 @@ LONGEST = 0xFFFF
 ZEROS = bytes(4)
 MOST_EARLY = 16
 """Messages that are kept before there is a listener. After that, reading pauses."""
-_BUFFER = memoryview(bytearray(1 << 16))
+_BUFFER = memoryview(bytearray(1 << 14))
 """Holds the bytes of one read. They are cut before the next read, since a process has one event loop."""
-_SMALL_BUFFER = _BUFFER[: 1 << 12]
-"""For a connection of whose last bytes some were left to websockets, which takes 8 us for each frame."""
+_SMALL_BUFFER = _BUFFER[: 1 << 10]
+"""For a connection of whose last bytes some were left to websockets, or held small messages. Each takes up to 50 us."""
+SMALL_BYTES = 200
+"""Mean length of the messages of a read that are small. No status is as short."""
 
 
 class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
@@ -93,9 +95,10 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
     def data_received(self, data: bytes) -> None:
         if self._incomplete:
             data, self._incomplete = self._incomplete + data, b""
+        are_small = False
         if self._between_frames and self._listener and self.protocol.state is State.OPEN:
-            data = self._cut(data, self._listener)
-        self._buffer = _SMALL_BUFFER if data else _BUFFER
+            data, are_small = self._cut(data, self._listener)
+        self._buffer = _SMALL_BUFFER if data or are_small else _BUFFER
         if data:
             super().data_received(data)
             self._between_frames = stands_between_frames(self.protocol)
@@ -120,30 +123,33 @@ class FrameCuttingConnection(Connection, asyncio.BufferedProtocol):
         if len(self._early) == MOST_EARLY:
             self.transport.pause_reading()
 
-    def _cut(self, data: bytes, listener: Callable[[bytes], None]) -> bytes:
-        """Pass on the plain frames at the beginning of `data`. Returns the bytes that are left for websockets."""
-        at, end = 0, len(data)
+    def _cut(self, data: bytes, listener: Callable[[bytes], None]) -> tuple[bytes, bool]:
+        """Pass on the plain frames at the beginning of `data`.
+
+        Returns the bytes that are left for websockets, and whether the messages are small.
+        """
+        at, end, number = 0, len(data), 0
         mask = MASKED if self.protocol.side is SERVER else 0
         max_length = self.protocol.max_message_size or LONGEST
         while end - at >= 2:
             length = data[at + 1] - mask
             if data[at] not in PLAIN or not 0 <= length < LONG:
-                return data[at:]
+                return data[at:], True
             body = at + 2
             if length == SHORT:
                 body, length = at + 4, data[at + 2] << 8 | data[at + 3] if end - at >= 4 else SHORT
             if length > max_length:
-                return data[at:]
+                return data[at:], True
             body += len(ZEROS) if mask else 0
             if body + length > end:
                 break
             message = data[body : body + length]
             if mask and (key := data[body - 4 : body]) != ZEROS:
                 message = apply_mask(message, key)
-            at = body + length
+            at, number = body + length, number + 1
             listener(message)
         self._incomplete = data[at:]
-        return b""
+        return b"", number * SMALL_BYTES > at
 
 
 class FrameCuttingServer(FrameCuttingConnection, ServerConnection):

@@ -22,7 +22,7 @@ from websockets.protocol import State
 
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit, keep_alive
+from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit, set_options
 from ingest.port.connection_shares import ConnectionShares, Newcomers, holder_of
 from ingest.port.fair_delivery import Deliver, FairDelivery
 from ingest.port.frame_cutter import FrameCuttingConnection
@@ -214,7 +214,7 @@ class Receiver:
             self._slices.when_room(transport.resume_reading)
 
     def _add(self, session: Session) -> None:
-        keep_alive(session.socket)
+        set_options(session.socket)
         connection = session.connection
         self._sessions.setdefault(connection.peer, {})[connection.id] = session
         self._shares.add(session, holder_of(connection.vendor, connection.peer))

@@ -133,15 +133,18 @@ async def test_a_protocol_error_is_left_to_websockets_and_ends_the_connection(wr
     assert connection.protocol.close_sent
 
 
-async def test_a_connection_is_read_in_small_pieces_while_websockets_has_to_parse_it() -> None:
+async def test_a_connection_is_read_in_small_pieces_while_websockets_has_to_parse_it_and_of_small_messages() -> None:
     connection, _ = opened()
     connection.listen(lambda _: None)
-    pings, plain = (Frame(opcode, b"").serialize(mask=True) for opcode in (Opcode.PING, Opcode.TEXT))
+    pings, small, plain = (
+        Frame(opcode, body).serialize(mask=True)
+        for opcode, body in ((Opcode.PING, b""), (Opcode.TEXT, b""), (Opcode.TEXT, bytes(1000)))
+    )
     sizes = []
-    for data in (pings, plain, plain + pings, plain):
+    for data in (pings, plain, plain + pings, plain, 3 * small + plain, 9 * small + plain, plain):
         sizes.append(len(connection.get_buffer(0)))
         connection.data_received(data)
-    assert [size <= 4096 for size in sizes] == [True, True, False, True]
+    assert [size <= 1024 for size in sizes] == [True, True, False, True, False, False, True]
 
 
 async def test_the_pongs_of_one_read_are_one_write(monkeypatch: pytest.MonkeyPatch) -> None:

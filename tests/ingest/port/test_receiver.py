@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from contextlib import ExitStack, suppress
+from functools import partial
 
 import httpx
 import pytest
@@ -15,6 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.typing import Origin
 
+from ingest.port.connection import Connection
 from ingest.port.rate_limits import READING_SHARE
 from ingest.settings import Vendor
 from tests.helpers.patience import PATIENCE_S
@@ -395,6 +397,14 @@ async def test_a_flood_delays_only_its_own_vendor_and_what_is_shed_is_counted() 
         assert shed[0] == ("Alder",)
         assert shed[1] + len(served_floor.delivered) == 2001
         assert len(served_floor.delivered) < 200
+
+
+async def test_a_sender_has_a_share_of_the_time_that_other_processes_leave() -> None:
+    async with floor() as served_floor:
+        delivery, connection = served_floor.receiver._delivery, Connection(1, vendor="Alder")
+        now_s = asyncio.get_running_loop().time()
+        pauses_s = [delivery.timed(connection, partial(time.sleep, 0.1), now_s) for _ in range(4)]
+        assert pauses_s[-1] > 0.5
 
 
 PONG, EMPTY = Frame(Opcode.PONG, b""), Frame(Opcode.TEXT, b"")
