@@ -22,7 +22,7 @@ from deconflict.runtime.kernel_preparation import compile_kernels, report_on_ter
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
-from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outputs, write_text
+from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outputs, create_directory, write_text
 from metrics.report import replay_summary
 from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
@@ -163,6 +163,8 @@ def _conform(args: argparse.Namespace) -> int:
     sys.stdout.write(conformance_counts.page(result))
     if args.json:
         write_text(args.json, _text(result))
+    if args.html:
+        create_directory(args.html)
     for vendor in result["conformance"] if args.html else ():
         page = args.html / f"{re.sub(r'[^A-Za-z0-9-]+', '-', vendor['vendor'])}.html"
         write_text(page, vendor_page(vendor, conformance_counts.standards(vendor), _named(args.logs)))

@@ -122,6 +122,13 @@ def check_outputs(logs: Sequence[Path], outputs: Iterable[Path]) -> None:
             raise LogError(f"{out} is a log to be read: give the output another name")
 
 
+def create_directory(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LogError(f"{path} can't be made a directory: {error.strerror}") from error
+
+
 def write_text(out: Path, text: str) -> None:
     try:
         out.write_text(text, encoding="utf-8")

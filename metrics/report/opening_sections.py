@@ -40,7 +40,7 @@ def _tiles(result: Part, warnings: Part) -> str:
     met = f"{stops:,} stops or swerves for another robot, {encounters:,} encounters within {clearance_m:g} m"
     ahead = f"share with a warning in the 10 s before: {early:,} at least 2 s before, {earlier:,} at least 4 s"
     true = f"{warnings['true']:,} of {judged:,} with a known outcome{between}"
-    rate = f"{warnings['alerts']:,} in {warnings['robot_hours']:.1f} hours of robots on the floor"
+    rate = f"{warnings['alerts']:,} in {_hours(warnings['robot_hours'])} of robots on the floor"
     useful = f"what people see; {percent(situations['came_true_or_prevented'])} came true or were prevented"
     tiles = (
         (f"{events:,}", "times in each other's way", met),
@@ -51,6 +51,10 @@ def _tiles(result: Part, warnings: Part) -> str:
     )
     drawn = "".join(f"<div><b>{value}</b><span>{name}</span><small>{text}</small></div>" for value, name, text in tiles)
     return f'<div class="tiles">{drawn}</div>'
+
+
+def _hours(hours: float) -> str:
+    return f"{hours:.1f} hours" if hours >= 1 else f"{60 * hours:.0f} minutes"
 
 
 def _source(result: Part) -> str:

@@ -170,3 +170,8 @@ def test_what_a_command_prints_of_hostile_names_is_visible_text(
     written = capsys.readouterr()
     assert "Al\\x1b[2J" in written.out + written.err
     assert all(line.isprintable() for line in (written.out + written.err).split("\n"))
+
+
+def test_conform_makes_the_directory_for_its_pages(log: Path, tmp_path: Path) -> None:
+    run("conform", log, "--html", tmp_path / "new" / "pages")
+    assert list((tmp_path / "new" / "pages").glob("*.html"))

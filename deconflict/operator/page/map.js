@@ -156,7 +156,7 @@ export class FloorMap {
     for (const place of scene.places) {
       const contended = scene.contended.get(place.id), queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
       if (tiny && !contended) continue;
-      this.beside(place.id, edges(place.polygon, camera), `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint);
+      this.beside(place.id, edges(place.polygon, camera), `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint, Boolean(contended));
     }
     if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
   }
@@ -197,8 +197,8 @@ export class FloorMap {
     return this.pen.measureText(text).width;
   }
 
-  beside(id, thing, text, size, colour) {
-    const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { tries: BESIDE });
+  beside(id, thing, text, size, colour, must = false) {
+    const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { must, tries: BESIDE });
     if (box) this.text(text, box.left + wide / 2, box.top + high * 0.85, size, colour);
   }
 

@@ -36,7 +36,7 @@ export class Shift {
   show(all, fromS, knownS, isComplete) {
     const acknowledged = answers(all), situations = all.filter((each) => !each.joined_into), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
-    const lead = `${document.title}, ${when(Math.max(fromS, knownS))} to ${when(Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
+    const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
       + `If nobody had done anything, robots were expected to lose ${span(sum(situations, ({ lost }) => lost))} in all.`;
     $("shift-body").replaceChildren(
       text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
@@ -51,14 +51,18 @@ export class Shift {
   // The areas that it is in, or the nearest named place or column of its floor.
   place({ location }) {
     if (!location) return "No place";
-    const within = this.areas(location.datum).filter(({ polygon }) => inside(polygon, location.x, location.y)).map(({ name }) => name);
-    if (within.length) return `${within.join(" and ")}, ${this.floorName(location.datum)}`;
+    const floor = this.floorName(location.datum), within = this.areas(location.datum).filter(({ polygon }) => inside(polygon, location.x, location.y)).map(({ name }) => name);
+    if (within.length) return within.includes(floor) ? within.join(" and ") : `${within.join(" and ")}, ${floor}`;
     const near = this.places(location.datum).map(({ name, x, y }) => [Math.hypot(x - location.x, y - location.y), name]).sort((a, b) => a[0] - b[0])[0];
-    return near ? `Nearest to ${near[1]}, ${this.floorName(location.datum)}` : this.floorName(location.datum);
+    return near ? `Nearest to ${near[1]}, ${floor}` : floor;
   }
 }
 
-function when(atS) { return `${new Date(atS * 1000).toLocaleDateString()} ${clock(atS).slice(0, 5)}`; }
+// The date only once if it is one day.
+function period(fromS, untilS) {
+  const [from, until] = [fromS, untilS].map((atS) => new Date(atS * 1000).toLocaleDateString()), [begin, end] = [fromS, untilS].map((atS) => clock(atS).slice(0, 5));
+  return from === until ? `${from}, ${begin} to ${end}` : `${from} ${begin} to ${until} ${end}`;
+}
 
 // Each acknowledgement once, also if it passed on to the situation that its own became part of; the oldest first.
 function answers(situations) {

@@ -8,6 +8,8 @@ from metrics.report.drawings.svg import Chart, Point, fitted
 
 CELLS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 50.0)
 WIDTH, MOST_HIGH = 560, 620
+LEAST_M, MARGIN_M = 12.0, 1.0
+"""A picture shows at least so much of the floor, and so much around what is on it."""
 MOST_NUMBERED = 25
 """With more missed events, their dots have no number."""
 
@@ -31,11 +33,10 @@ class DrawnFloor:
 
 def floor_picture(floor: DrawnFloor) -> str:
     """A darker cell has more warnings; its title says how many came true."""
-    points = floor.points()
-    xs, ys = [x for x, _ in points], [y for _, y in points]
-    wide_m, high_m = max(max(xs) - min(xs), 8.0), max(max(ys) - min(ys), 8.0)
+    (west, east), (south, north) = (_extent(axis) for axis in zip(*floor.points(), strict=True))
+    wide_m, high_m = east - west, north - south
     high = round(min(max((WIDTH - 80) * high_m / wide_m + 80, 220), MOST_HIGH))
-    chart = fitted([(min(xs), min(ys)), (max(xs), max(ys))], WIDTH, high, 40)
+    chart = fitted([(west, south), (east, north)], WIDTH, high, 40)
     chart.axes("x, metres →", "y, metres →")
     for kind, name, outline in floor.outlines:
         chart.polygon(outline, f"place {kind}", name)
@@ -47,6 +48,13 @@ def floor_picture(floor: DrawnFloor) -> str:
             x, y = chart.at(*point)
             chart.text(x + 6, y + 3, row.upper(), "mark", "start")
     return chart.drawn(f"{floor.name}, from above")
+
+
+def _extent(values_m: Sequence[float]) -> tuple[float, float]:
+    """The values with a margin, or more around them if they are close together."""
+    middle, half_m = (min(values_m) + max(values_m)) / 2, (max(values_m) - min(values_m)) / 2
+    half_m = max(half_m + MARGIN_M, LEAST_M / 2)
+    return middle - half_m, middle + half_m
 
 
 def _cells(chart: Chart, warnings: Sequence[tuple[Point, str]], reach_m: float) -> None:

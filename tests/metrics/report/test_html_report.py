@@ -135,7 +135,8 @@ def test_drawings_are_well_formed_and_lie_within_their_bounds() -> None:
         {"at_s": 60.0 * n, "true": n, "in_vain": 1, "other": 2, "warned": n % 7, "missed": 3} for n in (0, 1, 5, 500)
     ]
     drawings = (figures.reliability(bins), figures.lead_times([0.5, 3.0, 40.0]), figures.timeline(minutes))
-    for drawing in (*drawings, floor_picture(floor)):
+    corner = DrawnFloor("Hall", warnings=[((9.5, -0.5), "y"), ((10.5, 0.5), "y")])
+    for drawing in (*drawings, floor_picture(floor), floor_picture(corner)):
         root = ET.fromstring(drawing)  # noqa: S314 - our own text
         width, height = float(root.attrib["width"]), float(root.attrib["height"])
         for circle in root.iter("circle"):
