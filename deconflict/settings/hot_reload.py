@@ -86,8 +86,8 @@ class Reloader:
         (self._runtime / REQUEST_FILE).unlink(missing_ok=True)
         try:
             site, waiting = merged_settings(self._site, self._read())
-        except (SiteError, SecretError, CertificateError) as error:
-            problems = list(error.problems) if isinstance(error, SiteError) else [str(error)]
+        except Exception as error:  # noqa: BLE001 - whatever it is, the service goes on
+            problems = _problems(error)
             self._write_result("refused", problems, self._results["needs_restart"])
             log.error("the changed site file is refused, the old settings stay in use: %s", "; ".join(problems))
             return
@@ -101,6 +101,16 @@ class Reloader:
     def _write_result(self, result: str, problems: list[str], waiting: list[str]) -> None:
         self._results |= {result: self._results[result] + 1, "problems": problems, "needs_restart": waiting}
         write(self._runtime / RESULTS_FILE, json.dumps(self._results))
+
+
+def _problems(error: Exception) -> list[str]:
+    """Why a site file is refused. A fault of the program ends no service that runs with the old file."""
+    if isinstance(error, SiteError):
+        return list(error.problems)
+    if isinstance(error, SecretError | CertificateError):
+        return [str(error)]
+    log.error("the site file can't be checked, which should be reported", exc_info=error)
+    return [f"it can't be checked: {type(error).__name__}; see the log"]
 
 
 class CurrentSite:

@@ -50,15 +50,21 @@ def site_from_toml(raw: bytes, path: Path) -> Site:
         document = tomllib.loads(raw.decode())
     except UnicodeDecodeError as error:
         raise SiteError([f"{path} can't be read: {error}"]) from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise SiteError([f"{path} is not TOML: {error}"]) from error
+    except RecursionError as error:
+        raise SiteError([f"{path}: a value or a key has too many parts"]) from error
     return site_from_document(document)
 
 
 def site_from_document(document: Mapping[str, Any]) -> Site:
     """The site of a parsed TOML document. Raises `SiteError`, which names each wrong key."""
     try:
-        site = Site.model_validate_json(json.dumps(document, default=str), strict=True)
+        text = json.dumps(document, default=str)
+    except (ValueError, RecursionError) as error:
+        raise SiteError([f"a value can't be read: {error}"]) from error
+    try:
+        site = Site.model_validate_json(text, strict=True)
     except ValidationError as error:
         problems = [_explained(problem) for problem in error.errors(include_url=False)]
         raise SiteError(_with_names(problem, document) for problem in problems) from error

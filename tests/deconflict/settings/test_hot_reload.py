@@ -25,7 +25,7 @@ from deconflict.settings.hot_reload import (
     merged_settings,
 )
 from deconflict.settings.site import Conflict, Operator, Site
-from deconflict.settings.site_file import SiteError
+from deconflict.settings.site_file import SiteError, load
 from ingest.settings import ReceiverSettings, Vendor
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
 from tests.deconflict.roles.made_service import Served, healthy
@@ -111,6 +111,36 @@ def test_an_unusable_file_changes_nothing(tmp_path: Path) -> None:
     assert changed
     assert (changed.name, role.changed()) == ("new", None)
     assert json.loads((tmp_path / SITE_FILE).read_text())["name"] == "new"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name = " + 3000 * "[" + 3000 * "]",
+        ".".join(2000 * "a") + " = 1",
+        "[conflict]\nclearance_m = " + 5000 * "9",
+        "[conflict]\nclearance_m = 0x" + 5000 * "f",
+    ],
+    ids=["deep", "long key", "long number", "long hexadecimal number"],
+)
+def test_a_file_that_no_parser_can_read_is_refused_and_ends_nothing(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "site.toml"
+    path.write_text(text)
+    reloader = Reloader(Site(name="old"), lambda: load(path), tmp_path)
+    reloader.request()
+    reloader.reload_if_requested()
+    outcome = json.loads((tmp_path / RESULTS_FILE).read_text())
+    assert (outcome["refused"], outcome["applied"]) == (1, 0)
+    assert "see the log" not in outcome["problems"][0]
+
+
+def test_a_fault_in_checking_a_file_ends_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    reloader = Reloader(Site(name="old"), lambda: Site(name=str(1 // 0)), tmp_path)
+    reloader.request()
+    reloader.reload_if_requested()
+    outcome = json.loads((tmp_path / RESULTS_FILE).read_text())
+    assert outcome["problems"] == ["it can't be checked: ZeroDivisionError; see the log"]
+    assert "ZeroDivisionError" in caplog.text
 
 
 def test_the_log_names_the_changed_keys_that_need_a_restart(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
