@@ -115,7 +115,7 @@ class StoreSettings(Section):
     keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
     """How long a cleared advisory is kept; open ones stay."""
     advisories_bytes: Annotated[int, Field(gt=0)] = 4 << 30
-    """Above this size of the database the cleared advisories that changed longest ago are removed; open ones stay."""
+    """Above this size of the database cleared advisories are removed, the oldest of the vendors with most first."""
 
 
 class LossSettings(Section):

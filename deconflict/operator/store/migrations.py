@@ -62,5 +62,9 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
     ("CREATE TABLE positions (outlet TEXT PRIMARY KEY, seq INTEGER NOT NULL) WITHOUT ROWID",),
     ("CREATE TABLE burdens (vendor TEXT PRIMARY KEY, yielded_s REAL NOT NULL) WITHOUT ROWID",),
     ("CREATE INDEX situations_by_seq ON advisories (seq) WHERE kind = 'situation'",),
+    (
+        "ALTER TABLE advisories ADD COLUMN vendors TEXT NOT NULL DEFAULT ''",
+        "CREATE INDEX advisories_by_vendors ON advisories (open, vendors, updated_s, revision)",
+    ),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from itertools import chain, islice
-from math import inf
 from operator import attrgetter
 from pathlib import Path
 from threading import RLock
@@ -295,23 +294,28 @@ class Store:
 
     def prune(self, before: datetime) -> int:
         """Remove cleared advisories last changed before `before`, with every revision; returns how many."""
-        return self._prune(lambda _: True, before.timestamp())
+        return self._prune(lambda db: tables.remove_before(db, before.timestamp(), PRUNE_STEP))
 
     def prune_to(self, most_bytes: int) -> int:
-        """Remove the cleared advisories last changed longest ago, until the file uses no more; returns how many."""
-        return self._prune(lambda db: tables.used_bytes(db) > most_bytes, inf)
+        """Remove cleared advisories of the vendors with most, the oldest first, until the file uses no more.
+
+        Returns how many.
+        """
+        return self._prune(
+            lambda db: tables.remove_of_most(db, PRUNE_STEP) if tables.used_bytes(db) > most_bytes else 0
+        )
 
     def used_bytes(self) -> int:
         """Size of the file without its free pages."""
         with self._connections.reading() as db:
             return tables.used_bytes(db)
 
-    def _prune(self, is_due: Callable[[sqlite3.Connection], bool], before_s: float) -> int:
+    def _prune(self, remove: Callable[[sqlite3.Connection], int]) -> int:
         """Remove `PRUNE_STEP` advisories in one transaction, so that no revision waits long to be stored."""
         pruned = 0
         while True:
             with self._connections.writing() as db:
-                removed = tables.remove_oldest(db, before_s, PRUNE_STEP) if is_due(db) else 0
+                removed = remove(db)
             if not removed:
                 return pruned
             pruned += removed

@@ -208,9 +208,9 @@ def insert(db: sqlite3.Connection, advisory: AnyRevision, answers: int, at: date
         (advisory.seq, advisory.id, advisory.revision, answers, at.timestamp(), advisory.model_dump_json()),
     )
     db.execute(
-        """INSERT INTO advisories (id, revision, seq, open, updated_s, kind) VALUES (?, ?, ?, ?, ?, ?)
-        ON CONFLICT (id) DO UPDATE SET
-            revision = excluded.revision, seq = excluded.seq, open = excluded.open, updated_s = excluded.updated_s
+        """INSERT INTO advisories (id, revision, seq, open, updated_s, kind, vendors) VALUES (?, ?, ?, ?, ?, ?, ?)
+        ON CONFLICT (id) DO UPDATE SET revision = excluded.revision, seq = excluded.seq, open = excluded.open,
+            updated_s = excluded.updated_s, vendors = excluded.vendors
         WHERE excluded.revision >= revision""",
         (
             advisory.id,
@@ -219,6 +219,7 @@ def insert(db: sqlite3.Connection, advisory: AnyRevision, answers: int, at: date
             advisory.state is not AdvisoryState.CLEARED,
             advisory.updated_at.timestamp(),
             advisory.kind,
+            "\n".join(sorted(set(advisory.vendors))),
         ),
     )
     parties = zip(advisory.robots, advisory.vendors, strict=True)
@@ -249,11 +250,29 @@ def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
     )
 
 
-def remove_oldest(db: sqlite3.Connection, before_s: float, limit: int) -> int:
+def remove_before(db: sqlite3.Connection, before_s: float, limit: int) -> int:
     """Remove up to `limit` cleared advisories last changed before a time, the oldest first; returns how many."""
-    old = db.execute(
-        "SELECT id FROM advisories WHERE open = 0 AND updated_s < ? ORDER BY updated_s LIMIT ?", (before_s, limit)
-    ).fetchall()
+    return _remove(
+        db, "SELECT id FROM advisories WHERE open = 0 AND updated_s < ? ORDER BY updated_s LIMIT ?", before_s, limit
+    )
+
+
+def remove_of_most(db: sqlite3.Connection, limit: int) -> int:
+    """Remove up to `limit` cleared advisories of the vendors with most revisions, the oldest first; returns how many.
+
+    Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others.
+    """
+    return _remove(
+        db,
+        """SELECT id FROM advisories WHERE open = 0 AND vendors = (
+            SELECT vendors FROM advisories WHERE open = 0 GROUP BY vendors ORDER BY sum(revision) DESC LIMIT 1
+        ) ORDER BY updated_s LIMIT ?""",
+        limit,
+    )
+
+
+def _remove(db: sqlite3.Connection, chosen: str, *parameters: float) -> int:
+    old = db.execute(chosen, parameters).fetchall()
     db.executemany("DELETE FROM revisions WHERE id = ?", old)
     db.executemany("DELETE FROM parties WHERE id = ?", old)
     db.executemany("DELETE FROM advisories WHERE id = ?", old)

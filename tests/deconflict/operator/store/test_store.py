@@ -138,6 +138,21 @@ def test_a_database_that_is_too_large_loses_its_oldest_cleared_advisories(
     assert store.path.stat().st_size <= whole_bytes + 16 * 4_096, "free pages are used again"
 
 
+def test_advisories_of_one_vendor_displace_those_of_no_others_whomever_it_meets(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.store.PRUNE_STEP", 10)
+    long = {"summary": "x" * 4_000}
+    honest = [cleared(number, 1, vendors=("Alder", "Basalt"), **long) for number in range(20)]
+    met = [("Mallory", vendor) for vendor in ("Mallory", "Alder", "Basalt")]
+    store.append([*honest, *(cleared(20 + number, 2, vendors=met[number % 3], **long) for number in range(180))])
+    removed = store.prune_to(store.used_bytes() // 2)
+    kept = [advisory.vendors for advisory in store.latest("all").advisories]
+    assert 80 <= removed <= 120
+    assert kept.count(("Alder", "Basalt")) == 20
+    assert all(20 <= kept.count(vendors) <= 40 for vendors in met)
+
+
 def test_open_advisories_are_kept_however_large_the_database_is(store: Store) -> None:
     store.append([made(1), made(2), cleared(2)])
     assert store.prune_to(1) == 1
