@@ -2,7 +2,7 @@
 
 The demo's floors know who loses how much to whom. Time that people lose is left out; time lost to people counts. A loss
 is right if robot, other robot and time are right. The other figures count it whatever the other robot, and compare the
-sums of each pair of vendors minute by minute.
+sums of each pair of vendors, place and kind minute by minute.
 """
 
 import argparse
@@ -10,22 +10,36 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.losses.loss_scores import LossScore, by_second, score_pairs, score_robots, score_vendors
+from benchmarks.losses.loss_scores import (
+    LossScore,
+    by_label,
+    by_second,
+    score_labels,
+    score_pairs,
+    score_robots,
+    score_vendors,
+)
 from benchmarks.losses.losses_run import run
 from benchmarks.watch_demo.watching import START_S
 
-WAYS = "pair", "any robot", "vendors"
+WAYS = "pair", "any robot", "vendors", "place", "kind"
 Scores = tuple[LossScore, ...]
 """One for each of `WAYS`."""
 
 
 def scores_of(robots: int, seed: int, seconds: float, without_paths: float) -> Scores:
     floor = run(robots, seed, seconds, without_paths)
-    found = by_second(floor.found, floor.rows, START_S)
+    found = by_second((loss for loss, _, _ in floor.found), floor.rows, START_S)
+    rows = set(floor.robots)
+    by_robots = [placed for placed in floor.found if floor.rows.get(placed.loss.robot) in rows]
+    places = by_label(((placed.place, placed.loss) for placed in by_robots), START_S)
+    kinds = by_label(((placed.loss.kind.value, placed.loss) for placed in by_robots), START_S)
     return (
         score_pairs(floor.true, found, floor.robots),
         score_robots(floor.true, found, floor.robots),
         score_vendors(floor.true, found, floor.robots, floor.vendors),
+        score_labels(floor.by_place, places),
+        score_labels(floor.by_kind, kinds),
     )
 
 

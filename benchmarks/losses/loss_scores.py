@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmarks.losses.true_losses import LostBySecond
+from benchmarks.losses.true_losses import LostByLabel, LostBySecond
 from deconflict.foresight.losses.loss import Loss
 
 APART_S = 8
@@ -101,6 +101,29 @@ def score_vendors(
     for pair in {*true, *found}:
         for minute in {*true.get(pair, ()), *found.get(pair, ())}:
             score.add({0: true[pair][minute]}, {0: found[pair][minute]})
+    return score
+
+
+def by_label(losses: Iterable[tuple[str, Loss]], start_s: float) -> LostByLabel:
+    """As `by_second`, by the label of each loss."""
+    found: LostByLabel = defaultdict(lambda: defaultdict(float))
+    for label, loss in losses:
+        first, end = int(loss.from_s - start_s), int(loss.until_s - start_s)
+        for second in range(first, max(end, first + 1)):
+            found[label][second] += loss.lost_s / max(end - first, 1)
+    return found
+
+
+def score_labels(true: LostByLabel, found: LostByLabel) -> LossScore:
+    """The sums of each label, minute by minute."""
+    score = LossScore()
+    for label in {*true, *found}:
+        sums = [defaultdict[int, float](float), defaultdict[int, float](float)]
+        for lost, minutes in zip((true, found), sums, strict=True):
+            for second, lost_s in lost.get(label, {}).items():
+                minutes[second // MINUTE_S] += lost_s
+        for minute in {*sums[0], *sums[1]}:
+            score.add({0: sums[0][minute]}, {0: sums[1][minute]})
     return score
 
 

@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from benchmarks.losses.true_losses import LostBySecond, TrueLosses
+from benchmarks.losses.true_losses import LostByLabel, LostBySecond, TrueLosses
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
 from benchmarks.watch_demo.watching import START_S
-from deconflict.foresight.losses.loss import Loss
+from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Conflict
@@ -15,6 +15,7 @@ from deconflict.settings.site_file import load
 from deconflict.simulation.demo_site import demo_site
 from deconflict.simulation.participants import VendorName
 from ingest.batch import Batch
+from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
 
 SPREAD = 0.618
@@ -26,7 +27,10 @@ class LossesRun:
     """What happened, and what was found."""
 
     true: LostBySecond
-    found: list[Loss]
+    by_place: LostByLabel
+    """Of robots."""
+    by_kind: LostByLabel
+    found: list[PlacedLoss]
     rows: dict[str, int]
     """By UUID, the row of each robot and person of the halls."""
     robots: list[int]
@@ -51,16 +55,20 @@ def batches_of(floor: Floor, truth: TrueLosses, seconds: float, without_paths: f
 
 def run(robots: int, seed: int, seconds: float, without_paths: float) -> LossesRun:
     floor = Floor(robots, seed, START_S, Conflict().clearance_m)
-    truth, bounds = TrueLosses(floor.world), Conflict()
+    site = load(demo_site())
+    places, bounds = LossPlaces.of(site), Conflict()
+    truth = TrueLosses(floor.world, places)
     foresight = ProbabilityEstimator(bounds.clearance_m, bounds.apart_m, bounds.horizon_s, Measures())
-    found: list[Loss] = []
+    numbers, found = FloorNumbers(Measures()), list[PlacedLoss]()
     for batch in batches_of(floor, truth, seconds, without_paths):
-        foresight.receive(batch)
-        found += foresight.losses.take()
+        foresight.receive(numbers.renumbered(batch))
+        found += places.placed(foresight.losses.take(), numbers.names)
     halls = len(floor.world)
     members = floor.members[:halls]
     return LossesRun(
         true=truth.by_pair,
+        by_place=truth.by_place,
+        by_kind=truth.by_kind,
         found=found,
         rows={member.uuid: row for row, member in enumerate(members)},
         robots=[row for row, member in enumerate(members) if not member.make.person],

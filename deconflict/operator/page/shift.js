@@ -85,7 +85,7 @@ function tally(items, keysOf) {
   return [...counts].sort((a, b) => b[1] - a[1]).slice(0, MOST_ROWS);
 }
 
-function table(title, heads, rows) {
+export function table(title, heads, rows) {
   const box = document.createElement("section"), made = document.createElement("table"), head = made.createTHead().insertRow(), body = made.createTBody();
   for (const name of heads) head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: name }));
   for (const row of rows) for (const [line, cells] of [[body.insertRow(), row]]) for (const cell of cells) line.insertCell().textContent = cell;
@@ -93,6 +93,6 @@ function table(title, heads, rows) {
   return box;
 }
 
-function text(tag, textContent) { return Object.assign(document.createElement(tag), { textContent }); }
+export function text(tag, textContent) { return Object.assign(document.createElement(tag), { textContent }); }
 
 function sum(items, valueOf) { return items.reduce((total, item) => total + valueOf(item), 0); }

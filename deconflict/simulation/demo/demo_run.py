@@ -8,8 +8,9 @@ import sys
 import threading
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, closing, suppress
 from functools import partial
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,11 +23,13 @@ from websockets.exceptions import ConnectionClosed
 
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisory import AdvisoryState
+from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.service import runtime_directory
 from deconflict.roles.supervisor import Supervisor
 from deconflict.runtime.data_lock import create_data_directory
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
-from deconflict.settings.site import Site
+from deconflict.settings.site import LossSettings, Site
 from deconflict.simulation.demo.demo_floor import DemoFloor
 from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
 from deconflict.simulation.vendors.broker_sender import LANGUAGES, DirectSender
@@ -51,6 +54,7 @@ def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None)
     with TemporaryDirectory(prefix="deconflict-demo-") as discarded, runtime_directory() as runtime:
         kept = data or Path(discarded)
         create_data_directory(kept)
+        lost_before_s = _lost_to_others_s(kept)
         stop = threading.Event()
         supervisor = threading.Thread(target=Supervisor(site, kept, Path(runtime)).run, args=(stop,))
         supervisor.start()
@@ -62,8 +66,15 @@ def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None)
         finally:
             stop.set()
             supervisor.join()
-    sys.stdout.write(json.dumps(view.result() | floor.result()) + "\n")
+        lost = {"lost_to_others_s": round(_lost_to_others_s(kept) - lost_before_s, 1)}
+    sys.stdout.write(json.dumps(view.result() | lost | floor.result()) + "\n")
     return 0
+
+
+def _lost_to_others_s(data: Path) -> float:
+    """The sum of the ledger, which the page shows, too."""
+    with closing(LossLedger(data, LossSettings())) as ledger:
+        return ledger.ask(LossQuestion(0.0, inf)).total.lost_s
 
 
 def _on_free_ports(site: Site, console: Console) -> Site:

@@ -1,12 +1,17 @@
 import json
 import subprocess
 import sys
+from contextlib import closing
 from io import StringIO
+from math import inf
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.ledger.loss_questions import LossQuestion
+from deconflict.settings.site import LossSettings
 from deconflict.settings.site_file import fit_problems, load
 from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
 from deconflict.simulation.demo_site import ROBOTS, demo_site
@@ -37,6 +42,10 @@ def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None
     assert document["queues"] > 0
     assert document["advisories_cleared"] > 0
     assert document["latency_p99_ms"] > 0
+    with closing(LossLedger(tmp_path, LossSettings())) as ledger:
+        kept = ledger.ask(LossQuestion(0.0, inf, ("vendor", "by")))
+    assert document["lost_to_others_s"] == kept.total.lost_s
+    assert sum(row.lost_s for row in kept.rows) == pytest.approx(kept.total.lost_s, abs=1.0)
     assert f"http://127.0.0.1:{operator}/advisories" in done.stdout
     assert list((tmp_path / "log").glob("*.jsonl"))
 

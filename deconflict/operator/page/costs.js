@@ -1,0 +1,81 @@
+// What robots lose to each other: today against the same hours a week ago, by place, by pair of vendors and by hour.
+
+import { table, text } from "./shift.js";
+import { clock, span } from "./texts.js";
+
+const HOUR_S = 3600, WEEK_S = 7 * 24 * HOUR_S, WORST = 5;
+const ACCURACY = "Sums by vendors, places and hours hold within a tenth, as measured on simulated floors.";
+const $ = (id) => document.getElementById(id);
+
+export class Costs {
+  // `floorName(id)` names a floor, `look(floor, x, y)` shows a place on the map.
+  constructor(floorName, look) {
+    Object.assign(this, { floorName, look });
+    $("costs-open").onclick = () => { $("costs").showModal(); this.read(); };
+    $("costs-print").onclick = () => window.print();
+    $("costs-close").onclick = () => $("costs").close();
+  }
+
+  async read() {
+    const nowS = Date.now() / 1000, todayS = new Date().setHours(0, 0, 0, 0) / 1000, wholeS = nowS - nowS % HOUR_S;
+    $("costs-body").textContent = "Reading…";
+    try {
+      const [pairs, places, hours, before] = await Promise.all([
+        ask("vendor,by", todayS, nowS), ask("floor,place,cell", todayS, nowS), ask("hour", todayS, nowS), ask("hour", todayS - WEEK_S, wholeS - WEEK_S),
+      ]);
+      this.show(pairs, byPlace(places.rows), hours.rows, before.rows, wholeS);
+    } catch (error) {
+      $("costs-body").textContent = `The service does not answer: ${error.message}`;
+    }
+  }
+
+  show({ total, rows, currency }, places, hours, before, wholeS) {
+    const money = (row) => (row.cost === null ? "" : `${row.cost.toFixed(2)} ${currency}`);
+    const share = (row) => `${Math.round(100 * row.lost_s / total.lost_s)} %`, then = new Map(before.map((row) => [row.hour + WEEK_S, row.lost_s]));
+    const heads = (...first) => [...first, "Lost", "Share", ...(total.cost === null ? [] : ["Cost"])];
+    const cells = (row, ...first) => [...first, span(row.lost_s), share(row), ...(total.cost === null ? [] : [money(row)])];
+    const whole = hours.filter(({ hour }) => hour < wholeS), priced = total.cost === null ? "" : `, which costs ${money(total)}`;
+    const lead = `Today robots lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
+      + "A robot loses time while another one is in its way and it needs longer than by its plan. ";
+    $("costs-body").replaceChildren(
+      text("p", lead + ACCURACY),
+      this.worstPlaces(places.slice(0, WORST), heads("Place", "Worst point"), cells),
+      table("The five worst pairs", heads("Whose robots lost time", "Whose were in the way"), rows.slice(0, WORST).map((row) => cells(row, row.vendor, row.by))),
+      table("By hour", [...heads("From"), "A week ago"], [...hours].sort((a, b) => a.hour - b.hour).map((row) => [...cells(row, clock(row.hour).slice(0, 5)), then.has(row.hour) ? span(then.get(row.hour)) : ""])),
+    );
+  }
+
+  // Each place is a button that shows it on the map.
+  worstPlaces(places, heads, cells) {
+    const made = table("The five worst places", heads, places.map((row) => cells(row, row.place || "Elsewhere", `${row.x.toFixed(0)}, ${row.y.toFixed(0)} m on ${this.floorName(row.floor)}`)));
+    for (const [index, line] of [...made.querySelectorAll("tbody tr")].entries()) {
+      const { floor, x, y } = places[index], button = Object.assign(document.createElement("button"), { type: "button", textContent: line.cells[0].textContent });
+      button.onclick = () => { $("costs").close(); this.look(floor, x, y); };
+      line.cells[0].replaceChildren(button);
+    }
+    return made;
+  }
+}
+
+async function ask(group, fromS, untilS) {
+  const answer = await fetch(`losses?group=${group}&from_s=${fromS}&until_s=${untilS}&limit=10000`);
+  if (!answer.ok) throw new Error(answer.statusText);
+  return answer.json();
+}
+
+// The places, worst first, each with its worst cell. Outside all places each cell counts as one.
+function byPlace(rows) {
+  const places = Map.groupBy(rows, ({ floor, place, cell }) => `${floor} ${place || cell}`);
+  return [...places.values()].map((cells) => {
+    const [{ floor, place, cell: [x, y] }] = cells, costs = cells.map(({ cost }) => cost).filter((cost) => cost !== null);
+    return { floor, place, x, y, lost_s: sum(cells.map((row) => row.lost_s)), cost: costs.length ? sum(costs) : null };
+  }).sort((a, b) => b.lost_s - a.lost_s);
+}
+
+function compared(lostS, before) {
+  if (!before.length) return "Of the same hours a week ago nothing is known.";
+  const then = sum(before);
+  return then ? `In its whole hours they lost ${span(lostS)}; a week ago ${span(then)} in the same hours.` : "In the same hours a week ago they lost nothing.";
+}
+
+function sum(values) { return values.reduce((total, value) => total + value, 0); }
