@@ -67,7 +67,7 @@ PAST: dict[SituationKind, str] = {
     "blocked_aisle": "{culprit} stood in the way of others",
     "obstacle": "{culprit} stood in the way of {names}",
     "silent_robot": "{culprit} was silent in the way of {names}",
-    "deadlock": "robots waited for each other, or were about to",
+    "deadlock": "{names} waited for each other, or were about to",
     "identity": "{count} robots were reported by another vendor, or from two places",
 }
 

@@ -1,6 +1,6 @@
 // Acknowledges situations: at once, and in a dialog for who it is and what is done about it.
 
-const SEEN = "Seen, is looked after"; // what is done about it, if nobody says more
+const SEEN = "Seen"; // what is done about it, if nobody says more
 const SOMEBODY = "Somebody at the operator's page"; // who it is, until the page knows a name
 const dialog = document.getElementById("acknowledge");
 const [about, refused, who, why] = ["acknowledge-what", "refused", "who", "why"].map((id) => document.getElementById(id));

@@ -186,6 +186,7 @@ function show(id) {
 
 // What the list says if nobody has to do anything.
 function nothing(calm) {
+  if (live.everConnected && !live.connected) return "Not known: no connection. This was listed last:";
   if (live.health.preparing || live.health.engine_starting) return "No warnings yet.";
   return calm ? `Nothing needs you. ${plural(calm, "situation")} ${calm === 1 ? "ends by itself" : "end by themselves"}:` : "Nothing needs you.";
 }

@@ -4,7 +4,7 @@ export const SEVERITIES = ["critical", "warning", "caution"];
 export const SIGNS = { critical: "▲", warning: "◆", caution: "●" };
 export const SEVERITY = { critical: "Critical", warning: "Warning", caution: "Caution" };
 export const KINDS = {
-  meeting: "Two robots meet", head_on: "Head-on in a lane", knot: "Knot of robots", queue: "Queue", crowd: "Many robots at one point",
+  meeting: "Two robots meet", head_on: "Head-on", knot: "Knot of robots", queue: "Queue", crowd: "Many robots at one point",
   blocked_aisle: "Way blocked", obstacle: "Robot in the way", silent_robot: "Silent robot", deadlock: "Waiting for each other", identity: "Who is this robot?",
 };
 export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };

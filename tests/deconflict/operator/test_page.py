@@ -283,6 +283,7 @@ def test_a_lost_connection_is_shown_and_greys_the_map_and_the_page_reconnects(
         floor.stop("serve")
         page.wait_for_selector('[data-state="lost"]')
         until(page, said_and_grey("lost"))
+        until(page, "document.getElementById('none').textContent.startsWith('Not known: no connection')")
         assert page.is_visible(WARNED)
         keep(page, "lost")
         floor.start()

@@ -57,7 +57,7 @@ def test_how_long_a_robot_has_stood_stays_true() -> None:
     [
         (conflict("ab"), "Robot a and Robot b were about to get in each other's way, in Aisle 3"),
         (blockage("xabc"), "Robot x stood in the way of others, in Aisle 3"),
-        (deadlock("ab"), "robots waited for each other, or were about to, in Aisle 3"),
+        (deadlock("ab"), "Robot a and Robot b waited for each other, or were about to, in Aisle 3"),
         (queue("abc"), "robots needed the same place, in Aisle 3"),
     ],
 )
