@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import IO, Any
 
@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 _MESSAGE, _PAYLOAD = re.compile(r'"message"\s*:\s*'), re.compile(r'"payload"\s*:\s*')
 _DECODER = json.JSONDecoder()
-UNREADABLE = (ValueError, KeyError, TypeError, RecursionError)
+UNREADABLE = (ValueError, KeyError, TypeError, RecursionError, OverflowError)
 """The errors that `parsed` raises."""
 _BROKEN = (OSError, EOFError, zstandard.ZstdError)
 _GZIP, _ZSTD, _SKIPPED = b"\x1f\x8b", zstandard.FRAME_HEADER, re.compile(rb"[\x50-\x5f]\x2a\x4d\x18")
@@ -291,21 +291,20 @@ def _rare_event(line: str, document: dict[str, Any]) -> Event:
         return BlackBoxNote(document)
     if "given" in document or "closed" in document:
         return msgspec.convert(document, Given) if "given" in document else Closed(_connection_of(document))
-    if "overtaken" in document:
-        return Overtaken(_raw(line, document), _time(document["received"]), _connection_of(document))
-    return Received(
-        _raw(line, document), _time(document["received"]), _connection_of(document), document.get("rejected")
-    )
+    arrived = _raw(line, document), _time(document["received"]), _connection_of(document)
+    return Overtaken(*arrived) if "overtaken" in document else Received(*arrived, document.get("rejected"))
 
 
 def _captured(line: str, document: dict[str, Any]) -> Received:
     """The message of a line of a capture."""
-    topic, payload, time = document["topic"], document["payload"], document["time"]
+    topic, payload, time = str(document["topic"]), document["payload"], document["time"]
     language = language_of_topic(topic)
     if language is None:
         raise ValueError(f"topic {topic[:100]!r} belongs to no language that is read")
     raw = payload.encode() if isinstance(payload, str) else _raw(line, document, _PAYLOAD, "payload")
     arrival_s = float(time) if isinstance(time, int | float) else _time(time)
+    if not isfinite(arrival_s):
+        raise ValueError(f"{time!r} is no time")
     return Received(raw, arrival_s, _connection(0, "capture", None, language, topic))
 
 

@@ -12,6 +12,8 @@ from deconflict.operator.store.publisher import PublishedLine
 from deconflict.settings.outlet_settings import Webhook
 from ingest.security.tokens import renewed, secret
 
+MOST_ANSWER_BYTES = 1 << 16
+
 
 class WebhookOutlet:
     """One webhook. The next revision waits until the receiver has accepted this one."""
@@ -46,7 +48,20 @@ class WebhookOutlet:
         try:
             signature = signed(f"{subject}-{line.seq}", body, self._secret, time.time())
             headers = {"content-type": "application/json", **signature}
-            answer = await client.post(self._settings.url, content=body, headers=headers)
-        except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:  # ValueError: the secret is not base64
-            return type(error).__name__
+            async with (
+                asyncio.timeout(self._settings.timeout_s),
+                client.stream("POST", self._settings.url, content=body, headers=headers) as answer,
+            ):
+                await _read_some(answer)
+        except (httpx.HTTPError, httpx.InvalidURL, TimeoutError, ValueError) as error:
+            return type(error).__name__  # ValueError: the secret is not base64
         return "" if answer.is_success else f"answered {answer.status_code}"
+
+
+async def _read_some(answer: httpx.Response) -> None:
+    """Read the body, so that the connection can be used again. Nobody needs it, so of a long one only the beginning."""
+    read_bytes = 0
+    async for part in answer.aiter_raw():
+        read_bytes += len(part)
+        if read_bytes > MOST_ANSWER_BYTES:
+            return

@@ -14,10 +14,18 @@ class JoinedAnswers:
     def __init__(self) -> None:
         self._joined: dict[str, Situation] = {}
         """By id of a situation, the answered one that became part of it, until the answer is stored for it."""
+        self.unstored: dict[int, AnyRevision] = {}
+        """By number, what was answered and is not in the file yet. Later revisions have the answer already."""
+
+    def stored_to(self, seq: int) -> None:
+        self.unstored = {number: answered for number, answered in self.unstored.items() if number > seq}
 
     def numbered(self, db: sqlite3.Connection, revision: AnyRevision, seq: int) -> AnyRevision:
         """As `tables.numbered`. What is more severe than what was answered gets no answer: nobody has seen it."""
         known = numbered(db, revision, seq)
+        for answered in self.unstored.values():
+            if answered.id == known.id:
+                known = known.model_copy(update={"acknowledgement": answered.acknowledgement})
         if not isinstance(known, Situation):
             return known
         joined = self._joined.get(known.id)

@@ -120,9 +120,10 @@ class Publisher:
         return numbers
 
     async def store_pending(self) -> None:
-        """Store pending writes, and wait for the disk for at most `DISK_TIMEOUT_S`."""
+        """Store pending writes. Waits for the disk for at most `DISK_TIMEOUT_S`, and only once while it is stuck."""
+        is_stuck = self.failing is not None and self._storing is not None and not self._storing.done()
         storing = self.begin_storing()
-        await asyncio.wait({storing}, timeout=DISK_TIMEOUT_S)
+        await asyncio.wait({storing}, timeout=0 if is_stuck else DISK_TIMEOUT_S)
         if storing.done():
             storing.result()
         elif not self.failing:
@@ -137,7 +138,7 @@ class Publisher:
 
     async def close(self) -> None:
         """Store the rest. Logs how many revisions the disk did not take."""
-        await self.store_pending()
+        await asyncio.wait({self.begin_storing()}, timeout=DISK_TIMEOUT_S)
         if self._store.unstored:
             log.error("%d revisions were published and never stored", self._store.unstored)
 
@@ -183,7 +184,9 @@ class Publisher:
     ) -> AnyRevision | None:
         """Store an answer and publish it. `seq` is its number if the followed stream gave one."""
         async with self._appending:
-            answered = await asyncio.to_thread(self._store.acknowledge, advisory_id, answer, seq)
+            await self.store_pending()
+            answered = await asyncio.to_thread(self._store.accept_answer, advisory_id, answer, seq)
+            await self.store_pending()
             if answered and answered.seq > self.last_seq:
                 self._announce([answered])
         return answered

@@ -123,11 +123,13 @@ class Store:
         with self._connections.writing() as db:
             last = tables.last_seq(db)
             new = (revision for revision in pending if revision.seq > last)
-            unwritable += [(revision, error) for revision in new if (error := tables.write_one(db, revision))]
+            answered = self._answers.unstored
+            unwritable += [(each, error) for each in new if (error := tables.write_one(db, each, answered))]
             tables.put_positions(db, positions)
         with self._number_lock:
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
+            self._answers.stored_to(pending[-1].seq if pending else 0)
             self._positions = {outlet: seq for outlet, seq in self._positions.items() if positions.get(outlet) != seq}
 
     def append(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
@@ -150,28 +152,29 @@ class Store:
         return stored
 
     def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
-        """Store the newest revision once more, with the answer and a number of its own; None for an unknown advisory.
+        """`accept_answer`, and store it."""
+        self.flush()
+        answered = self.accept_answer(advisory_id, answer, seq)
+        self.flush()
+        return answered
+
+    def accept_answer(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
+        """Number the newest revision once more, with the answer, and keep it for `flush`; None for an unknown advisory.
 
         `seq` is the number if the stream that this store follows gave one; an answer with a number that is stored
         already is not stored twice. Every later revision of the advisory has the answer too. Raises `StoreError`, also
-        while revisions wait for the disk.
+        while revisions wait for the disk. It does not wait for the disk itself: no new revision waits for an answer.
         """
-        with self._number_lock, self._writing_after_flush() as db:
-            row = db.execute(
-                "SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq WHERE a.id = ?",
-                (advisory_id,),
-            ).fetchone()
-            if row is None:
-                return None
-            newest = tables.revision_of(row[0])
-            if seq is not None and seq <= tables.last_seq(db):
+        with self._number_lock, self._connections.numbering() as db:
+            last = tables.last_seq(db)
+            if any(revision.seq > last for revision in self._pending):
+                raise StoreError(f"{self.path}: revisions wait for the disk; acknowledge once they are stored")
+            newest = tables.newest(db, advisory_id)
+            if newest is None or (seq is not None and seq <= last):
                 return newest
-            answered = newest.model_copy(update={"seq": seq or tables.last_seq(db) + 1, "acknowledgement": answer})
-            db.execute(
-                "UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?",
-                (answer.model_dump_json(), advisory_id),
-            )
-            tables.insert(db, answered, tables.answers_of(db, advisory_id)[0], answer.at)
+            answered = newest.model_copy(update={"seq": seq or last + 1, "acknowledgement": answer})
+            self._answers.unstored[answered.seq] = answered
+            self._pending = [*self._pending, answered]
         return answered
 
     def after(self, seq: int, limit: int = 100) -> list[AnyRevision]:

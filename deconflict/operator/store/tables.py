@@ -3,7 +3,7 @@
 import json
 import logging
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Container, Iterable, Iterator, Mapping, Set
 from contextlib import AbstractContextManager, closing
 from dataclasses import asdict
 from datetime import datetime
@@ -188,12 +188,32 @@ def write_revision(db: sqlite3.Connection, revision: AnyRevision) -> None:
     add_burdens(db, revision)
 
 
-def write_one(db: sqlite3.Connection, revision: AnyRevision) -> Exception | None:
-    """Write a numbered revision. If it can't be written, returns why, and only its number is used up."""
+def newest(db: sqlite3.Connection, advisory_id: str) -> AnyRevision | None:
+    """The newest revision of an advisory."""
+    row = db.execute(
+        "SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq WHERE a.id = ?", (advisory_id,)
+    ).fetchone()
+    return revision_of(row[0]) if row else None
+
+
+def write_answer(db: sqlite3.Connection, answered: AnyRevision) -> None:
+    """Write a numbered revision that repeats the newest one, with an answer."""
+    answer = answered.acknowledgement
+    if answer is None:
+        raise ValueError(f"{answered.id} has no answer")
+    db.execute(
+        "UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?",
+        (answer.model_dump_json(), answered.id),
+    )
+    insert(db, answered, answers_of(db, answered.id)[0], answer.at)
+
+
+def write_one(db: sqlite3.Connection, revision: AnyRevision, answered: Container[int]) -> Exception | None:
+    """Write a numbered revision, or an answer. If it can't be written, returns why, and only its number is used up."""
     failed: Exception | None = None
     db.execute("SAVEPOINT revision")
     try:
-        write_revision(db, revision)
+        (write_answer if revision.seq in answered else write_revision)(db, revision)
     except UNWRITABLE as error:
         failed = error
         db.execute("ROLLBACK TO revision")

@@ -5,13 +5,14 @@ import sqlite3
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from math import pi
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
 from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.publisher import Publisher
@@ -103,7 +104,7 @@ async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Pat
     holding.execute("COMMIT")
     holding.close()
     async with asyncio.timeout(PATIENCE_S):
-        while store.unstored:
+        while publisher.failing:
             await publisher.store_pending()
     assert publisher.failing is None
     await publisher.publish([made(4)])
@@ -114,6 +115,56 @@ async def test_a_stalled_disk_delays_no_advisory_and_loses_nothing(tmp_path: Pat
         (f"advisory-{number}", number) for number in range(1, 5)
     ]
     again.close()
+
+
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """Another connection that holds the file stands in for a disk that does not answer."""
+    with closing(sqlite3.connect(path, isolation_level=None)) as holding:
+        holding.execute("BEGIN IMMEDIATE")
+        yield
+        holding.execute("COMMIT")
+
+
+async def test_an_answer_on_a_stalled_disk_delays_no_advisory_and_a_second_one_is_refused(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    publisher, given = Publisher(store, Measures()), Acknowledgement(name="Kim", reason="seen", at=START)
+    await publisher.publish([made(1)])
+    with held(store.path):
+        answering = asyncio.create_task(publisher.acknowledge("advisory-1", given))
+        await asyncio.sleep(0)
+        await publisher.publish([made(1, 2), made(2)])
+        assert [line.seq for line in (await publisher.after(0)).lines] == [1, 2, 3, 4]
+        answered = await answering
+        assert answered is not None
+        assert answered.acknowledgement == given
+        with pytest.raises(StoreError, match="acknowledge once"):
+            await publisher.acknowledge("advisory-2", given)
+        assert store.unstored == 3
+    async with asyncio.timeout(PATIENCE_S):
+        while store.unstored:
+            await publisher.store_pending()
+    store.close()
+    again = Store(tmp_path)
+    assert [(each.revision, each.seq, each.acknowledgement) for each in again.get("advisory-1")] == [
+        (1, 1, None),
+        (1, 2, given),
+        (2, 3, given),
+    ]
+    again.close()
+
+
+async def test_a_stalled_disk_is_waited_for_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.operator.store.publisher.DISK_TIMEOUT_S", 1.0)
+    store = Store(tmp_path)
+    publisher = Publisher(store, Measures())
+    with held(store.path):
+        began_s = time.monotonic()
+        for number in range(10):
+            await publisher.publish([made(number)])
+        assert time.monotonic() - began_s < 5.0
+    await publisher.close()
+    store.close()
 
 
 async def test_a_read_only_file_is_logged_and_counted_and_written_once_possible(

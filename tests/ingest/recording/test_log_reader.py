@@ -82,6 +82,11 @@ def test_a_foreign_message_is_taken_as_it_stands(tmp_path: Path, line: str, mess
         b'{"received": "2009-11-17T10:00:21Z", "base64": "?"}',
         b'{"received": "2009-11-17T10:00:21Z", "message": {}',
         b'{"given": "2009-11-17T10:00:21Z", "uuid": 5, "vendor": ["x"]}',
+        b'{"topic": 5, "payload": {}, "time": 1}',
+        b'{"topic": null, "payload": {}, "time": 1}',
+        b'{"topic": "uagv/v2/KIT/0001/state", "payload": {}, "time": NaN}',
+        b'{"topic": "uagv/v2/KIT/0001/state", "payload": {}, "time": 1e999}',
+        b'{"topic": "uagv/v2/KIT/0001/state", "payload": {}, "time": 1' + 400 * b"0" + b"}",
         b"\xff",
     ],
 )

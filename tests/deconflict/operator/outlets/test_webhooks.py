@@ -1,4 +1,6 @@
+import asyncio
 import logging
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -61,6 +63,24 @@ async def test_a_restart_resumes_and_loses_nothing(tmp_path: Path) -> None:
             async with posting(other.url, store, publisher, tmp_path):
                 await until(lambda: len(other.heard) == 3)
         assert numbers(other.heard) == [1, 2, 3]
+
+
+async def test_an_answer_without_end_is_not_read_to_its_end(tmp_path: Path) -> None:
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 200 OK\r\n\r\n")
+        with suppress(ConnectionError):
+            while True:
+                writer.write(bytes(4096))
+                await writer.drain()
+
+    endless = await asyncio.start_server(answer, "127.0.0.1", 0)
+    url = f"http://127.0.0.1:{endless.sockets[0].getsockname()[1]}/"
+    with kept(tmp_path) as (store, publisher):
+        async with posting(url, store, publisher, tmp_path):
+            await publisher.publish([made(1), made(2)])
+            await until(lambda: publisher.measures.values["deconflict_outlet_deliveries_total"]["mes",] == 2)
+    endless.close()
 
 
 async def test_a_new_webhook_begins_with_the_next_revision(tmp_path: Path) -> None:
