@@ -319,7 +319,7 @@ class RecorderSettings(Section):
     """Size of a segment, after which the next one begins."""
     total_bytes: Annotated[int, Field(gt=0)] = 4 * 1024 * 1024 * 1024
     """Largest size of the log. The oldest segments are removed first."""
-    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
+    keep_days: Annotated[float, Field(gt=0, le=36_500)] = 30.0
     """Segments without a new line for this long are removed."""
 
 

@@ -112,7 +112,7 @@ class StoreSettings(Section):
 
     directory: str = "data"
     """Data directory, relative to the working directory. Two services must not share one."""
-    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
+    keep_days: Annotated[float, Field(gt=0, le=36_500)] = 30.0
     """How long a cleared advisory is kept; open ones stay."""
     advisories_bytes: Annotated[int, Field(gt=0)] = 4 << 30
     """Above this size of the database cleared advisories are removed, the oldest of the vendors with most first."""
@@ -121,7 +121,7 @@ class StoreSettings(Section):
 class LossSettings(Section):
     """The ledger of the time that robots lose to each other."""
 
-    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 100.0
+    keep_days: Annotated[float, Field(gt=0, le=36_500)] = 100.0
     """How long an hour of the ledger is kept."""
     most_bytes: Annotated[int, Field(gt=0)] = 1 << 30
     """Above this size of the ledger its oldest hours are removed."""
@@ -144,7 +144,7 @@ class BlackBox(Section):
     """Most files; the oldest are removed first."""
     total_bytes: Annotated[int, Field(gt=0)] = 1024 * 1024 * 1024
     """Largest size of all files; the oldest are removed first."""
-    keep_days: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 30.0
+    keep_days: Annotated[float, Field(gt=0, le=36_500)] = 30.0
     """Files older than this are removed."""
 
 

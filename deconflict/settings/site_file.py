@@ -22,6 +22,8 @@ from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
 
 SECRETS = ("password", "secret", "token")
 """Keys whose value no error contains: somebody may have put the secret itself there."""
+MOST_PROBLEMS = 100
+"""Problems of one file that are written out."""
 
 
 class SiteError(ValueError):
@@ -67,11 +69,18 @@ def site_from_document(document: Mapping[str, Any]) -> Site:
         site = Site.model_validate_json(text, strict=True)
     except ValidationError as error:
         problems = [_explained(problem) for problem in error.errors(include_url=False)]
-        raise SiteError(_with_names(problem, document) for problem in problems) from error
+        raise SiteError(_first(problems, document)) from error
     contradictions = list(_contradictions(site))
     if contradictions:
-        raise SiteError(_with_names(problem, document) for problem in contradictions)
+        raise SiteError(_first(contradictions, document))
     return site
+
+
+def _first(problems: list[str], document: Mapping[str, Any]) -> Iterator[str]:
+    """The first `MOST_PROBLEMS` with names. Nobody reads more, and each takes as long as the file is."""
+    yield from (_with_names(problem, document) for problem in problems[:MOST_PROBLEMS])
+    if len(problems) > MOST_PROBLEMS:
+        yield f"and {len(problems) - MOST_PROBLEMS} more problems"
 
 
 def fit_problems(site: Site) -> list[str]:

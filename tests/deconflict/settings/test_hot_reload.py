@@ -25,7 +25,7 @@ from deconflict.settings.hot_reload import (
     merged_settings,
 )
 from deconflict.settings.site import Conflict, Operator, Site
-from deconflict.settings.site_file import SiteError, load
+from deconflict.settings.site_file import MOST_PROBLEMS, SiteError, load
 from ingest.settings import ReceiverSettings, Vendor
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
 from tests.deconflict.roles.made_service import Served, healthy
@@ -132,6 +132,15 @@ def test_a_file_that_no_parser_can_read_is_refused_and_ends_nothing(tmp_path: Pa
     outcome = json.loads((tmp_path / RESULTS_FILE).read_text())
     assert (outcome["refused"], outcome["applied"]) == (1, 0)
     assert "see the log" not in outcome["problems"][0]
+
+
+def test_of_many_problems_of_a_file_the_first_are_written_out(tmp_path: Path) -> None:
+    path = tmp_path / "site.toml"
+    path.write_text("".join(f'[[zones]]\nid = "z{number}"\nkind = "crossing"\n' for number in range(3000)))
+    with pytest.raises(SiteError) as refused:
+        load(path)
+    assert len(refused.value.problems) == MOST_PROBLEMS + 1
+    assert refused.value.problems[-1] == "and 5900 more problems"
 
 
 def test_a_fault_in_checking_a_file_ends_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
