@@ -65,9 +65,8 @@ def test_a_short_run_reports_what_happened() -> None:
     assert situations["foreseen"]["outcomes"] >= 1
 
 
-@pytest.mark.parametrize("follow", [Follow.ADVISORIES, Follow.SITUATIONS])
-def test_robots_wait_as_they_are_advised(follow: Follow) -> None:
-    watch = Watch(robots=40, seed=1, follow=follow)
+def test_robots_wait_as_they_are_advised() -> None:
+    watch = Watch(robots=40, seed=1, follow=Follow.ADVISORIES)
     watch.run(40.0)
     lost = watch.lost_time.now()
     assert watch.follower.counts["wait"] > 0
