@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from metrics.monitoring.promql import increase, level, rate, share_within, time_share
+from metrics.monitoring.promql import increase, increase_before, level, rate, share_within, time_share
 
 OBJECTIVE_S = 0.25
 """The objective: a valid status is reflected in the advisories within this time (`docs/metrics.md`)."""
@@ -66,6 +66,7 @@ def _late(window: str) -> str:
     )
 
 
+_LOST = "deconflict_lost_seconds_total"
 _MESSAGES = rate("deconflict_messages_total", "15m", VENDOR)
 _ENDED = "deconflict_conflicts_ended_total"
 _OFFSET = "deconflict_clock_offset_seconds"
@@ -274,6 +275,17 @@ ALERTING_RULES = (
         "Robots block each other now or soon",
         "{{ $value }} deadlock advisories are open. GET /advisories?kind=deadlock names the robots and "
         "who waits for whom.",
+    ),
+    AlertingRule(
+        "DeconflictPlaceCostsMore",
+        f"{increase(_LOST, '1h', ['zone'])} > 2 * {increase_before(_LOST, '5d', '1h', ['zone'])} / 120"
+        f" and on (zone) {increase(_LOST, '1h', ['zone'])} > 300"
+        f" and on (zone) {increase_before(_LOST, '1d', '4d', ['zone'])} > 0",
+        "0s",
+        "ticket",
+        "A place costs twice its usual",
+        "Robots lost {{ $value | humanizeDuration }} to each other at {{ $labels.zone }} in an hour, more than twice "
+        "what is usual there. GET /losses?group=vendor,by,kind names whose robots were in whose way.",
     ),
     AlertingRule(
         "DeconflictForeignClaim",

@@ -28,6 +28,11 @@ def increase(name: str, window: str, by: Iterable[str] = (), *, where: Where | N
     return f"sum{_by(by)} (increase({_series(name, 'counter', by, where)}[{window}]))"
 
 
+def increase_before(name: str, window: str, offset: str, by: Iterable[str] = ()) -> str:
+    """The increase of a counter within the window that ended `offset` ago."""
+    return f"sum{_by(by)} (increase({_series(name, 'counter', by, None)}[{window}] offset {offset}))"
+
+
 def quantile(share: float, name: str, window: str, by: Iterable[str] = ()) -> str:
     """The `share` quantile of a histogram."""
     buckets = _series(name, "histogram", by, None, "_bucket")

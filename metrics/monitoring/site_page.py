@@ -5,6 +5,7 @@ from metrics.monitoring.panels import Dashboard, Query, panel, row
 from metrics.monitoring.promql import level, or_zero, share_within
 from metrics.monitoring.queries import STATUS_WAIT, VENDOR, WINDOW, each, measured, number, rated, zero_if_absent
 
+_LOST = "deconflict_lost_seconds_total"
 _OPEN, _SITUATIONS = "deconflict_advisories_open", "deconflict_situations_open"
 _DOWN = f"count ({level('deconflict_role_up', ['role'], over='min')} == 0)"
 
@@ -70,6 +71,12 @@ SITE = Dashboard(
             panel("Robots by state", "short", measured("deconflict_robots", ["state"])),
             panel("Robots by vendor", "short", measured("deconflict_robots", VENDOR)),
             panel("Pairs in predicted conflict", "short", measured("deconflict_conflicts", legend="pairs")),
+        ),
+        row(
+            "Lost time",
+            panel("Lost by whose robots", "percentunit", rated(_LOST, VENDOR)),
+            panel("Lost to whose robots", "percentunit", rated(_LOST, ["by"])),
+            panel("Lost by place", "percentunit", rated(_LOST, ["zone"])),
         ),
         row(
             "Shared places",

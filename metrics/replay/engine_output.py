@@ -6,6 +6,7 @@ from typing import Any
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from ingest.batch import Floats, Pair
 from metrics.scoring.place_scores import PlaceForecast
 
@@ -33,6 +34,9 @@ class EngineOutput:
     """The forecast for shared places. None except once every `EVERY_S`."""
     situations: Sequence[Situation] = ()
     """Revisions of situations."""
+
+    losses: Sequence[LedgerEntry] = ()
+    """Losses that ended."""
 
     def conflicts(self) -> list[ConflictAdvisory]:
         return [revision for revision in self.advisories if isinstance(revision, ConflictAdvisory)]

@@ -7,6 +7,7 @@ from deconflict.advisories.situations.situation_lifecycle import SituationLifecy
 from deconflict.engine.engine import Engine
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
+from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.settings.site import Site
 from ingest.batch import Batch, Floats
 from metrics.replay.engine_output import EngineOutput, PairProbabilities
@@ -53,6 +54,7 @@ class EngineRun:
             measures,
             self._place_forecast(now_s),
             situations_of(published),
+            ledger_entries(self.engine.losses),
         )
 
     def measures(self) -> dict[str, object]:

@@ -1,9 +1,12 @@
 """The scores of a replay: what happened on the floor, compared with the output of every engine."""
 
 from collections.abc import Sequence
+from contextlib import closing
 from math import floor, inf
 from typing import Any
 
+from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
+from deconflict.operator.ledger.loss_questions import LossKey, LossQuestion
 from deconflict.settings.site import Site
 from ingest.batch import Pair
 from ingest.languages import timestamps
@@ -23,6 +26,7 @@ from metrics.truth.interactions import Interactions
 from metrics.truth.nearest_scenes import NearestScene
 from metrics.truth.resource_use import TimeSpan
 
+LOSS_KEYS: tuple[tuple[LossKey, ...], ...] = (("vendor", "by"), ("floor", "place"))
 WARNED_BEFORE_S = 10.0
 """An advisory that was cleared longer than this before a near moment does not count as a warning of it."""
 
@@ -41,6 +45,8 @@ class LogScores:
         self.situations = SituationScores()
         self.names = LogNames(floor_names={datum.id: datum.name for datum in site.datums})
         self._vendors = VendorRecords()
+        self._losses: list[LedgerEntry] = []
+        self._loss_settings = site.losses
         self._second: int | None = None
 
     def add(self, engine_pass: EnginePass, outputs: Sequence[EngineOutput]) -> None:
@@ -56,6 +62,7 @@ class LogScores:
         self.contention.add_batch(batch)
         self.contention.add_output(now_s, outputs[0].advisories, outputs[0].place_forecast)
         self.situations.add(now_s, outputs[0].situations)
+        self._losses += outputs[0].losses
         for scores, output in zip(self.by_clearance, outputs, strict=True):
             scores.add(now_s, batch, output)
         self._advance_believers(now_s)
@@ -94,9 +101,19 @@ class LogScores:
             "situations": self.situations.figures(self._situation_truth(passes.span_s)),
             "places": self.contention.place_figures(),
             "advisories_raised": dict(sorted(self.by_clearance[0].raised.items())),
+            "losses": self._loss_figures(),
             "nearest": nearest,
             "conformance": conformance_counts.findings(passes.fleet.measures),
         }
+
+    def _loss_figures(self) -> dict[str, Any]:
+        """Lost time as the live ledger has it."""
+        with closing(LossLedger(None, self._loss_settings)) as ledger:
+            ledger.add("replay", 1, self._losses)
+            by_vendors, by_place = (ledger.ask(LossQuestion(0.0, inf, keys)) for keys in LOSS_KEYS)
+        rows = {"by_vendors": by_vendors.rows, "by_place": by_place.rows}
+        lists = {name: [row.model_dump() for row in found] for name, found in rows.items()}
+        return {"currency": by_vendors.currency, "total": by_vendors.total.model_dump(), **lists}
 
     def _situation_truth(self, span_s: float) -> SituationTruth:
         """What happened, by the outcomes at the first clearance. Call it after the figures of contention."""

@@ -52,6 +52,8 @@ BROKER = 'deconflict_broker_connected{source="hall"}'
 ASIDE = 'deconflict_advisories_set_aside_total{reason="invalid"}'
 PRUNED = 'deconflict_advisories_pruned_total{{reason="{}"}}'
 CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
+LOST = 'deconflict_lost_seconds_total{vendor="Acme",by="Acme",kind="queue",zone="Dock"}'
+DAY_MIN = 1440
 
 CASES = [
     Case("DeconflictAbsent", 10, {}, {BUSY_S: "0+1x10"}),
@@ -113,6 +115,9 @@ CASES = [
     ),
     Case("DeconflictDeadlockAhead", 5, {}, {DEADLOCK: "0x3 1x7"}),
     Case("DeconflictDeadlockAhead", 5, None, {CONFLICT: "4x10"}),
+    Case("DeconflictPlaceCostsMore", 6 * DAY_MIN, {"zone": "Dock"}, {LOST: f"0+0.5x{6 * DAY_MIN - 60} 4290+10x60"}),
+    Case("DeconflictPlaceCostsMore", 6 * DAY_MIN, None, {LOST: f"0+10x{6 * DAY_MIN}"}),
+    Case("DeconflictPlaceCostsMore", DAY_MIN, None, {LOST: f"0+0.5x{DAY_MIN - 60} 690+10x60"}),
     Case("DeconflictForeignClaim", 5, {}, {FOREIGN: "0x3 1x7"}),
     Case("DeconflictForeignClaim", 5, None, {FOREIGN: "0x3 1 0x6", TWO_PLACES: "1x10"}),
     Case("DeconflictTwoPlaces", 5, {}, {TWO_PLACES: "0x3 1x7"}),
