@@ -3,21 +3,27 @@
 The load of `benchmarks.offer` without its sockets passes through a fleet and an engine in this process, with ten passes
 per second. Results are microseconds of one core per message, in the second half of the run. Here advice is computed
 within the pass; in the service a thread of the engine computes it.
+
+With `--silent 2000` it compares two such floors, on one of which so many robots have stopped reporting. Their passes
+alternate. Results are the time of a pass with them and without, and their memory.
 """
 
 import argparse
 import gc
+import json
 import math
+import tracemalloc
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import pairwise
 from time import process_time
 from typing import Any
+from uuid import uuid5
 
 import numpy as np
 
 from benchmarks.endtoend import benchmark_site
-from benchmarks.offer import ROBOTS_A_CONNECTION, Circling, vendor_of
+from benchmarks.offer import DATUM, MARGIN_M, ROBOTS, ROBOTS_A_CONNECTION, SPACING_M, VENDORS, Circling, vendor_of
 from benchmarks.replay import timed
 from deconflict.__main__ import GC_THRESHOLDS
 from deconflict.advice.requests.hold_requests import HoldRequests
@@ -29,11 +35,14 @@ from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Floats
 from ingest.fleet.fleet import Fleet
+from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 
 START_S = 1_790_000_000.0
 TICK_S = 0.1
+ARRIVING_S, SILENT_FOR_S, SETTLING_S = 4, 300.0, 40.0
+"""Robots that fall silent report for so long, so long before the others are measured, which then report for so long."""
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
     "batches": ((Fleet, "next_batch"), (Batch, "to_bytes")),
@@ -67,11 +76,25 @@ class Floor:
                 self.world.identity(robot).encode(), START_S, self.connections[robot // ROBOTS_A_CONNECTION]
             )
 
-    def run(self, ticks: Floats) -> None:
+    def fall_silent(self, robots: int) -> None:
+        """Let so many robots arrive beside the circles, where they stop reporting; some arrive where others stand."""
+        rng = np.random.default_rng(2)
+        x_m = MARGIN_M + rng.uniform(0, robots / 10, robots)
+        y_m = SPACING_M * np.sqrt(self.robots) + 3 * MARGIN_M + rng.uniform(0, 40, robots)
+        for second in range(ARRIVING_S):
+            t_s, left_m = second - SILENT_FOR_S, float(ARRIVING_S - 1 - second)
+            for robot, (x, y) in enumerate(zip(x_m.tolist(), y_m.tolist(), strict=True)):
+                connection = Connection(-1 - robot, "10.1.0.1", "/", VENDORS[robot % len(VENDORS)])
+                status = _arriving(f"silent {robot}", x - left_m, y, left_m, t_s)
+                self.fleet.receive(status, START_S + t_s, connection)
+            self.run(np.array([t_s - 1.0, t_s]), with_circles=False)
+        self.run(np.arange(ARRIVING_S - 1 - SILENT_FOR_S, 1 - SETTLING_S, 10.0), with_circles=False)
+
+    def run(self, ticks: Floats, *, with_circles: bool = True) -> None:
         """Feed every message that is due between ticks, and make a pass at each tick."""
         for before_s, now_s in pairwise(ticks.tolist()):
             due_s = self.world.due_s
-            due = np.flatnonzero(np.floor(now_s - due_s) > np.floor(before_s - due_s))
+            due = np.flatnonzero(np.floor(now_s - due_s) > np.floor(before_s - due_s))[: None if with_circles else 0]
             statuses = self.world.statuses(due, START_S, START_S + now_s)
             for robot, status in zip(due.tolist(), statuses, strict=True):
                 self.fleet.receive(status, START_S + now_s, self.connections[robot // ROBOTS_A_CONNECTION])
@@ -99,13 +122,59 @@ def measured(robots: int, seconds: float) -> tuple[dict[str, float], list[float]
     return {stage: stage_s / floor.messages * 1e6 for stage, stage_s in spent.items()}, floor.passes_s
 
 
+def _arriving(name: str, x_m: float, y_m: float, left_m: float, t_s: float) -> bytes:
+    """A status at `t_s` of a robot that has `left_m` to go along x, at 1 m/s."""
+    angle = {"x": 0, "y": 0, "z": 0, "w": 1}
+    path = [
+        {"timestamp": timestamps.write(START_S + t_s + metre), "x": x_m + metre, "y": y_m, "angle": angle}
+        for metre in range(1, round(left_m) + 1)
+    ]
+    return json.dumps(
+        {
+            "uuid": str(uuid5(ROBOTS, name)),
+            "timestamp": timestamps.write(START_S + t_s),
+            "operationalState": "navigating",
+            "location": {"x": x_m, "y": y_m, "angle": angle, "planarDatum": DATUM},
+            "velocity": {"linear": 1.0 if path else 0.0},
+            "path": path,
+        }
+    ).encode()
+
+
+def compare_silent(robots: int, silent: int, seconds: float) -> tuple[float, float]:
+    """The processor time of a pass beside silent robots, as a ratio to one without; and bytes for each of them."""
+    without, beside = Floor(robots), Floor(robots)
+    tracemalloc.start()
+    beside.fall_silent(silent)
+    gc.collect()
+    used_bytes, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    for floor in (without, beside):
+        floor.run(np.arange(-SETTLING_S, 0.1, 1.0))
+        floor.passes_s = []
+    for span in pairwise(np.arange(0.0, seconds, TICK_S)):
+        for floor in (without, beside):
+            floor.run(np.array(span))
+    return sum(beside.passes_s) / sum(without.passes_s), used_bytes / silent
+
+
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--robots", type=int, nargs="+", default=[100, 1000, 3000, 10000])
     arguments.add_argument("--seconds", type=float, default=10.0)
+    arguments.add_argument("--silent", type=int, default=0, help="compare with a floor on which so many are silent")
     args = arguments.parse_args()
     gc.set_threshold(*GC_THRESHOLDS)
     measured(20, 2.0)
+    if args.silent:
+        for robots in args.robots:
+            ratio, each_bytes = compare_silent(robots, args.silent, args.seconds)
+            print(
+                f"{robots:6} robots: a pass takes {ratio:.2f} times as long beside {args.silent} silent robots, "
+                f"of {each_bytes:.0f} bytes each",
+                flush=True,
+            )
+        return
     sums = []
     for robots in args.robots:
         spent, passes_s = measured(robots, args.seconds)

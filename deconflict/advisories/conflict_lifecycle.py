@@ -48,6 +48,7 @@ PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", 
 GAVE_WAY = "one gave way to the other"
 """Why an advisory is cleared while both robots are on the floor."""
 CROWDED = "both report from a place with many others of their vendors"
+DORMANT = "both are silent, and nothing says that they move"
 LEFT = "left the floor"
 
 
@@ -134,20 +135,18 @@ class ConflictLifecycle:
                 revisions.append(revision)
         return revisions
 
-    def leave_to_crowds(self, changed: Iterable[str], crowds: Container[str], now_s: float) -> list[ConflictAdvisory]:
-        """The revisions that clear the advisories on two robots in `crowds`; `changed` are robots that have come to a
-        crowd or left one."""
-        robots = set(changed)
-        concerned = [(pair, advisory) for pair, advisory in self.advisories.items() if not robots.isdisjoint(pair)]
+    def dismiss(
+        self, changed: Iterable[str], robots: Container[str], reason: str, now_s: float
+    ) -> list[ConflictAdvisory]:
+        """Watch no pairs of two of `robots` any more, of which at least one is in `changed`: no conflicts are looked
+        for among them. The revisions that clear their advisories."""
         revisions = []
-        for pair, advisory in sorted(concerned):
-            watched = self.pairs.get(pair)
-            if watched and pair[0] in crowds and pair[1] in crowds:
-                self.pairs.mark_apart(watched)
-                self.pairs.forget_looks(watched)
-                revisions.append(advisory.cleared_revision(now_s, CROWDED))
-                self._set_newest(watched, revisions[-1])
-        return revisions
+        for watched in self.pairs.among(robots, set(changed)):
+            self.pairs.mark_apart(watched)
+            self.pairs.forget_looks(watched)
+            revision = watched.advisory.cleared_revision(now_s, reason) if watched.advisory else None
+            revisions.append(self._settled(watched, revision))
+        return sorted(filter(None, revisions), key=attrgetter("robots"))
 
     def add_advice(self, pair: Pair, advice: Recommendation, now_s: float) -> ConflictAdvisory | None:
         """The revision that gives a pair new advice; None if it has no advisory, or one with the same advice.

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 
 from deconflict.advice.deferred_answers import Submit, answer_at_once
-from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.conflict_lifecycle import CROWDED, DORMANT, ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.revision_rules import held_probability
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
@@ -164,11 +164,15 @@ class Engine:
         self._sweep.sweeper.touch(crowded)
         updated, self._updated = self._updated, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
-        conflicts = self._sweep.step(now_s, reach_s, COARSE_M if effort >= Effort.COARSE else ACCURACY_M)
+        dormant = self._sweep.grow_quiet(now_s)
+        self.foresight.let_sleep(dormant)
+        accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
+        conflicts = self._sweep.sweeper.find_conflicts(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._moves(pair)]
         predictions = self._predictions(now_s, conflicts).until(now_s + reach_s)
         revisions: list[AnyAdvisory] = []
-        revisions += self._conflicts.leave_to_crowds(crowded, self._crowds.numbers, now_s)
+        revisions += self._conflicts.dismiss(crowded, self._crowds.numbers, CROWDED, now_s)
+        revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, DORMANT, now_s)
         revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s)
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
         revisions += self._advice.add_holds(now_s, self._conflicts)

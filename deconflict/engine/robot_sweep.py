@@ -1,15 +1,18 @@
-"""The sweep of the live robots, each as wide as its position is uncertain: a robot that stops reporting grows."""
+"""The sweep of the live robots, each as wide as its position is uncertain: a robot that stops reporting grows.
+
+A robot that has grown to the limit, and whose forecast has ended, is dormant: until it reports, nothing of it changes.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
-from math import floor
+from math import floor, inf
 
 import numpy as np
 
 from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict.settings.site import Site
-from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Floats, Forecasts
 from ingest.measures.measures import Measures
 
@@ -25,24 +28,32 @@ class RobotSweep:
         self._live, self._measures = live, measures
         self.sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s, crowds=crowds)
         self._quiet: list[tuple[float, str]] = []
-        """A heap with one entry for each robot: when to look at its silence next, and its UUID."""
+        """A heap with one entry for each robot that is not dormant: when to look at its silence next, and its UUID."""
+        self.dormant: set[str] = set()
 
     def add(self, batch: Batch, new_robots: Iterable[str]) -> None:
         """Add the forecasts of a batch; `new_robots` are those that were not live before it."""
-        for uuid in new_robots:
+        woken = self.dormant.intersection(batch.robots)
+        self.dormant -= woken
+        for uuid in woken.union(new_robots):
             heappush(self._quiet, (self._quiet_s(self._live.robots[uuid]), uuid))
         self._update(batch.robots, batch.forecasts, 2 * batch.doubt_m)
 
     def discard(self, robots: Iterable[str]) -> None:
+        self.dormant.difference_update(robots)
         self.sweeper.discard(robots)
 
-    def step(self, now_s: float, reach_s: float, accuracy_m: float) -> PairConflicts:
-        """The pairs in conflict within `reach_s`, their separations to `accuracy_m`; quiet robots grow first."""
-        if grown := self._grow_quiet(now_s):
+    def grow_quiet(self, now_s: float) -> set[str]:
+        """Grow the robots whose next step of growth is due. Returns those that are dormant from now on."""
+        grown, dormant = self._look_at_quiet(now_s)
+        if grown:
             robots, forecasts = self._live.forecasts(sorted(grown))
             widened_m = np.array([self._live.robots[uuid].widened_m for uuid in robots])
             self._update(robots, forecasts, widened_m)
-        return self.sweeper.find_conflicts(now_s, reach_s, accuracy_m)
+        if dormant:
+            self.sweeper.let_sleep(dormant)
+            self.dormant |= dormant
+        return dormant
 
     def _update(self, robots: Sequence[str], forecasts: Forecasts, widened_m: Floats) -> None:
         for _, reason in self.sweeper.update(robots, _widened(forecasts, widened_m), widened_m):
@@ -52,9 +63,9 @@ class RobotSweep:
         """From when on a robot is quiet, if it is not heard before."""
         return robot.event_s + max(self._reading.quiet_after_s, robot.reports_within_s)
 
-    def _grow_quiet(self, now_s: float) -> set[str]:
-        """Grow the robots whose next step of growth is due; return them."""
-        grown = set()
+    def _look_at_quiet(self, now_s: float) -> tuple[set[str], set[str]]:
+        """Look at the robots that are due. Returns those that have grown, and those that are dormant from now on."""
+        grown, dormant = set(), set()
         while self._quiet and self._quiet[0][0] <= now_s:
             _, uuid = heappop(self._quiet)
             robot = self._live.robots.get(uuid)
@@ -62,18 +73,25 @@ class RobotSweep:
                 continue
             next_s = self._quiet_s(robot)
             if next_s <= now_s:
-                next_s = self._grow(robot, now_s - next_s, next_s)
-                grown.add(uuid)
+                before_m, next_s = robot.growth_m, self._grow(robot, now_s - next_s, next_s)
+                if robot.growth_m > before_m:
+                    grown.add(uuid)
+                if next_s == inf:
+                    next_s = float(robot.forecast.t_s[-1])
+                    if next_s <= now_s:
+                        dormant.add(uuid)
+                        continue
             heappush(self._quiet, (next_s, uuid))
-        return grown
+        return grown, dormant
 
     def _grow(self, robot: LiveRobot, quiet_for_s: float, since_s: float) -> float:
-        """Grow the uncertainty of a robot that is quiet since `since_s`; return when to look at it next."""
+        """Grow the uncertainty of a robot that is quiet since `since_s`. Returns when it grows further; inf if it has
+        grown to the limit."""
         rate_mps, limit_m = self._conflict.silent_growth_mps, self._conflict.silent_growth_limit_m
         steps = floor(quiet_for_s * rate_mps / GROWTH_STEP_M) + 1
         robot.growth_m = min(steps * GROWTH_STEP_M, limit_m)
         if rate_mps == 0 or robot.growth_m >= limit_m:
-            return since_s + quiet_for_s + self._reading.forget_after_s
+            return inf
         return since_s + steps * GROWTH_STEP_M / rate_mps
 
 

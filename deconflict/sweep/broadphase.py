@@ -259,16 +259,17 @@ def _at_one_height(robot: Any, other: Any) -> bool:
     return bool(_heights_overlap(robot.bottom, robot.top, other.bottom, other.top))
 
 
-@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], numba.int64[::1]))
-def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, crowds: Ints) -> Pairs:
+@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], numba.int64[::1], numba.boolean[::1]))
+def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, crowds: Ints, is_dormant: Bools) -> Pairs:
     """The pairs of which no robot passes above the other, the one of lower rank first, ascending by both ranks
-    (stable). Pairs of two bodies of one train are left out, and of two robots in `crowds` (slots,), which is 0 for a
-    robot in none."""
+    (stable). Pairs of two bodies of one train are left out, of two robots in `crowds` (slots,), which is 0 for a robot
+    in none, and of two that are both dormant."""
     level, n = np.empty_like(pairs), 0
     for pair in pairs:
         a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
         is_train = robots[a].train != 0 and robots[a].train == robots[b].train
-        if _at_one_height(robots[a], robots[b]) and (crowds[a] == 0 or crowds[b] == 0) and not is_train:
+        is_idle = (crowds[a] != 0 and crowds[b] != 0) or (is_dormant[a] and is_dormant[b])
+        if _at_one_height(robots[a], robots[b]) and not is_idle and not is_train:
             level[n].ring, level[n].a, level[n].b = pair.ring, a, b
             n += 1
     level = level[:n]

@@ -1,6 +1,6 @@
 """The sweep of a floor, pass after pass: only robots that changed are swept, against all others."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, repeat
 from math import ceil, floor, inf
 from typing import NamedTuple
@@ -78,7 +78,7 @@ class Sweeper:
 
     Each pass sweeps the robots that changed, and computes anew only the intervals that an edge of the horizon cuts. The
     result depends on what is on the floor, not on the order or the batches in which it came; but for pairs with one
-    robot in a crowd, see `CrowdedPairs`.
+    robot in a crowd, see `CrowdedPairs`. Dormant robots cost nothing but a box a second each.
     """
 
     def __init__(self, *, clearance_m: float, horizon_s: float = 10.0, crowds: Mapping[str, int] = NO_CROWDS) -> None:
@@ -95,6 +95,8 @@ class Sweeper:
         """(slots,) whether the robot changed or left since the last pass."""
         self._is_new: Bools = np.zeros(0, bool)
         """(slots,) whether the forecast is new since the last pass."""
+        self._is_dormant: Bools = np.zeros(0, bool)
+        """(slots,) see `let_sleep`."""
         self._since: Ints = np.zeros(0, np.int64)
         """(slots,) the slab from which on a robot has boxes without a gap."""
         self._covered: Ints = np.zeros(0, np.int64)
@@ -142,10 +144,10 @@ class Sweeper:
         """Replace the forecasts of `keys`, which are all different. Returns False, and changes nothing, if any forecast
         is invalid."""
         slots = self._slot_table.replace_forecasts(keys, forecasts, 0.0 if widened_m is None else widened_m)
-        for flags in (self._touched, self._is_new):
+        for flags, is_set in ((self._touched, True), (self._is_new, True), (self._is_dormant, False)):
             flags.resize(len(self._slot_table), refcheck=False)
             if slots is not None:
-                flags[slots] = True
+                flags[slots] = is_set
         return slots is not None
 
     def discard(self, keys: Iterable[str]) -> None:
@@ -154,12 +156,22 @@ class Sweeper:
 
     def _discard(self, keys: Iterable[str]) -> None:
         if left := self._slot_table.discard(keys):
-            self._touched[left] = True
+            self._touched[left], self._is_dormant[left] = True, False
+
+    def let_sleep(self, keys: Iterable[str]) -> None:
+        """These robots stand until their next forecast. No conflicts are looked for among such robots, which are called
+        dormant."""
+        slots = self._bodies(keys)
+        self._touched[slots] = self._is_dormant[slots] = True
 
     def touch(self, keys: Iterable[str]) -> None:
         """Look at all pairs of robots again in the next pass."""
-        bodies = self._trains.all_bodies(keys)
-        self._touched[[self._slot_table.slots[key] for key in bodies if key in self._slot_table.slots]] = True
+        self._touched[self._bodies(keys)] = True
+
+    def _bodies(self, keys: Iterable[str]) -> list[int]:
+        """The slots of robots and of their trailers."""
+        slots = self._slot_table.slots
+        return [slots[key] for key in self._trains.all_bodies(keys) if key in slots]
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
         """(n,) of `ENCOUNTER`: how the robots of n pairs meet at these times, with their sizes as reported."""
@@ -189,6 +201,7 @@ class Sweeper:
         is_changed, is_new = self._begin_pass(first_slab)
         self._intervals, changed = still_valid(self._intervals, is_changed, first_slab), np.flatnonzero(is_changed)
         slabs = ceil(reach_s) + 1 + AHEAD
+        self._cover_dormant(first_slab, slabs)
         new_pairs = [self._cover_changed(changed, first_slab, slabs)]
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
         for pairs in new_pairs:
@@ -216,18 +229,28 @@ class Sweeper:
 
     def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
         """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at."""
-        behind, found = np.flatnonzero(self._covered < last_slab), []
-        if not len(behind):
-            return []
-        behind = self._slot_table.present(behind)
+        behind = np.flatnonzero((self._covered < last_slab) & ~self._is_dormant)
+        return [
+            self._boxes.overlapping_pairs(slots, self._rings_of(begin, new_slabs))
+            for slots, begin, new_slabs in self._extend(behind, first_slab, slabs)
+        ]
+
+    def _cover_dormant(self, first_slab: int, slabs: int) -> None:
+        """Cover dormant robots in all slabs before others are: these find them, so that they need not look."""
+        behind = np.flatnonzero((self._covered < first_slab + slabs - 1) & self._is_dormant)
+        for _ in self._extend(behind, first_slab, slabs):
+            pass
+
+    def _extend(self, behind: Ints, first_slab: int, slabs: int) -> Iterator[tuple[Ints, int, int]]:
+        """Cover robots in the slabs that they lack. Gives slots, and the first and the number of their new slabs."""
+        behind = self._slot_table.present(behind) if len(behind) else behind
         for covered in sorted(set(self._covered[behind].tolist())):
             slots = behind[self._covered[behind] == covered]
             begin, end = max(covered + 1, first_slab), first_slab + slabs
             if begin > covered + 1:
                 self._since[slots] = begin
             self._cover(slots, begin, end - begin)
-            found.append(self._boxes.overlapping_pairs(slots, self._rings_of(begin, end - begin)))
-        return found
+            yield slots, begin, end - begin
 
     def _rings_of(self, first_slab: int, slabs: int) -> Ints:
         """The ring rows of `slabs` slabs."""
@@ -244,7 +267,7 @@ class Sweeper:
         crowds = self._slot_table.column(self._crowds)
         if self._trains.trailers and crowds.any():
             crowds = crowds[pulled_by(self._slot_table.robots[: len(crowds)])]
-        pairs = sorted_pairs(pairs, self._slot_table.ranks(), self._slot_table.robots, crowds)
+        pairs = sorted_pairs(pairs, self._slot_table.ranks(), self._slot_table.robots, crowds, self._is_dormant)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 
     def _contacts(self, pairs: Pairs, span: Span, fcl_check: FclCheck) -> Contacts:

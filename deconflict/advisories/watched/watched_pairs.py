@@ -4,7 +4,7 @@ A pair is watched while it has an open advisory, is within the clearance, or had
 columns are named in `watched_pair_rows`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence, Set
 from dataclasses import dataclass
 from itertools import compress, repeat
 from math import inf
@@ -86,6 +86,16 @@ class WatchedPairs:
     def get(self, pair: Pair) -> WatchedPair | None:
         row = self._row_of.get(pair)
         return None if row is None else self._by_row[row]
+
+    def among(self, robots: Container[str], changed: Set[str]) -> list[WatchedPair]:
+        """The watched pairs of two of `robots`, of which at least one is in `changed`."""
+        if not changed:
+            return []
+        return [
+            self._by_row[row]
+            for (a, b), row in self._row_of.items()
+            if (a in changed or b in changed) and a in robots and b in robots
+        ]
 
     def add(self, pair: Pair) -> WatchedPair:
         """Watch a pair that is not watched yet."""

@@ -75,6 +75,8 @@ class BelievedPlaces:
         self._names: list[str] = []
         self._columns: Floats = np.empty((9, 0))
         """(9, n) fields of the places, in the order of `_names`."""
+        self._radius_m = 0.0
+        """Of the longest place."""
         self._tree: cKDTree | None = None
 
     def __len__(self) -> int:
@@ -95,8 +97,8 @@ class BelievedPlaces:
         """The robots through whose places others of the batch have driven, and the row of the first robot that did
         so."""
         found: dict[str, int] = {}
-        if self._places:
-            near = self._near(batch, legs, 0.0)
+        near = self._near(batch, legs, 0.0) if self._places else (NONE, NONE)
+        if len(near[0]):
             for leg, place in zip(*(rows[self._is_through(batch, legs, near)].tolist() for rows in near), strict=True):
                 found.setdefault(self._names[place], int(legs.rows[leg]))
         return found
@@ -119,11 +121,10 @@ class BelievedPlaces:
     def _near(self, batch: Batch, legs: Legs, beyond_m: float) -> tuple[Ints, Ints]:
         """(n,) legs and (n,) places on one floor that may come within a distance of each other."""
         tree = self._indexed()
-        radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
         long_m = np.hypot(*(np.diff(column)[:, 0] for column in (legs.x_m, legs.y_m)))
         is_joined = _is_joined(legs)
         own_m = np.hypot(batch.forecasts.length_m[legs.rows], batch.forecasts.width_m[legs.rows]) / 2
-        reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + radius_m + beyond_m
+        reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + self._radius_m + beyond_m
         columns = [np.where(is_joined, at[:, 0] + at[:, 1], 2 * at[:, 1]) / 2 for at in (legs.x_m, legs.y_m)]
         some = np.flatnonzero((long_m > MOVED_M) & np.isfinite(legs.took_s))
         if not len(some):
@@ -170,6 +171,7 @@ class BelievedPlaces:
         if self._tree is None:
             self._names = list(self._places)
             self._columns = np.array(list(self._places.values()), np.float64).T
+            self._radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
             self._tree = cKDTree(self._columns[:2].T)
         return self._tree
 

@@ -134,8 +134,7 @@ class ProbabilityEstimator:
 
     def _has_same_bounds(self, part: Part) -> bool:
         """Whether a part was learned with this clearance and horizon."""
-        bounds = self._bounds
-        return bool((part.get("clearance_m"), part.get("horizon_s")) == (bounds.clearance_m, bounds.horizon_s))
+        return (part.get("clearance_m"), part.get("horizon_s")) == (self._bounds.clearance_m, self._bounds.horizon_s)
 
     def receive(self, batch: Batch) -> Batch:
         """Compare earlier forecasts with the new reports, and keep the new forecasts.
@@ -218,7 +217,7 @@ class ProbabilityEstimator:
         swept_codes, has_news = self._candidates.swept_codes(swept), self._robots.take_news()
         nearby_codes = self._candidates.nearby_codes(has_news, self._pending, self.ledger.bands_m, now_s)
         candidates = np.concatenate([swept_codes, nearby_codes])
-        pairs, fresh, rows, due = select_pairs(self._pairs, candidates, has_news, now_s)
+        pairs, fresh, rows, due = select_pairs(self._pairs, candidates, has_news, self._robots.is_dormant, now_s)
         self._pairs, swept_rows, self._looked_s = pairs, rows[: len(swept_codes)], now_s
         self._measuring.measure(
             pairs, due, swept, swept_rows, bands_m=self.following.bands_m, start_times=self.start_times,
@@ -282,13 +281,11 @@ class ProbabilityEstimator:
 
     def is_standing(self, uuid: str) -> bool:
         """Whether a robot stands, by its forecast or by its reports. False for an unknown robot."""
-        slot = self._robots.slots.get(uuid)
-        return slot is not None and bool(self._robots.is_standing(slice(slot, slot + 1))[0])
+        return bool(self._robots.is_standing(self._robots.slots_of((uuid,))).any())
 
     def is_distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion. False for an unknown robot."""
-        slot = self._robots.slots.get(uuid)
-        return slot is not None and bool(self._contradicts(slice(slot, slot + 1))[0])
+        return bool(self._contradicts(self._robots.slots_of((uuid,))).any())
 
     def _contradicts(self, slots: Ints | slice) -> Bools:
         """Which robots of `slots` contradict their forecasts by their motion."""
@@ -305,8 +302,11 @@ class ProbabilityEstimator:
 
     def set_presence(self, uuid: str, probability: float) -> None:
         """Set the probability that a robot is present."""
-        if uuid in self._robots.slots:
-            self._robots.absence[self._robots.slots[uuid]] = 1.0 - probability
+        self._robots.absence[self._robots.slots_of((uuid,))] = 1.0 - probability
+
+    def let_sleep(self, uuids: Collection[str]) -> None:
+        """These robots stand until they report: no pair of two such robots is watched."""
+        self._robots.is_dormant[self._robots.slots_of(uuids)] = True
 
     def mark_silent(self, uuids: Collection[str]) -> None:
         """Robots have fallen silent. Whether one of them still gives way, or another robot to it, is not known."""

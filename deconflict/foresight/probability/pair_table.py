@@ -132,7 +132,7 @@ def has_robot_of(code: Ints, slots: Ints) -> Bools:
 
 @kernel(
     numba.types.UniTuple(numba.int64, 2)(  # type: ignore[no-untyped-call]
-        _PAIRS, *[_INTS] * 2, _BOOLS, *[numba.float64] * 2, _PAIRS, _BOOLS, *[_INTS] * 2
+        _PAIRS, *[_INTS] * 2, *[_BOOLS] * 2, *[numba.float64] * 2, _PAIRS, _BOOLS, *[_INTS] * 2
     )
 )
 def _select_pairs(
@@ -140,6 +140,7 @@ def _select_pairs(
     candidates: Ints,
     ascending: Ints,
     has_news: Bools,
+    is_dormant: Bools,
     now_s: float,
     since_s: float,
     pairs: Pairs,
@@ -168,7 +169,8 @@ def _select_pairs(
             pair.yielded_s, pair.yield_end_s, pair.uncertain_s, pair.contact_s = -np.inf, -np.inf, -np.inf, np.inf
             pair.gave_way_s = -np.inf
         fresh[n] = has_news[code >> SLOT_BITS] or has_news[code & SLOTS]
-        pair.watched = is_candidate or (pair.watched and not fresh[n])
+        is_idle = is_dormant[code >> SLOT_BITS] and is_dormant[code & SLOTS]
+        pair.watched = is_candidate or (pair.watched and not fresh[n] and not is_idle)
         if pair.watched:
             pair.candidate_s = now_s
             if fresh[n] or pair.near_s == 0.0:
@@ -190,18 +192,19 @@ class SelectedPairs(NamedTuple):
     """Rows of the pairs that must be measured again."""
 
 
-def select_pairs(before: Pairs, candidates: Ints, has_news: Bools, now_s: float) -> SelectedPairs:
+def select_pairs(before: Pairs, candidates: Ints, has_news: Bools, is_dormant: Bools, now_s: float) -> SelectedPairs:
     """The table for a new look, from that of the last look and the codes `candidates` (n,), which may repeat.
 
     `has_news` (slots,) marks the robots that have reported since the last look. All candidates are watched. Of the
-    other pairs those stay watched of which neither robot has reported. A pair is dropped if it was no candidate for
-    `REMEMBERED_S`. A watched pair is due if it is fresh or new.
+    other pairs those stay watched of which neither robot has reported, and not both are dormant. A pair is dropped if
+    it was no candidate for `REMEMBERED_S`. A watched pair is due if it is fresh or new.
     """
     most = len(before) + len(candidates)
     pairs, fresh, due = np.zeros(most, PAIR), np.empty(most, np.bool_), np.empty(most, np.int64)
     rows, since_s = np.empty(len(candidates), np.int64), now_s - REMEMBERED_S
     order = np.argsort(candidates)
-    n, n_due = _select_pairs(before, candidates, order, has_news, now_s, since_s, pairs, fresh, rows, due)
+    marks = has_news, is_dormant
+    n, n_due = _select_pairs(before, candidates, order, *marks, now_s, since_s, pairs, fresh, rows, due)
     return SelectedPairs(pairs[:n], fresh[:n], rows, due[:n_due])
 
 

@@ -47,7 +47,19 @@ def separations_m(poses: RelativePoses, sizes: Sizes, a: Ints, b: Ints) -> Float
     return apart_m
 
 
-COLUMNS = "is_used", "has_news", "records", "rank", "half_m", "levels_m", "shape", "vendor", "absence", "key"
+COLUMNS = (
+    "is_used",
+    "has_news",
+    "is_dormant",
+    "records",
+    "rank",
+    "half_m",
+    "levels_m",
+    "shape",
+    "vendor",
+    "absence",
+    "key",
+)
 """Columns by slot. All grow together."""
 
 
@@ -63,6 +75,8 @@ class TrackedRobots:
         """Whether a robot has the slot."""
         self.has_news = np.zeros(0, np.bool_)
         """Whether the robot has reported since the last look."""
+        self.is_dormant = np.zeros(0, np.bool_)
+        """Whether the robot stands in silence until it reports."""
         self.records = np.zeros(0, ROBOT)
         self.rank = np.zeros(0, np.int64)
         """Place of the robot's UUID among all. The two robots of a pair are named in this order."""
@@ -106,7 +120,8 @@ class TrackedRobots:
 
     def update(self, slots: Ints, batch: Batch) -> None:
         """Store shapes, trailers, heights and vendors of the robots of a batch, which have these slots."""
-        self.has_news[slots], self.shape[slots] = True, SHAPES.numbers(batch.forecasts)
+        self.has_news[slots], self.is_dormant[slots] = True, False
+        self.shape[slots] = SHAPES.numbers(batch.forecasts)
         self.trailers.add(batch, slots)
         self.levels_m[:, slots] = batch.forecasts.bottom_m, batch.forecasts.top_m
         numbers = self.vendor_numbers
@@ -116,7 +131,7 @@ class TrackedRobots:
         """Free the slots of robots that have left; (n,) the slots."""
         slots = self._slots.release(uuids)
         self.trailers.forget(slots.tolist())
-        self.is_used[slots] = self.has_news[slots] = False
+        self.is_used[slots] = self.has_news[slots] = self.is_dormant[slots] = False
         self.records["surprise"][slots] = self.absence[slots] = 0.0
         self.records["stood_since_s"][slots] = np.inf
         return slots

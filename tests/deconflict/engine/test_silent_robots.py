@@ -178,6 +178,55 @@ def test_a_silent_robot_that_stood_with_a_path_is_taken_to_stand_there() -> None
     assert floor.engine.live.robots[robot("waits")].forecast.x_m.tolist() == [20.0]
 
 
+def two_at_the_door() -> Judged:
+    """Two robots drive to the door from both sides, and are not heard again."""
+    floor = Judged()
+    for name in ("first", "second", "other"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    for second in range(6):
+        floor.say("first", DOOR_M - 8.0 + second, 0.2, 1.0, path_s=8 - second)
+        floor.say("second", DOOR_M - 8.0 + second, 6.2 - second, 1.0, path_s=8 - second)
+        floor.tick()
+        floor.wait(1.0)
+    return floor
+
+
+def watched_pairs(floor: Judged) -> list[tuple[str, str]]:
+    pairs, robots = floor.engine.foresight._pairs, floor.engine.foresight._robots
+    return robots.pair_names(pairs["code"][pairs["watched"]])
+
+
+def test_two_silent_robots_whose_forecasts_have_ended_are_no_pair_any_more() -> None:
+    floor = two_at_the_door()
+    assert watched_pairs(floor) != []
+    floor.wait(60.0)
+    assert watched_pairs(floor) == []
+    assert len(floor.engine._conflicts.pairs) == 0
+    assert floor.engine.open() == []
+
+
+def test_a_dormant_robot_that_reports_is_swept_again_and_grows_again() -> None:
+    floor = two_at_the_door()
+    for _ in range(2):
+        floor.wait(70.0)
+        assert floor.engine._sweep.dormant == {robot("first"), robot("second")}
+        assert floor.engine.live.robots[robot("first")].growth_m == pytest.approx(1.0)
+        floor.stand("first", DOOR_M)
+        assert floor.engine._sweep.dormant == {robot("second")}
+        assert floor.engine.live.robots[robot("first")].growth_m == 0.0
+
+
+def test_a_robot_that_drives_towards_a_dormant_one_is_warned() -> None:
+    floor = Judged()
+    for name in ("silent", "other"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    floor.stand("silent", 20.0)
+    floor.wait(100.0)
+    assert floor.engine._sweep.dormant == {robot("silent")}
+    floor.drive("other", 8.0, seconds=6)
+    assert len(floor.conflicts(AdvisoryState.RAISED)) == 1
+
+
 def blocked(floor: Watch) -> None:
     """A robot drives up to the door and is not heard again; another one waits behind, with a path through its place."""
     for name in ("first", "second"):

@@ -281,5 +281,8 @@ def test_pairs_are_put_in_order_without_those_above_one_another() -> None:
         if max(robots["bottom"][[a, b]]) <= min(robots["top"][[a, b]]):
             expected.append((ring, a, b))
     expected.sort(key=lambda pair: (rank[pair[1]], rank[pair[2]]))
-    assert sorted_pairs(pairs, ranks, robots, np.zeros(len(robots), np.int64)).tolist() == expected
+    assert (
+        sorted_pairs(pairs, ranks, robots, np.zeros(len(robots), np.int64), np.zeros(len(robots), bool)).tolist()
+        == expected
+    )
     assert 1000 < len(expected) < 2500

@@ -65,6 +65,33 @@ def test_many_passes_equal_a_fresh_sweep(robots: int, seed: int) -> None:
     assert hits > 40
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_dormant_robots_have_all_pairs_but_those_among_themselves(seed: int) -> None:
+    rng = np.random.default_rng([seed, 3])
+    sweeper, on_floor, now_s = Sweeper(clearance_m=CLEARANCE_M), dict[str, Forecasts](), NOW_S
+    dormant, left_out, kept = set[str](), 0, 0
+    for _ in range(60):
+        keys = [f"r{row}" for row in rng.choice(40, rng.choice([0, 1, 6, 25]), replace=False)]
+        new = {key: said(rng, now_s) for key in keys}
+        sweeper.update(keys, Forecasts.joined(new.values()))
+        on_floor |= new
+        asleep = {key for key in on_floor if rng.random() < 0.1}
+        sweeper.let_sleep([*asleep, "nobody"])
+        gone = [key for key in on_floor if rng.random() < 0.02]
+        sweeper.discard(gone)
+        for key in gone:
+            del on_floor[key]
+        dormant = (dormant.difference(keys) | asleep).difference(gone)
+        fresh, found = swept_afresh(on_floor, now_s), sweeper.find_conflicts(now_s)
+        rows = [row for row, pair in enumerate(fresh.pairs) if not dormant.issuperset(pair)]
+        assert found.pairs == tuple(fresh.pairs[row] for row in rows)
+        np.testing.assert_array_equal(found.contact_s, fresh.contact_s[rows])
+        left_out += len(fresh.pairs) - len(rows)
+        kept += sum(not dormant.isdisjoint(pair) for pair in found.pairs)
+        now_s += float(rng.choice([0.0, 0.1, 0.5, 1.0, 1.0, 3.7]))
+    assert left_out > 40 < kept
+
+
 def test_time_may_go_back() -> None:
     rng = np.random.default_rng(5)
     on_floor = {f"r{row}": said(rng, NOW_S) for row in range(30)}

@@ -19,7 +19,7 @@ NOW_S = 1_790_000_000.0
 
 def pairs(*slots: tuple[int, int]) -> Pairs:
     a, b = np.array(slots, np.int64).T
-    return select_pairs(np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), NOW_S).pairs
+    return select_pairs(np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), np.zeros(10, bool), NOW_S).pairs
 
 
 def slots(every: Pairs) -> list[tuple[int, int]]:
@@ -35,7 +35,9 @@ def test_new_pairs_are_inserted_and_the_others_keep_their_values() -> None:
     before = pairs((1, 2), (7, 8))
     before["probability"] = (0.3, 0.8)
     before["features"] = [[1.0], [2.0]]
-    after, _, rows, _ = select_pairs(before, codes(np.array([3, 1, 3]), np.array([4, 2, 4])), np.zeros(10, bool), NOW_S)
+    after, _, rows, _ = select_pairs(
+        before, codes(np.array([3, 1, 3]), np.array([4, 2, 4])), np.zeros(10, bool), np.zeros(10, bool), NOW_S
+    )
     assert slots(after) == [(1, 2), (3, 4), (7, 8)]
     assert after["probability"].tolist() == [0.3, 0.0, 0.8]
     assert after["features"][:, -1].tolist() == [1.0, 0.0, 2.0]
@@ -46,10 +48,18 @@ def test_pairs_of_reporting_robots_stay_watched_only_if_they_are_candidates_agai
     before = pairs((1, 2), (3, 4), (5, 6), (5, 7))
     before["near_s"] = NOW_S
     has_news = np.isin(np.arange(10), [4, 5])
-    after, fresh, _, due = select_pairs(before, codes(np.array([5]), np.array([7])), has_news, NOW_S)
+    after, fresh, _, due = select_pairs(
+        before, codes(np.array([5]), np.array([7])), has_news, np.zeros(10, bool), NOW_S
+    )
     assert fresh.tolist() == [False, True, True, True]
     assert after["watched"].tolist() == [True, False, False, True]
     assert due.tolist() == [3]
+
+
+def test_pairs_of_two_dormant_robots_are_not_watched() -> None:
+    before, is_dormant = pairs((1, 2), (2, 3), (3, 4)), np.isin(np.arange(10), [1, 2])
+    after = select_pairs(before, np.zeros(0, np.int64), np.zeros(10, bool), is_dormant, NOW_S).pairs
+    assert after["watched"].tolist() == [False, True, True]
 
 
 def some(n: int = 60) -> Pairs:
@@ -87,14 +97,16 @@ def test_new_pairs_are_due_whether_or_not_their_robots_report() -> None:
     before = pairs((1, 2))
     before["near_s"] = NOW_S
     asked = codes(np.array([1, 3]), np.array([2, 4]))
-    assert select_pairs(before, asked, np.zeros(10, bool), NOW_S).due.tolist() == [1]
+    assert select_pairs(before, asked, np.zeros(10, bool), np.zeros(10, bool), NOW_S).due.tolist() == [1]
 
 
 def test_pairs_that_were_no_candidates_for_long_are_dropped() -> None:
     before = pairs((1, 2), (3, 4), (5, 6))
     before["probability"], before["candidate_s"] = 0.5, NOW_S - REMEMBERED_S - np.array([1, 1, 0])
     before["watched"] = False
-    after = select_pairs(before, codes(np.array([3]), np.array([4])), np.zeros(10, bool), NOW_S).pairs
+    after = select_pairs(
+        before, codes(np.array([3]), np.array([4])), np.zeros(10, bool), np.zeros(10, bool), NOW_S
+    ).pairs
     assert slots(after) == [(3, 4), (5, 6)]
     assert after["probability"].tolist() == [0.0, 0.5]
     assert after["candidate_s"].tolist() == [NOW_S, NOW_S - REMEMBERED_S]
