@@ -1,0 +1,49 @@
+"""The report of lost time."""
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from deconflict.__main__ import parser
+from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.settings.site import LossSettings
+from metrics.replay_files import LogError
+from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED
+
+SPAN = ("--until", "2027-01-17T00:00:00+00:00", "--days", "7")
+
+
+def run(arguments: list[str]) -> int:
+    args = parser().parse_args(arguments)
+    return int(args.run(args))
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    with closing(LossLedger(tmp_path, LossSettings())) as ledger:
+        ledger.add("engine", 1, [QUEUED._replace(place="<b>Aisle</b>"), CROSSED, LATER])
+    return tmp_path
+
+
+def test_the_report_has_the_sums_and_no_markup_of_names(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    site = data / "site.toml"
+    site.write_text('[losses]\ncurrency = "EUR"\ncost_per_robot_hour = {Alder = 3600.0}\n')
+    assert run(["losses", "--data", str(data), "--site", str(site), "--html", str(data / "w.html"), *SPAN]) == 0
+    page = (data / "w.html").read_text()
+    assert "&lt;b&gt;Aisle&lt;/b&gt;" in page
+    assert "<td>8 s</td><td>50%</td><td>8.00 EUR</td>" in page
+    assert "robots lost 16 s to each other, which costs 11.00 EUR; of the time before nothing is known." in page
+    assert "robots lost 16 s" in capsys.readouterr().out
+
+
+def test_the_csv_has_a_row_for_each_combination(data: Path) -> None:
+    assert run(["losses", "--data", str(data), "--csv", str(data / "w.csv"), *SPAN]) == 0
+    head, *rows = (data / "w.csv").read_text().splitlines()
+    assert head.startswith("day,vendor,model,by,root,kind,floor,place,lost_s")
+    assert len(rows) == 3
+
+
+def test_a_directory_without_a_ledger_says_what_is_expected(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="data directory of a service"):
+        run(["losses", "--data", str(tmp_path)])
