@@ -3,16 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from ortools.sat.python import cp_model
 
 from deconflict.advice.holds.exhaustive_search import NO_PLAN, UNKNOWN, HoldChoice, cheapest_plan, plan_in_order
 from deconflict.advice.holds.hold_problem import HoldProblem, Plan
 from deconflict.advice.holds.hold_windows import SHORTEST_STEPS
-from deconflict.advice.solver import LeanModel, solve
+from deconflict.advice.solver import new_model, solve
 from ingest.batch import Bools, Ints
+
+if TYPE_CHECKING:
+    from ortools.sat.python import cp_model
 
 NO_BUDGET = 1 << 60
 """Above the cost of any plan."""
@@ -138,9 +140,11 @@ def hold_constraints(problem: HoldProblem, robots: Sequence[str]) -> tuple[Ints,
     return longest, np.array([(row_of[a], row_of[b]) for a, b in pairs], np.int64).reshape(-1, 2), allowed
 
 
-def hold_model(problem: HoldProblem, robots: Sequence[str]) -> tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]:
+def hold_model(problem: HoldProblem, robots: Sequence[str]) -> "tuple[cp_model.CpModel, dict[str, cp_model.IntVar]]":
     """The holds of some robots as variables, and every constraint between them."""
-    model, steps = LeanModel(), problem.window.steps
+    from ortools.sat.python import cp_model  # noqa: PLC0415 - brings pandas
+
+    model, steps = new_model(), problem.window.steps
     held, free = (cp_model.Domain.from_values(values) for values in ([0, *range(SHORTEST_STEPS, steps + 1)], [0]))
     holds = {
         robot: model.new_int_var_from_domain(held if problem.planned[robot].holdable else free, robot)

@@ -1,16 +1,19 @@
 """The choice of place and start for each job as a CP-SAT model."""
 
-from ortools.sat.python import cp_model
+from typing import TYPE_CHECKING
 
-from deconflict.advice.solver import LeanModel
+from deconflict.advice.solver import new_model
 from deconflict.contention.queues.place_group import PlaceGroup, ScheduledJob
+
+if TYPE_CHECKING:
+    from ortools.sat.python import cp_model
 
 
 class SlotModel:
     """Variables, constraints and hints for the jobs of a group."""
 
     def __init__(self, group: PlaceGroup, hint: list[ScheduledJob]) -> None:
-        self.group, self.model = group, LeanModel()
+        self.group, self.model = group, new_model()
         ends = [end for inside in group.inside for end in inside]
         last = max([0, *ends, *(job.arrival for job in group.jobs)]) + sum(job.keeps for job in group.jobs)
         self.starts = [
@@ -52,7 +55,7 @@ class SlotModel:
             for place, is_chosen in enumerate(chosen):
                 self.model.add_hint(is_chosen, place == turn.place)
 
-    def order(self, solver: cp_model.CpSolver) -> list[ScheduledJob]:
+    def order(self, solver: "cp_model.CpSolver") -> list[ScheduledJob]:
         """The solution, with each job as early as its order allows."""
         rows = sorted(
             range(len(self.starts)), key=lambda row: (solver.value(self.starts[row]), self.group.jobs[row].arrival, row)
