@@ -145,7 +145,7 @@ def _needed_s(robots: KnownRobots, state: Any, references: Floats, slot: int, la
     if needed_s == lasted_s:
         needed_s = _beside_s(robots, state, references, slot, lasted_s)
     if needed_s > 0.0:
-        needed_s = min(lasted_s, max(needed_s, went_m / max(state.usual_mps, MOVES_MPS)))
+        needed_s = min(lasted_s, max(needed_s, went_m / state.usual_mps))
     return needed_s
 
 
@@ -208,12 +208,12 @@ def _lost_s(robots: KnownRobots, state: Any, references: Floats, slot: int, goes
     speed_mps = _speeds_mps(robots, slot)[0]
     if speed_mps > MOVES_MPS:
         state.usual_mps = max(state.usual_mps * FADES, min(speed_mps, FASTEST_MPS))
-    if not _is_going(robots, state, slot, goes):
+    if state.usual_mps < MOVES_MPS or not _is_going(robots, state, slot, goes):
         return 0.0
     may_bend = plans < ORDER or (plans == ORDER and _bends(robots, slot))
     if may_bend and speed_mps > CREEPS_MPS and not (state.loses and state.blocker != NOBODY):
         return 0.0
-    if speed_mps > (1.0 - LOSES_SHARE) * max(state.usual_mps, MOVES_MPS):
+    if speed_mps > (1.0 - LOSES_SHARE) * state.usual_mps:
         return 0.0
     lost_s = lasted_s - _needed_s(robots, state, references, slot, lasted_s)
     return lost_s if lost_s >= LOSES_SHARE * lasted_s else 0.0

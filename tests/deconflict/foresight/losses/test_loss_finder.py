@@ -37,6 +37,13 @@ def test_a_robot_that_withdraws_its_path_does_not_lose_time_to_others() -> None:
     assert losses([gives_up, IN_THE_WAY], 30) == []
 
 
+def test_a_robot_that_always_creeps_is_not_judged() -> None:
+    """From second to second its errors are as large as its motion."""
+    creeps = Robot((0.0, 0.0), 0.06, stops_s=10.0, until_s=60.0)
+    near = Robot((1.9, 0.0), 0.06, stops_s=0.0, until_s=60.0, vendor="Basalt")
+    assert losses([creeps, near], 70) == []
+
+
 def test_a_robot_that_turns_in_place_loses_nothing() -> None:
     turns = Robot((0.0, 0.0), 1.0, stops_s=10.0, until_s=13.0, turn_radps=1.0)
     assert [loss for loss in losses([turns, IN_THE_WAY], 30) if loss.robot == "0"] == []
