@@ -246,6 +246,19 @@ def test_the_shift_summary_begins_when_something_is_known(browser: "Browser", fl
         )
 
 
+def test_what_it_costs_is_said_of_today(browser: "Browser", floor: Service) -> None:
+    with opened(browser, floor) as page:
+        page.wait_for_selector(WARNED)
+        page.click("#costs-open")
+        until(page, "document.getElementById('costs-body').textContent.includes('Today robots lost')")
+        assert page.locator("#costs-body h3").all_text_contents() == [
+            "The five worst places",
+            "The five worst pairs",
+            "By hour",
+        ]
+        page.click("#costs-close")
+
+
 @pytest.mark.parametrize(
     ("name", "width", "height", "scheme"),
     [

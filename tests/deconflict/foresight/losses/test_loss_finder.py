@@ -99,3 +99,9 @@ def test_the_headings_tell_the_kind_if_the_other_one_drives(turn_rad: float, kin
 
 def test_robots_that_wait_for_each_other_are_a_deadlock() -> None:
     assert kind_of(3.1, stands=True, waits=True, for_each_other=True) is LossKind.DEADLOCK
+
+
+def test_the_same_reports_give_the_same_losses() -> None:
+    behind = Robot((-1.5, 0.0), 1.0, stops_s=11.0, until_s=19.0)
+    robots = [STOPPED, IN_THE_WAY, behind]
+    assert losses(robots, 30) == losses(robots, 30) != []
