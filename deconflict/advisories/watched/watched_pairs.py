@@ -30,6 +30,8 @@ from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
 from ingest.batch import Floats, Ints, Pair
 
+MOST_SPARE = 8
+"""The table has at most so many times the rows that it needs."""
 ROUNDED = 1e-3
 """Advisories give places rounded to this, so a move is surely too small only so far below its bound."""
 
@@ -170,6 +172,7 @@ class WatchedPairs:
         """
         pairs = predictions.pairs
         self._make_room(len(pairs))
+        self._drop_free_rows(len(self._row_of) + len(pairs))
         rows = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
         chosen, codes, unpredicted, quiet_codes = examine_pairs(
             self._pairs, self._advisories, rows, _columns(predictions), now_s, self._thresholds
@@ -217,6 +220,17 @@ class WatchedPairs:
             self._pairs = np.concatenate([self._pairs, np.zeros(more, WATCHED_PAIR)])
             self._advisories = np.concatenate([self._advisories, np.zeros(more, OPEN_ADVISORY)])
             self._by_row += [_NO_PAIR] * more
+
+    def _drop_free_rows(self, needed: int) -> None:
+        """Make a table shorter that has many more rows than `needed`: each pass looks at all of them."""
+        if len(self._pairs) <= MOST_SPARE * max(needed, 16):
+            return
+        rows = np.flatnonzero(self._pairs["in_use"])
+        self._pairs, self._advisories = self._pairs[rows], self._advisories[rows]
+        self._by_row = [self._by_row[row] for row in rows.tolist()]
+        for row, watched in enumerate(self._by_row):
+            watched.row = self._row_of[watched.pair] = row
+        self._make_room(needed)
 
 
 _NOT_DUE = (WATCH, FORGET, UPDATE_IF_MOVED)
