@@ -75,8 +75,8 @@ function state() {
   const late = live.nowS() - live.tickS, down = Object.entries(live.health.roles ?? {}).filter(([, status]) => status !== "up").map(([role]) => role);
   if (!live.tickS) return ["loading", down.length ? `Waiting for the ${down.join(" and the ")}…` : "Loading the floor…"];
   const { preparing } = live.health;
-  if (preparing) return ["preparing", `No warnings yet: the engine is being prepared, once on this machine (${preparing.done} of ${preparing.total})`];
-  if (late <= STALE_S && live.health.engine_starting) return ["preparing", "No warnings yet: the engine is starting"];
+  if (preparing && preparing.done < preparing.total) return ["preparing", `No warnings yet: the engine is being prepared, once on this machine (${preparing.done} of ${preparing.total})`];
+  if (preparing || (late <= STALE_S && live.health.engine_starting)) return ["preparing", "No warnings yet: the engine is starting"];
   if (late <= STALE_S && live.health.roles?.engine === "down") return ["unwarned", "No warnings: the engine is down. Robots are shown as they report"];
   if (late > STALE_S) return ["stale", `Nothing new since ${clock(live.tickS)}: ${down.length ? `the ${down.join(" and the ")} is down` : "predictions have stopped"}`];
   const reduced = { coarse: "separations are rough", near: "only near conflicts are shown" }[live.health.effort];

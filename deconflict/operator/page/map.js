@@ -47,6 +47,7 @@ export class FloorMap {
     if (this.theme !== scene.theme) [this.theme, this.ink] = [scene.theme, this.colours()];
     pen.fillStyle = this.ink.floor;
     pen.fillRect(0, 0, camera.width, camera.height);
+    const robots = this.within(scene); // before the places, which count them
     if (scene.plan) this.plan(scene.plan);
     this.grid();
     this.obstacles(scene);
@@ -54,7 +55,6 @@ export class FloorMap {
     this.marks(scene);
     exits(this, scene);
     if (scene.heat) this.heat(scene);
-    const robots = this.within(scene);
     this.labels.begin(camera, this.unit);
     this.labels.take({ left: 0, top: 0, wide: camera.width, high: EDGE_PX + 12 * this.unit }); // the numbers of the grid
     this.labels.take({ left: 0, top: 0, wide: EDGE_PX + 24 * this.unit, high: camera.height });

@@ -54,7 +54,7 @@ class DemoFloor(SimulatedFloor):
         own, other = self.lost_time(), self._without_advice.lost_time()
         orders = sum(self._follower.counts[action] for action in ("wait", "slow_down", "back_out"))
         return (
-            f"Robots follow advice: {orders} orders so far. They lost {own.lost_s:.0f} s on their way, "
-            f"{other.lost_s:.0f} s without advice; {own.stops} long stops, {other.stops} without; "
-            f"{own.trips} arrivals, {other.trips} without"
+            f"Robots follow advice: {orders} order{'' if orders == 1 else 's'} so far. "
+            f"They lost {own.lost_s:.0f} s on their way, {other.lost_s:.0f} s without advice; "
+            f"{own.stops} long stops, {other.stops} without; {own.trips} arrivals, {other.trips} without"
         )

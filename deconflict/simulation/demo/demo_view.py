@@ -92,7 +92,9 @@ def tables(view: DemoView, sentence: str) -> Group:
         notes.insert(0, Text(sentence))
     if view.preparing:
         done, total = view.preparing["done"], view.preparing["total"]
-        text = f"Preparing the engine, once on this machine: {done} of {total} kernels. Then conflicts are predicted."
+        compiling = f"Preparing the engine, once on this machine: {done} of {total} kernels"
+        doing = compiling if done < total else "The engine starts"
+        text = f"{doing}. Then conflicts are predicted."
         notes.insert(0, Text(text, style="yellow"))
     return Group(counts, _advisories(view), _vendors(view), *notes)
 

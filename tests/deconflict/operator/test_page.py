@@ -180,6 +180,26 @@ def test_the_page_counts_the_robots_in_a_place_as_the_service_does(browser: "Bro
         }
 
 
+def test_a_place_counts_a_robot_from_its_first_picture_on(browser: "Browser", service: Service) -> None:
+    """Robots that have just reported are new to the map."""
+    script = """async () => {
+        const { FloorMap } = await import("/page/map.js");
+        const camera = { width: 100, height: 100, scale: 10, px: (x) => 10 * x, py: (y) => 10 * y,
+                         metres: (px, py) => [px / 10, py / 10] };
+        const map = new FloorMap(document.createElement("canvas"), camera, { colour: () => "#000", mark: () => 0 });
+        const place = { id: "c", name: "C", kind: "charger", capacity: 1, polygon: [[0, 0], [4, 0], [4, 4], [0, 4]] };
+        const robot = { uuid: "r", name: "R", vendor: "V", knots: [0, 2, 2, 0], eventS: 0, lengthM: 1, widthM: 1,
+                        doubtM: 0, trailers: [] };
+        const nobody = { involved: new Map(), advised: new Map(), contended: new Map(), highlighted: new Set(),
+                         first: new Set(), picked: new Set(), areas: [], obstacles: [], marks: [], exits: [] };
+        const shown = { ...nobody, theme: "light", situations: [], poseS: () => 0, nowS: 0 };
+        map.draw({ ...shown, places: [place], robots: [robot] });
+        return place.taken;
+    }"""
+    with opened(browser, service) as page:
+        assert page.evaluate(script) == 1
+
+
 def test_keys_alone_reach_the_floors_the_map_and_the_slider(browser: "Browser", floor: Service) -> None:
     with opened(browser, floor) as page:
         page.focus('#tabs [aria-selected="true"]')
