@@ -12,6 +12,11 @@ const KINDS = "situation,advisory";
 const LONGEST_WAIT_MS = 10_000;
 const PERMANENT = new Set([4400, 4416, 4422]); // the request is wrong: to send it again helps nothing
 
+if (!globalThis.WebSocket) {
+  console.error("This Node.js has no WebSocket: use 22, or start 20 with --experimental-websocket");
+  process.exit(2);
+}
+
 const [url, place] = process.argv.slice(2);
 const token = process.env.DECONFLICT_TOKEN;
 const headers = token ? { authorization: `Bearer ${token}` } : {};

@@ -32,9 +32,13 @@ async def follow(url: str) -> None:
 def show(situations: Iterable[Situation]) -> None:
     """Print a line for each situation, the one with the least time left first."""
     ordered = sorted(situations, key=lambda each: (each.preventable_s is None, each.preventable_s, each.id))
-    lines = [f"{each.severity}: {each.summary}. {each.advice.text if each.advice else each.ends}" for each in ordered]
+    lines = [f"{each.severity}: {each.summary}. {to_do(each)}" for each in ordered]
     sys.stdout.write("\n".join([f"{len(lines)} open", *lines, ""]))
     sys.stdout.flush()
+
+
+def to_do(situation: Situation) -> str:
+    return situation.advice.text if situation.advice else f"It ends {situation.ends}"
 
 
 if __name__ == "__main__":

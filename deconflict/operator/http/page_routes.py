@@ -3,8 +3,9 @@
 import asyncio
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from math import floor
 from pathlib import Path
 from typing import Annotated, Any
@@ -120,7 +121,7 @@ def add_page_routes(app: FastAPI, store: Store, source: FloorSource, send_timeou
     routes = PageRoutes(app, store, source)
     live_socket = LiveSocket(source.follow, source.live_status, app.state.measures, send_timeout_s)
     app.get("/", include_in_schema=False)(routes.page)
-    app.get("/page/{name}", include_in_schema=False)(routes.file)
+    app.get("/page/{name:path}", include_in_schema=False)(routes.file)
     app.get("/site", response_model=dict[str, Any])(routes.site)
     app.get("/plans/{datum}", response_class=Response)(routes.plan)
     app.get("/recorded", response_model=Recorded)(routes.recorded)
@@ -135,12 +136,16 @@ def add_page_routes(app: FastAPI, store: Store, source: FloorSource, send_timeou
 
 
 def page_files() -> Mapping[str, bytes]:
-    """The files of the page by name, from the package."""
-    return {
-        file.name: file.read_bytes()
-        for file in files("deconflict.operator").joinpath("page").iterdir()
-        if file.is_file()
-    }
+    """The files of the page by their paths within its folder, from the package."""
+    return dict(_files_in(files("deconflict.operator").joinpath("page")))
+
+
+def _files_in(folder: Traversable, path: str = "") -> Iterator[tuple[str, bytes]]:
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            yield from _files_in(entry, f"{path}{entry.name}/")
+        else:
+            yield path + entry.name, entry.read_bytes()
 
 
 def _floor_part(part: FloorPart, site: Site) -> dict[str, Any]:

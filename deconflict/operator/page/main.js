@@ -1,21 +1,21 @@
 // Puts the page together: shows the live floor, or the recorded floor if the slider is at a time in the past.
 
-import { acknowledge, remember, remembered } from "./acknowledge.js";
-import { Alarm } from "./alarm.js";
-import { Camera } from "./camera.js";
-import { Cards, lines, setText } from "./cards.js";
-import { Costs } from "./costs.js";
-import { Feed } from "./feed.js";
-import { Filters } from "./filters.js";
-import { Live } from "./live.js";
-import { FloorMap, swatch } from "./map.js";
-import { Past } from "./past.js";
-import { Shift } from "./shift.js";
-import { Vendors } from "./vendors.js";
-import { KINDS, ago, clock, isOver, leftOf, likely, needsSomebody, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
+import { acknowledge, remember, remembered } from "./list/acknowledge.js";
+import { Alarm } from "./list/alarm.js";
+import { Camera } from "./map/camera.js";
+import { Cards, lines, setText } from "./list/cards.js";
+import { Costs } from "./dialogs/costs.js";
+import { Feed } from "./floor/feed.js";
+import { Filters } from "./list/filters.js";
+import { Live } from "./floor/live.js";
+import { FloorMap, swatch } from "./map/floor_map.js";
+import { Past } from "./floor/past.js";
+import { statusOf } from "./floor/status.js";
+import { Shift } from "./dialogs/shift.js";
+import { RobotBox, fillTable } from "./list/robots.js";
+import { Vendors } from "./list/vendors.js";
+import { KINDS, clock, isOver, leftOf, needsSomebody, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
 
-const STALE_S = 4;
-const LISTED = 200;
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
 const FRAME_MS = 30;
@@ -30,12 +30,14 @@ const vendors = new Vendors();
 const live = new Live(() => {});
 const feed = new Feed(announce);
 const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), live: $("live"), shown: $("shown") }, () => live.nowS(), () => list());
+let viewBefore = null; // what the map showed before it went to `of`, a situation or robot that somebody chose
 let moved = false; // whether somebody chose what the map shows; else it shows the whole floor
 const views = new Map(); // by floor, what it showed when somebody left it
 const extents = new Map(); // by floor, what its whole is
 const alarm = new Alarm();
 const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRobot(null, uuid) });
-const camera = new Camera($("map"), (byHand) => { moved ||= byHand === true; }, press);
+const camera = new Camera($("map"), (byHand) => { if (byHand === true) [moved, viewBefore] = [true, null]; }, press);
+const box = new RobotBox($("detail"), () => { robotShown = null; lookBack(); });
 const map = new FloorMap($("map"), camera, vendors);
 const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(allOpen().find((each) => each.id === id)), point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], areas: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
@@ -66,23 +68,6 @@ function floorName(id) { return floors().find((known) => known.id === id)?.name 
 function advisoriesBySituation() {
   const ids = new Set(allOpen().map(({ id }) => id)), partOf = new Map(allOpen().flatMap((situation) => situation.advisories.map((id) => [id, situation.id])));
   return Map.groupBy(advisories(), ({ id, situation_id: named }) => partOf.get(id) ?? (ids.has(named) ? named : null));
-}
-
-function state() {
-  if (past.atS !== null) return ["past", past.problem || `Showing ${clock(past.atS)}, ${ago(live.nowS() - past.atS)}${past.floor?.atS === past.atS ? "" : ", reading…"}`];
-  if (!live.connected) return live.everConnected
-    ? ["lost", `Connection to the service lost: this is the floor at ${clock(live.tickS)}`] : ["loading", "Connecting to the service…"];
-  const late = live.nowS() - live.tickS, down = Object.entries(live.health.roles ?? {}).filter(([, status]) => status !== "up").map(([role]) => role);
-  if (!live.tickS) return ["loading", down.length ? `Waiting for the ${down.join(" and the ")}…` : "Loading the floor…"];
-  const { preparing } = live.health;
-  if (preparing && preparing.done < preparing.total) return ["preparing", `No warnings yet: the engine is being prepared, once on this machine (${preparing.done} of ${preparing.total})`];
-  if (preparing || (late <= STALE_S && live.health.engine_starting)) return ["preparing", "No warnings yet: the engine is starting"];
-  if (late <= STALE_S && live.health.roles?.engine === "down") return ["unwarned", "No warnings: the engine is down. Robots are shown as they report"];
-  if (late > STALE_S) return ["stale", `Nothing new since ${clock(live.tickS)}: ${down.length ? `the ${down.join(" and the ")} is down` : "predictions have stopped"}`];
-  const reduced = { coarse: "separations are rough", near: "only near conflicts are shown" }[live.health.effort];
-  if (reduced) return ["live", `Live, but the service can't keep up: ${reduced}`];
-  if (live.health.delivery?.reason) return ["live", `Live, but ${live.health.delivery.reason}`];
-  return ["live", `Live: ${live.robots.size} robots`];
 }
 
 // Whether another robot has driven through its place since its last report. Such a robot is not drawn until it reports again.
@@ -139,7 +124,7 @@ function draw(at) {
   requestAnimationFrame(draw);
   if (at - drawn < FRAME_MS) return;
   drawn = at;
-  const [name, text] = state();
+  const [name, text] = statusOf(live, past);
   if (root.dataset.state !== name) root.dataset.state = name;
   if ($("status").textContent !== text) $("status").textContent = text;
   if ($("notice").textContent !== (live.health.notice ?? "")) $("notice").textContent = live.health.notice;
@@ -153,8 +138,12 @@ function draw(at) {
 
 function tabs() {
   const known = floors(), counts = new Map();
-  for (const { location } of open().filter(needsSomebody)) counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
-  const key = JSON.stringify([known.map(({ id, name }) => [id, name, counts.get(id)]), floor]);
+  const worst = new Map();
+  for (const { location, severity } of open().filter(needsSomebody).sort(urgency).reverse()) {
+    counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
+    worst.set(location?.datum, severity);
+  }
+  const key = JSON.stringify([known.map(({ id, name }) => [id, name, counts.get(id), worst.get(id)]), floor]);
   if ($("tabs").dataset.key === key) return;
   $("tabs").dataset.key = key;
   const focused = $("tabs").contains(document.activeElement);
@@ -166,7 +155,7 @@ function tabs() {
     tab.setAttribute("aria-selected", String(id === floor));
     tab.tabIndex = id === floor ? 0 : -1;
     tab.append(name);
-    if (count) tab.append(Object.assign(document.createElement("span"), { className: "open", textContent: count, ariaLabel: `${plural(count, "situation")} that need somebody` }));
+    if (count) tab.append(Object.assign(document.createElement("span"), { className: `open ${worst.get(id)}`, textContent: count, ariaLabel: `${plural(count, "situation")} that need somebody` }));
     tab.onclick = () => show(id);
     return tab;
   }));
@@ -174,6 +163,7 @@ function tabs() {
 }
 
 function show(id) {
+  viewBefore = null;
   if (floor !== id) {
     views.set(floor, moved && [camera.x, camera.y, camera.scale]);
     const view = views.get(id);
@@ -192,14 +182,17 @@ function nothing(calm) {
 }
 
 function list() {
+  if (viewBefore && !isThere(viewBefore.of)) return lookBack();
+  $("map").dataset.visited = viewBefore?.of ?? "";
   listedS = nowS();
   const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), inPast = past.atS !== null, grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
   cards.show(listed, ended(), {
-    nowS: listedS, chosen, flashed, floorName, floorShown: floor, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
+    nowS: listedS, chosen, visited: viewBefore?.of, flashed, floorName, floorShown: floor, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
   });
-  setText($("count"), lasting.length ? `(${lasting.length})` : "");
+  const over = listed.length - lasting.length + ended().length;
+  setText($("count"), lasting.length || over ? `(${[lasting.length, ...(over ? [`${over} over`] : [])].join(", ")})` : "");
   $("none").hidden = lasting.some(needsSomebody);
   const left = allOpen().length - listed.length;
   $("filtered").hidden = !filters.active;
@@ -210,50 +203,20 @@ function list() {
   if ($("machines").open) lines($("machines-lines"), others);
   const known = [...robots().values()], here = onFloor();
   for (const robot of known) vendors.indexOf(robot.vendor);
-  filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id }))], known);
+  filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id, floorName: floorName(place.floor) }))], known);
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health);
-  if ($("robots").open) table(here);
-  detail();
+  if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, nowS(), isTakenOff);
+  showBox();
 }
 
-function table(here) {
-  const rows = here.sort((a, b) => (a.name < b.name ? -1 : 1)).slice(0, LISTED).map((robot) => {
-    const row = document.createElement("tr"), head = document.createElement("th");
-    head.scope = "row";
-    head.textContent = `${robot.unidentified ? "? " : ""}${robot.name}`;
-    row.append(head, ...[presence(robot), `${robot.knots[1].toFixed(1)}, ${robot.knots[2].toFixed(1)}`, ago(nowS() - robot.arrivalS)].map((text) => {
-      const cell = document.createElement("td");
-      cell.textContent = text;
-      return cell;
-    }));
-    return row;
-  });
-  $("robots").querySelector("tbody").replaceChildren(...rows);
-}
-
-function presence(robot) {
-  if (isTakenOff(robot)) return "not there: another has driven through its place";
-  return robot.away === "silent" ? `silent${likely(robot)}` : robot.state;
-}
-
-function detail() {
+function showBox() {
   const robot = robotShown && robots().get(robotShown);
-  $("detail").hidden = !robot;
-  if (!robot) return;
-  const title = document.createElement("strong"), facts = document.createElement("dl");
-  title.textContent = robot.name;
-  const rows = [["state", isTakenOff(robot) || robot.away === "silent" ? presence(robot) : robot.state], ["heard", ago(nowS() - robot.arrivalS)], ["forecast", `from its ${robot.basis}`], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
-  if (vendors.standards(robot.vendor)) rows.push(["standard", vendors.standards(robot.vendor)]);
-  if (robot.unidentified) rows.push(["identity", "not received yet: size and name are assumed"]);
-  for (const [term, fact] of rows) {
-    facts.append(Object.assign(document.createElement("dt"), { textContent: term }), Object.assign(document.createElement("dd"), { textContent: fact }));
-  }
-  $("detail").replaceChildren(title, facts);
+  box.show(robot || null, robot && { nowS: nowS(), isTakenOff: isTakenOff(robot), standards: vendors.standards(robot.vendor) });
 }
 
 // New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.
@@ -281,9 +244,10 @@ function ends({ id, joined_into: into }) {
 
 function choose(id) {
   const situation = allOpen().find((each) => each.id === id);
+  if (chosen === id && viewBefore) return lookBack();
   chosen = situation ? id : null;
   if (!situation) return;
-  if (situation.location) lookAt(situation.location.datum, [...situation.outline, ...situation.robots.map(placeOf).filter(Boolean)]);
+  if (situation.location) visit(id, situation.location.datum, [...situation.outline, ...situation.robots.map(placeOf).filter(Boolean)]);
   $("map").scrollIntoView({ block: "nearest" });
   list();
 }
@@ -298,6 +262,23 @@ function lookAt(datum, points) {
   camera.fit([Math.min(...xs) - LEAST_SHOWN_M, Math.min(...ys) - LEAST_SHOWN_M, Math.max(...xs) + LEAST_SHOWN_M, Math.max(...ys) + LEAST_SHOWN_M]);
 }
 
+// Goes to some points for a situation or robot that somebody chose, until he has enough of it or it is over.
+function visit(of, datum, points) {
+  viewBefore = { ...viewBefore ?? { floor, moved, view: [camera.x, camera.y, camera.scale] }, of };
+  lookAt(datum, points);
+}
+
+function lookBack() {
+  chosen = null;
+  if (viewBefore) {
+    ({ floor, moved, view: [camera.x, camera.y, camera.scale] } = viewBefore);
+    viewBefore = null;
+  }
+  list();
+}
+
+function isThere(id) { return feed.situations.has(id) || feed.ended.has(id) || robots().has(id) || allOpen().some((each) => each.id === id); }
+
 function point(situation, robot) {
   pointed = { situation, robot };
 }
@@ -306,7 +287,7 @@ function showRobot(id, uuid) {
   const robot = robots().get(uuid);
   chosen = id;
   robotShown = uuid;
-  if (robot?.floor) lookAt(robot.floor, [placeOf(uuid)]);
+  if (robot?.floor) visit(uuid, robot.floor, [placeOf(uuid)]);
   $("map").scrollIntoView({ block: "nearest" });
   list();
 }
@@ -324,6 +305,7 @@ function acknowledgeOpen(situation) { if (situation && past.atS === null) acknow
 
 function fit() {
   moved = false;
+  viewBefore = null;
   extents.delete(floor);
 }
 

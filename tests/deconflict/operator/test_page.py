@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import pytest
 
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from tests.deconflict.roles.role_processes import children
 from tests.helpers.patience import PATIENCE_S
 
@@ -161,7 +161,7 @@ def test_a_floor_without_robots_says_so(browser: "Browser", service: Service) ->
 def test_the_page_counts_the_robots_in_a_place_as_the_service_does(browser: "Browser", service: Service) -> None:
     """A zone has whoever touches it, corner or edge; a resource whoever's middle is inside."""
     script = """async () => {
-        const { holds } = await import("/page/places.js");
+        const { holds } = await import("/page/map/places.js");
         const polygon = [[0, 0], [4, 0], [4, 2], [0, 2]], robot = { lengthM: 1, widthM: 0.5, yaw: 0 };
         const at = (kind, x, y, yaw = 0) => holds({ kind, polygon }, { ...robot, x, y, yaw });
         return {
@@ -183,7 +183,7 @@ def test_the_page_counts_the_robots_in_a_place_as_the_service_does(browser: "Bro
 def test_a_place_counts_a_robot_from_its_first_picture_on(browser: "Browser", service: Service) -> None:
     """Robots that have just reported are new to the map."""
     script = """async () => {
-        const { FloorMap } = await import("/page/map.js");
+        const { FloorMap } = await import("/page/map/floor_map.js");
         const camera = { width: 100, height: 100, scale: 10, px: (x) => 10 * x, py: (y) => 10 * y,
                          metres: (px, py) => [px / 10, py / 10] };
         const map = new FloorMap(document.createElement("canvas"), camera, { colour: () => "#000", mark: () => 0 });

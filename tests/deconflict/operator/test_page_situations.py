@@ -244,7 +244,7 @@ async def test_what_is_over_stands_last_and_is_not_counted(browser: "Browser", f
     async with opened(browser, face) as page:
         expected = "Nothing needs you. 1 situation ends by itself:"
         await until(page, f"document.getElementById('none').textContent === '{expected}'")
-        assert await text(page, "#count") == "(1)"
+        assert await text(page, "#count") == "(1, 1 over)"
         assert await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)") == ["situation-2", "situation-1"]
         assert not await page.locator("#tabs .open").count()
 
@@ -254,6 +254,37 @@ async def test_a_press_on_a_card_shows_it_on_the_map(browser: "Browser", face: S
     async with opened(browser, face) as page:
         await page.click("#situations .what")
         await page.wait_for_selector('[data-id="situation-1"].chosen')
+        assert await text(page, "#situations .show") == "Back"
+
+
+async def test_another_press_on_a_card_shows_what_the_map_showed_before(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
+    async with opened(browser, face) as page:
+        await page.click("#situations .show")
+        await page.wait_for_selector('[data-id="situation-1"].chosen')
+        await page.click("#situations .show")
+        await until(page, "!document.querySelector('#situations .chosen')")
+        assert await text(page, "#situations .show") == "Show on the map"
+
+
+async def test_the_map_goes_back_when_the_situation_that_it_shows_is_over(browser: "Browser", face: Served) -> None:
+    situation = shown(1, 0, 1, severity=Severity.CRITICAL)
+    await face.publish(situation)
+    async with opened(browser, face) as page:
+        await page.click("#situations .show")
+        await until(page, "document.getElementById('map').dataset.visited === 'situation-1'")
+        await face.publish(cleared(situation, "nothing is foreseen there any more"))
+        await until(page, "document.getElementById('map').dataset.visited === ''")
+
+
+async def test_the_box_of_a_robot_closes(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1))
+    async with opened(browser, face) as page:
+        await page.click("#situations .chip")
+        await page.wait_for_selector("#detail:not([hidden])")
+        assert "forecast from" in await text(page, "#detail")
+        await page.click("#detail .close")
+        await page.wait_for_selector("#detail", state="hidden")
 
 
 async def test_a_line_of_what_has_ended_says_how(browser: "Browser", face: Served) -> None:
@@ -415,7 +446,7 @@ async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_ar
     browser: "Browser", face: Served
 ) -> None:
     script = """async () => {
-        const { Labels } = await import("/page/labels.js");
+        const { Labels } = await import("/page/map/labels.js");
         const places = [[200, 200], [212, 204], [190, 196], [205, 214], [198, 186], [230, 190], [225, 215], [180, 210]];
         const things = places.map(([x, y]) =>
             ({ left: x - 8, right: x + 8, top: y - 5, bottom: y + 5, wide: 16, high: 10 }));

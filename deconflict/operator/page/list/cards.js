@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgency, what } from "./texts.js";
+import { KINDS, SIGNS, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgency, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -63,7 +63,6 @@ export class Cards {
     card.dataset.id = id;
     parts.behind = behind;
     parts.show.type = parts.take.type = "button";
-    parts.show.textContent = "Show on the map";
     parts.take.textContent = "Acknowledge";
     parts.take.title = "Or key A. Who it is and what is done can be said afterwards";
     parts.show.onclick = () => acts.choose(id);
@@ -82,7 +81,7 @@ export class Cards {
     return card;
   }
 
-  fill(card, situation, { nowS, chosen, flashed, floorName, floorShown, past, behind, situations, colour }) {
+  fill(card, situation, { nowS, chosen, visited, flashed, floorName, floorShown, past, behind, situations, colour }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation, nowS), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
     const floor = situation.location ? floorName(situation.location.datum) : "", text = gist(situation);
     card.classList.remove("critical", "warning", "caution");
@@ -95,7 +94,7 @@ export class Cards {
     card.classList.toggle("advised", Boolean(first));
     card.classList.toggle("calm", isCalm(situation));
     card.tabIndex = isCalm(situation) && !ended ? 0 : -1;
-    setText(parts.severity, ended ? "✓ Ended" : severityOf(situation));
+    setText(parts.severity, ended ? "✓ Over" : severityOf(situation));
     setText(parts.kind, KINDS[situation.situation_kind]);
     setText(parts.when, ended ? "" : countdown(situation, nowS));
     setText(parts.what, ended && isCalm(situation) ? `${text}: ${outcome(situation, situations)}` : text);
@@ -106,7 +105,8 @@ export class Cards {
     setText(parts.since, [situation.location && situation.location.datum !== floorShown && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
     showText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
     setText(parts.take, answer ? "Add a note" : "Acknowledge");
-    parts.show.setAttribute("aria-label", `Show on the map: ${what(situation)}`);
+    setText(parts.show, situation.id === visited ? "Back" : "Show on the map");
+    parts.show.setAttribute("aria-label", situation.id === visited ? "Back to what the map showed before" : `Show on the map: ${what(situation)}`);
     parts.take.setAttribute("aria-label", `Acknowledge: ${what(situation)}`);
     parts.take.disabled = past || ended;
     parts.show.hidden = !situation.location;

@@ -1,8 +1,8 @@
 // The summary of a shift, to read and to print: what was raised, what came of it, where, whose robots, who acknowledged what.
 
-import { remember, remembered } from "./acknowledge.js";
-import { inside } from "./places.js";
-import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span } from "./texts.js";
+import { remember, remembered } from "../list/acknowledge.js";
+import { inside } from "../map/places.js";
+import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span } from "../texts.js";
 
 const MOST_ROWS = 10;
 const $ = (id) => document.getElementById(id);
@@ -22,30 +22,40 @@ export class Shift {
     const fromS = Math.floor(Date.now() / 1000 - 3600 * Number($("shift-hours").value));
     $("shift-body").textContent = "Reading…";
     try {
-      const [answer, recorded] = await Promise.all([fetch(`shift?since_s=${fromS}`), fetch("recorded")]);
+      const [answer, recorded, losses] = await Promise.all([fetch(`shift?since_s=${fromS}`), fetch("recorded"), fetch(`losses?from_s=${fromS}`)]);
       if (!answer.ok) throw new Error(answer.statusText);
       const { situations, complete } = await answer.json(), { from_s: recordedS } = await recorded.json();
       const all = situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost }));
-      this.show(all, fromS, Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), Date.now() / 1000), complete);
+      const lostS = losses.ok ? (await losses.json()).total.lost_s : null;
+      this.show(all, fromS, Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), Date.now() / 1000), complete, lostS);
     } catch (error) {
       $("shift-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
-  // `knownS` is the earliest time of which anything is known.
-  show(all, fromS, knownS, isComplete) {
+  // `knownS` is the earliest time of which anything is known. `lostS` is what robots lost to each other; null if nobody knows.
+  show(all, fromS, knownS, isComplete, lostS) {
     const acknowledged = answers(all), situations = all.filter((each) => !each.joined_into), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
     const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
-      + `If nobody had done anything, robots were expected to lose ${span(sum(situations, ({ lost }) => lost))} in all.`;
+      + (lostS === null ? "" : `Robots lost ${span(lostS)} to each other: see “What it costs”.`);
     $("shift-body").replaceChildren(
       text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
       table("What was going on, by its worst severity", ["Kind", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations)),
       table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_because: because }) => [sentence(because)])),
-      table("Where", ["Place", "Times"], tally(situations, (each) => [this.place(each)])),
+      table("Where", ["Place", "Times", SEVERITY.critical], this.placeRows(situations)),
       table("Whose robots", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
       table("Who acknowledged what", ["At", "Who", "What", "Done about it"], acknowledged.map(({ name, reason, at, summary }) => [clock(seconds(at)).slice(0, 5), name, summary, reason])),
     );
+  }
+
+  // Where most was going on, what was critical first.
+  placeRows(situations) {
+    const rows = [...Map.groupBy(situations, (each) => this.place(each))].map(([place, all]) => [place, all.length, all.filter(({ severity }) => severity === "critical").length]);
+    rows.sort((a, b) => b[2] - a[2] || b[1] - a[1]);
+    const left = rows.splice(MOST_ROWS);
+    if (left.length) rows.push([`${plural(left.length, "other place")}`, sum(left, ([, times]) => times), sum(left, ([, , critical]) => critical)]);
+    return rows;
   }
 
   // The areas that it is in, or the nearest named place or column of its floor.
@@ -82,7 +92,8 @@ function kinds(situations) {
 function tally(items, keysOf) {
   const counts = new Map();
   for (const key of items.flatMap(keysOf)) counts.set(key, (counts.get(key) ?? 0) + 1);
-  return [...counts].sort((a, b) => b[1] - a[1]).slice(0, MOST_ROWS);
+  const rows = [...counts].sort((a, b) => b[1] - a[1]), left = rows.splice(MOST_ROWS);
+  return left.length ? [...rows, [`${left.length} others`, sum(left, ([, times]) => times)]] : rows;
 }
 
 export function table(title, heads, rows) {

@@ -1,7 +1,7 @@
 // Which situations are listed and drawn, and the search for a robot.
 
-import { inside } from "./places.js";
-import { SEVERITIES, SEVERITY } from "./texts.js";
+import { inside } from "../map/places.js";
+import { SEVERITIES, SEVERITY } from "../texts.js";
 
 const $ = (id) => document.getElementById(id);
 const ANY = "";
@@ -17,11 +17,13 @@ export class Filters {
     this.robots = [];
   }
 
-  // What can be chosen, which changes with the site and its robots. `places` are floors and places: { id, name, polygon, floor }.
+  // What can be chosen, which changes with the site and its robots. `places` are floors and places: { id, name, polygon, floor,
+  // floorName }.
   choices(vendors, places, robots) {
     this.places = new Map(places.map((place) => [place.id, place]));
     this.offer("vendor", vendors.map((vendor) => [vendor, vendor]), "Any vendor");
-    this.offer("place", places.map(({ id, name }) => [id, name]), "Anywhere");
+    const times = Map.groupBy(places, ({ name }) => name);
+    this.offer("place", places.map(({ id, name, floorName }) => [id, times.get(name).length > 1 && floorName ? `${name}, ${floorName}` : name]), "Anywhere");
     this.robots = robots;
     const names = robots.map(({ name }) => name).sort().join("\n");
     if ($("names").dataset.key === names) return;

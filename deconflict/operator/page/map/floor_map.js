@@ -1,11 +1,10 @@
-// Draws one floor: marks, places, heat map, ribbons of motion, robots and situations.
+// Draws one floor: what stands still, ribbons of motion, robots and situations.
 
-import { exits } from "./exits.js";
+import { GroundLayer } from "./ground_layer.js";
 import { movesFor, poseAt, train } from "./motion.js";
-import { holds } from "./places.js";
-import { AROUND, BESIDE, Labels, leader } from "./labels.js";
+import { AROUND, Labels, leader } from "./labels.js";
 import { SituationLayer } from "./situation_layer.js";
-import { likely, order, short } from "./texts.js";
+import { likely, order, short } from "../texts.js";
 
 const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
@@ -16,9 +15,6 @@ const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
 const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
 const SPECK_PX = 5;
 const MOST_AVOIDED = 1500; // with more robots, labels may cover robots
-const SMALL_PX = 60; // a place that is smaller is covered by no label
-const AREA_NAME_AT = [[0, 0.5], [0, 0.8], [0, 0.2], [0.3, 0.5], [0.6, 0.5]]; // where the name of an area may stand, by length and breadth
-const EDGE_PX = 4; // of the numbers of the grid from the edge of the map
 
 export class FloorMap {
   constructor(canvas, camera, vendors) {
@@ -27,8 +23,8 @@ export class FloorMap {
     this.camera = camera;
     this.vendors = vendors;
     this.pose = [0, 0, 0];
-    this.images = new Map();
     this.labels = new Labels();
+    this.ground = new GroundLayer(this);
     this.situations = new SituationLayer(this);
   }
 
@@ -48,27 +44,18 @@ export class FloorMap {
     pen.fillStyle = this.ink.floor;
     pen.fillRect(0, 0, camera.width, camera.height);
     const robots = this.within(scene); // before the places, which count them
-    if (scene.plan) this.plan(scene.plan);
-    this.grid();
-    this.obstacles(scene);
-    this.places(scene);
-    this.marks(scene);
-    exits(this, scene);
-    if (scene.heat) this.heat(scene);
+    this.ground.below(scene);
     this.labels.begin(camera, this.unit);
-    this.labels.take({ left: 0, top: 0, wide: camera.width, high: EDGE_PX + 12 * this.unit }); // the numbers of the grid
-    this.labels.take({ left: 0, top: 0, wide: EDGE_PX + 24 * this.unit, high: camera.height });
-    for (const { polygon } of scene.places) this.takeSmall(edges(polygon, camera));
-    if (camera.scale > 3) this.fixedNames(scene);
+    this.ground.keepClear(scene);
     if (robots.length <= MOST_AVOIDED) for (const robot of robots) this.labels.take(this.boxOf(robot));
     if (robots.length <= MOST_RIBBONS) this.ribbons(robots, scene);
     this.situations.below(scene);
     this.robots(robots, scene);
     this.situations.placeLabels(scene);
     this.names(robots, scene);
-    this.placeNames(scene);
+    this.ground.placeNames(scene);
     this.situations.above(scene);
-    this.gridNumbers();
+    this.ground.gridNumbers();
     return robots.length;
   }
 
@@ -84,146 +71,9 @@ export class FloorMap {
     return out;
   }
 
-  // The image of the floor: its matrix maps pixels to metres, and the camera maps metres to the canvas.
-  plan({ image: address, matrix }) {
-    const { pen, camera, images } = this;
-    if (!images.has(address)) images.set(address, Object.assign(new Image(), { src: address }));
-    const image = images.get(address), scale = camera.scale;
-    if (!image.complete || !image.naturalWidth) return;
-    pen.save();
-    pen.globalAlpha = this.theme === "dark" ? 0.35 : 0.6;
-    pen.transform(scale, 0, 0, -scale, camera.px(0), camera.py(0));
-    pen.transform(...matrix);
-    pen.drawImage(image, 0, 0, image.naturalWidth, image.naturalHeight);
-    pen.restore();
-  }
-
-  grid() {
-    const { pen, camera, ink } = this;
-    const every = [1, 5, 10, 50, 100].find((step) => step * camera.scale >= 28 * this.unit) ?? 500;
-    const [left, top] = camera.metres(0, 0), [right, bottom] = camera.metres(camera.width, camera.height);
-    pen.beginPath();
-    for (let x = Math.ceil(left / every) * every; x <= right; x += every) line(pen, camera.px(x), 0, camera.px(x), camera.height);
-    for (let y = Math.ceil(bottom / every) * every; y <= top; y += every) line(pen, 0, camera.py(y), camera.width, camera.py(y));
-    pen.strokeStyle = ink.grid;
-    pen.lineWidth = 1;
-    pen.stroke();
-  }
-
-  // The coordinates of the grid, as sentences name them: x along the upper edge, y along the left edge.
-  gridNumbers() {
-    const { camera, ink, unit } = this, [left, top] = camera.metres(0, 0), [right, bottom] = camera.metres(camera.width, camera.height);
-    const every = [1, 2, 5, 10, 20, 50, 100].find((step) => step * camera.scale >= 44 * unit) ?? 500;
-    for (let x = Math.ceil(left / every) * every; x <= right; x += every) if (camera.px(x) > 70 * unit) this.text(`${x}`, camera.px(x), EDGE_PX + 10 * unit, 11, ink.faint);
-    for (let y = Math.ceil(bottom / every) * every; y <= top; y += every) if (camera.py(y) > 30 * unit) this.text(`${y}`, EDGE_PX + 11 * unit, camera.py(y) + 4 * unit, 11, ink.faint);
-    this.text("x, y in m", EDGE_PX + 28 * unit, EDGE_PX + 10 * unit, 10, ink.faint);
-  }
-
-  obstacles(scene) {
-    const { pen, camera, ink } = this;
-    pen.lineWidth = 1;
-    for (const { kind, polygon } of scene.obstacles) {
-      pen.beginPath();
-      polygon.forEach(([x, y]) => pen.lineTo(camera.px(x), camera.py(y)));
-      pen.closePath();
-      pen.fillStyle = ink[kind];
-      pen.fill();
-      pen.strokeStyle = ink["place-line"];
-      pen.stroke();
-    }
-  }
-
-  places(scene) {
-    const { pen, camera, ink } = this;
-    for (const place of scene.places) {
-      pen.beginPath();
-      place.polygon.forEach(([x, y]) => pen.lineTo(camera.px(x), camera.py(y)));
-      pen.closePath();
-      const taken = scene.robots.filter((robot) => holds(place, robot)).length;
-      const contended = scene.contended.get(place.id);
-      pen.fillStyle = ink.place;
-      pen.fill();
-      pen.strokeStyle = contended ? ink[contended.severity] : ink["place-line"];
-      pen.lineWidth = contended ? 3 : 1.5;
-      pen.stroke();
-      place.taken = taken;
-    }
-  }
-
-  // The names of places and of columns, where they cover nothing.
-  placeNames(scene) {
-    const { camera, ink } = this, tiny = camera.scale <= 3;
-    for (const place of scene.places) {
-      const contended = scene.contended.get(place.id), queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
-      if (tiny && !contended) continue;
-      this.beside(place.id, edges(place.polygon, camera), `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint, Boolean(contended));
-    }
-    if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
-  }
-
-  // Nothing may stand on a small place, or its label would be taken for that of its neighbour.
-  takeSmall({ left, right, top, bottom }) {
-    if (Math.max(right - left, bottom - top) < SMALL_PX * this.unit) this.labels.take({ left, top, wide: right - left, high: bottom - top });
-  }
-
-  // The names of areas and obstacles, which stay where they are, so other labels keep away from them.
-  fixedNames(scene) {
-    for (const area of scene.areas) this.areaName(area.name, edges(area.polygon, this.camera));
-    for (const obstacle of scene.obstacles) this.nameWithin(obstacle.name, edges(obstacle.polygon, this.camera));
-  }
-
-  // At the western or southern end, whichever side is shorter, if there is room; elsewhere if something stands there.
-  areaName(name, { left, right, top, bottom }) {
-    const size = 12 * this.unit, width = this.widthOf(name, 12);
-    if (width > 1.5 * (right - left) || size > bottom - top) return;
-    const isWide = right - left > bottom - top, free = ([x, y]) => !this.labels.covered(nameBox(x, y, width, size));
-    const spots = AREA_NAME_AT.map(([along, across]) => isWide
-      ? [left + width / 2 + size + along * (right - left), bottom - across * (bottom - top) + size / 3] : [left + across * (right - left), bottom - size - along * (bottom - top)]);
-    this.fixedName(name, ...(spots.find(free) ?? spots[0]), 12);
-  }
-
-  // In the middle, if the obstacle is as long as its name.
-  nameWithin(name, { left, right, top, bottom }) {
-    if (this.widthOf(name, 11) < right - left && 11 * this.unit < bottom - top) this.fixedName(name, (left + right) / 2, (top + bottom) / 2 + 4 * this.unit, 11);
-  }
-
-  fixedName(name, x, y, size) {
-    this.labels.take(nameBox(x, y, this.widthOf(name, size), size * this.unit));
-    this.text(name, x, y, size, this.ink.faint);
-  }
-
   widthOf(text, size) {
     this.pen.font = `${size * this.unit}px system-ui, sans-serif`;
     return this.pen.measureText(text).width;
-  }
-
-  beside(id, thing, text, size, colour, must = false) {
-    const wide = this.widthOf(text, size), high = size * this.unit, box = this.labels.place(id, thing, wide, high, { must, tries: BESIDE });
-    if (box) this.text(text, box.left + wide / 2, box.top + high * 0.85, size, colour);
-  }
-
-  marks(scene) {
-    const { pen, camera, ink } = this;
-    for (const mark of scene.marks) {
-      const x = camera.px(mark.x), y = camera.py(mark.y);
-      pen.strokeStyle = ink["place-line"];
-      pen.lineWidth = 1.5;
-      pen.beginPath();
-      line(pen, x - 5, y, x + 5, y);
-      line(pen, x, y - 5, x, y + 5);
-      pen.stroke();
-    }
-  }
-
-  heat(scene) {
-    const { pen, camera } = this, { cell_m: cell, floors } = scene.heat, cells = floors[scene.floor] ?? [];
-    const most = Math.max(1, ...cells.map((cellCount) => cellCount[2]));
-    for (const [x, y, count] of cells) {
-      pen.fillStyle = this.theme === "dark" ? "#ff8a5c" : "#d1380a";
-      pen.globalAlpha = 0.12 + 0.55 * (count / most);
-      pen.fillRect(camera.px(x), camera.py(y + cell), cell * camera.scale, cell * camera.scale);
-    }
-    pen.globalAlpha = 1;
   }
 
   // The area that each envelope sweeps in the horizon, fainter for later times. Exact ribbons consist of bands that all begin
@@ -410,23 +260,9 @@ function toEdge({ left, top, wide, high }, thing) {
   return [...from, near(from[0], thing.left, thing.right), near(from[1], thing.top, thing.bottom)];
 }
 
-// The box around a polygon, in pixels.
-function edges(polygon, camera) {
-  const xs = polygon.map(([x]) => camera.px(x)), ys = polygon.map(([, y]) => camera.py(y));
-  return { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
-}
-
-// What a text covers that stands around x, on the line y.
-function nameBox(x, y, wide, high) { return { left: x - wide / 2, top: y - 0.85 * high, wide, high }; }
-
 function rankOf({ uuid }, { robot, highlighted, first, advised, involved }) {
   if (uuid === robot) return LABEL.chosen;
   if (first.has(uuid)) return LABEL.first;
   if (highlighted.has(uuid)) return LABEL.picked;
   return advised.has(uuid) ? LABEL.advised : involved.has(uuid) ? LABEL.involved : LABEL.other;
-}
-
-function line(pen, x1, y1, x2, y2) {
-  pen.moveTo(x1, y1);
-  pen.lineTo(x2, y2);
 }

@@ -1,9 +1,9 @@
 // Draws the situations on the map: the outline of each, its label, and the lines to the robots of the selected one.
 
-import { FADE_MS } from "./feed.js";
+import { FADE_MS } from "../floor/feed.js";
 import { inside } from "./places.js";
 import { leader } from "./labels.js";
-import { KINDS, SIGNS, countdown, isOver } from "./texts.js";
+import { KINDS, SIGNS, countdown, isOver } from "../texts.js";
 
 const ANSWERED = 0.65; // opacity of what somebody takes care of
 const FONT = (unit) => `700 ${13 * unit}px system-ui, sans-serif`;

@@ -1,6 +1,6 @@
 // Each vendor's colour and sign, and the table with the state of the vendors.
 
-import { plural } from "./texts.js";
+import { plural } from "../texts.js";
 
 // Distinguishable with any of the common colour blindnesses (after Okabe and Ito), on light and on dark ground.
 const COLOURS = {

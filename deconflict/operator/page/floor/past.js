@@ -1,7 +1,7 @@
 // The time slider: the moment that is shown, and the recorded floor at that moment, read one moment at a time.
 
 import { robotsOf } from "./live.js";
-import { clock } from "./texts.js";
+import { clock } from "../texts.js";
 
 const SPAN_MS = 10_000;
 const STEP_S = 10;

@@ -1,7 +1,7 @@
 // What robots lose to each other: today against the same hours a week ago, by place, by pair of vendors and by hour.
 
 import { table, text } from "./shift.js";
-import { clock, span } from "./texts.js";
+import { clock, span } from "../texts.js";
 
 const HOUR_S = 3600, WEEK_S = 7 * 24 * HOUR_S, WORST = 5;
 const ACCURACY = "Sums by vendors, places and hours hold within a tenth, as measured on simulated floors.";

@@ -1,0 +1,62 @@
+// One robot in a box beside the map, and the robots of a floor as a table.
+
+import { ago, likely } from "../texts.js";
+
+const LISTED = 200;
+const STATES = {
+  navigating: "drives", charging: "charges", waitingHumanEvent: "waits for a person", waitingExternalEvent: "waits for something around it",
+  waitingInternalEvent: "busy with itself", manualOverride: "driven by hand",
+}; // other states are words already
+const FORECASTS = {
+  path: "the path that it sends", order: "the order that it follows", velocity: "its speed and direction: it sends no path", destination: "its destination: it sends no path",
+  stationary: "it stands and announces no way",
+};
+
+export class RobotBox {
+  // `hide` is called when somebody closes it.
+  constructor(box, hide) {
+    this.box = box;
+    this.facts = document.createElement("dl");
+    this.title = document.createElement("strong");
+    const close = Object.assign(document.createElement("button"), { type: "button", textContent: "Close", className: "close" });
+    close.onclick = hide;
+    box.append(this.title, close, this.facts);
+    box.addEventListener("keydown", ({ key }) => { if (key === "Escape") hide(); });
+  }
+
+  // `robot` or null; `view` has nowS, isTakenOff, isDistrusted, and `standards` of its vendor.
+  show(robot, view) {
+    this.box.hidden = !robot;
+    if (!robot) return;
+    const rows = [["state", stateOf(robot, view.isTakenOff)], ["heard", ago(view.nowS - robot.arrivalS)], ["forecast from", FORECASTS[robot.basis] ?? robot.basis], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
+    if (view.standards) rows.push(["standard", view.standards]);
+    if (view.isDistrusted) rows.push(["trust", "drives otherwise than it announces"]);
+    if (robot.unidentified) rows.push(["identity", "not received yet: size and name are assumed"]);
+    const key = JSON.stringify([robot.name, rows]);
+    if (this.box.dataset.key === key) return;
+    this.box.dataset.key = key;
+    this.title.textContent = robot.name;
+    this.facts.replaceChildren(...rows.flatMap(([term, fact]) => [["dt", term], ["dd", fact]]).map(([tag, textContent]) => Object.assign(document.createElement(tag), { textContent })));
+  }
+}
+
+// Fills the body of the table with the first `LISTED` robots by name.
+export function fillTable(body, robots, nowS, isTakenOff) {
+  const rows = [...robots].sort((a, b) => (a.name < b.name ? -1 : 1)).slice(0, LISTED).map((robot) => {
+    const row = document.createElement("tr"), head = Object.assign(document.createElement("th"), { scope: "row", textContent: `${robot.unidentified ? "? " : ""}${robot.name}` });
+    row.append(head, ...[stateOf(robot, isTakenOff(robot)), `${robot.knots[1].toFixed(1)}, ${robot.knots[2].toFixed(1)}`, ago(nowS - robot.arrivalS)].map((textContent) => Object.assign(document.createElement("td"), { textContent })));
+    return row;
+  });
+  const left = robots.length - rows.length;
+  if (left > 0) {
+    const row = document.createElement("tr");
+    row.append(Object.assign(document.createElement("td"), { colSpan: 4, textContent: `and ${left} more: find a robot by its name above` }));
+    rows.push(row);
+  }
+  body.replaceChildren(...rows);
+}
+
+function stateOf(robot, isTakenOff) {
+  if (isTakenOff) return "not there: another has driven through its place";
+  return robot.away === "silent" ? `silent${likely(robot)}` : STATES[robot.state] ?? robot.state;
+}
