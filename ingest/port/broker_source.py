@@ -7,6 +7,7 @@ counts as a connection of its own.
 import asyncio
 import logging
 import ssl
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +18,7 @@ from aiomqtt import Client, Message, MqttError
 
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
+from ingest.measures.outages import OutageLog
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver
 from ingest.security.tokens import SecretError, secret
@@ -30,7 +32,7 @@ KEEPALIVE_S = 15
 """A broker that answers nothing for about this long is gone."""
 TIMEOUT_S = 10.0
 STEADY_S = 30.0
-"""A connection that lasted this long resets the back-off."""
+"""A connection that lasted this long resets the back-off, and its loss is logged."""
 
 log = logging.getLogger(__name__)
 
@@ -53,6 +55,8 @@ class BrokerSource:
         self._connections: OrderedDict[str, Connection] = OrderedDict()
         """By topic, those heard longest ago first."""
         self.is_connected = False
+        self._outages = OutageLog(time.monotonic)
+        self._was_heard = False
 
     async def run(self) -> None:
         """Hear the broker until cancelled. Without a broker, return."""
@@ -63,7 +67,7 @@ class BrokerSource:
             try:
                 await self._hear()
             except (MqttError, OSError, SecretError) as error:
-                self._note_failure(error, is_first=failures == 0)
+                self._note_failure(error, was_steady=now_s() - began_s > STEADY_S)
             except Exception:
                 log.exception("hearing %s failed; connecting again", self.settings.name)
                 self._measures.count("deconflict_broker_failures_total", self.settings.name)
@@ -77,11 +81,14 @@ class BrokerSource:
         first_s, longest_s = self.settings.retry_s
         return min(first_s * 2.0 ** min(max(failures - 1, 0), 30), longest_s) * self._random.uniform(0.5, 1.0)
 
-    def _note_failure(self, error: Exception, *, is_first: bool) -> None:
-        """Count it, and log the first of several in a row."""
+    def _note_failure(self, error: Exception, *, was_steady: bool) -> None:
+        """Count it, and log the first of several in a row; of a broker that comes and goes, not every outage."""
         self._measures.count("deconflict_broker_failures_total", self.settings.name)
-        if is_first:
-            log.warning("the broker %s can't be heard: %s; trying until it answers", self.settings.name, error)
+        if was_steady:
+            self._outages.was_steady()
+        more = self._outages.failed()
+        if more is not None:
+            log.warning("the broker %s can't be heard: %s; trying until it answers%s", self.settings.name, error, more)
 
     async def _hear(self) -> None:
         settings = self.settings
@@ -98,7 +105,9 @@ class BrokerSource:
             filters = self._front_end.topic_filters(settings.prefixes, settings.manufacturers)
             await client.subscribe([(topic_filter, 1) for topic_filter in filters])
             self.is_connected = True
-            log.info("hearing %s at %s:%d", settings.name, settings.host, settings.port)
+            if self._outages.worked() or not self._was_heard:
+                log.info("hearing %s at %s:%d", settings.name, settings.host, settings.port)
+            self._was_heard = True
             async for _ in client.messages:  # none comes out of the queue; it raises when the connection is lost
                 pass
 

@@ -9,13 +9,14 @@ from typing import cast
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidHandshake, InvalidURI
 
+from ingest.measures.outages import OutageLog
 from ingest.port.frame_cutter import FrameCuttingClient, FrameCuttingConnection
 from ingest.port.receiver import CLOSE_TIMEOUT_S, Receiver
 
 log = logging.getLogger(__name__)
 
 STEADY_S = 30.0
-"""A connection that lasted this long resets the back-off."""
+"""A connection that lasted this long resets the back-off, and its loss is logged."""
 
 
 class Dialer:
@@ -34,6 +35,8 @@ class Dialer:
         self._clock, self._random = clock, random
         self.failures = 0
         """Attempts in a row that failed or did not last."""
+        self._outages = OutageLog(clock)
+        self._was_reached = False
 
     async def run(self) -> None:
         """Dial until cancelled. Returns at once if the address is not valid."""
@@ -41,16 +44,17 @@ class Dialer:
             began_s = self._clock()
             try:
                 await self._converse()
-                if self.failures == 0:
-                    log.warning("the connection to %s at %s is lost; dialling again", self._vendor, self._url)
+                self._log_outage(f"the connection to {self._vendor} at {self._url} is lost; dialling again", began_s)
             except (OSError, TimeoutError, InvalidHandshake) as error:
-                self._log_first(error)
+                self._log_outage(
+                    f"{self._vendor} at {self._url} can't be reached: {error}; trying until it answers", began_s
+                )
             except InvalidURI as error:
                 log.error("%s; mend the dial address of %s", error, self._vendor)
                 return
             except Exception:
                 log.exception("the conversation with %s at %s failed; dialling again", self._vendor, self._url)
-            self.failures = 0 if self._clock() - began_s > STEADY_S else self.failures + 1
+            self.failures = 0 if self._is_steady(began_s) else self.failures + 1
             await asyncio.sleep(self.wait_s())
 
     def wait_s(self) -> float:
@@ -74,13 +78,20 @@ class Dialer:
             create_connection=FrameCuttingClient,
             logger=logging.getLogger("websockets.robots"),
         ) as socket:
-            if self.failures <= 1:
+            if self._outages.worked() or not self._was_reached:
                 log.info("connected to %s at %s", self._vendor, self._url)
+            self._was_reached = True
             await self._receiver.listen(
                 cast(FrameCuttingConnection, socket), self._receiver.new_connection(self._url, "/", self._vendor)
             )
 
-    def _log_first(self, error: Exception) -> None:
-        """Log only the first failure of several in a row."""
-        if self.failures == 0:
-            log.warning("%s at %s can't be reached: %s; trying until it answers", self._vendor, self._url, error)
+    def _is_steady(self, began_s: float) -> bool:
+        return self._clock() - began_s > STEADY_S
+
+    def _log_outage(self, text: str, began_s: float) -> None:
+        """Log the first failure of an outage; of a fleet manager that comes and goes, not every outage."""
+        if self._is_steady(began_s):
+            self._outages.was_steady()
+        more = self._outages.failed()
+        if more is not None:
+            log.warning("%s%s", text, more)

@@ -4,17 +4,15 @@ import asyncio
 import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterable
-from math import inf
 
 from deconflict.advisory import KindChoice, chosen_kinds
 from deconflict.operator.store.publisher import PublishedLine, Publisher
 from deconflict.operator.store.store import Store, StoreError
+from ingest.measures.outages import OutageLog
 
 log = logging.getLogger(__name__)
 
 STORE_RETRY_S = 1.0
-QUIET_S = 600.0
-"""After a logged failure, further ones are only counted for so long: a receiver that comes and goes fills no log."""
 
 
 def is_being_cancelled() -> bool:
@@ -40,10 +38,7 @@ class StoreCursor:
         self.name, self.kinds = name, chosen_kinds(kinds)
         self.seq = 0
         self._store, self._publisher = store, publisher
-        self._clock = clock
-        self._failing = self._is_logged = False
-        self._logged_s, self._unlogged = -inf, 0
-        """When a failure was logged last, and how many outages were not logged since."""
+        self._outages = OutageLog(clock)
         self._publisher.measures.count("deconflict_outlet_deliveries_total", name, by=0)
         self._publisher.measures.count("deconflict_outlet_failures_total", name, by=0)
 
@@ -74,9 +69,8 @@ class StoreCursor:
     def delivered(self, line: PublishedLine) -> None:
         """The receiver has the revision. The position is stored soon, without a wait for the disk."""
         self._publisher.measures.count("deconflict_outlet_deliveries_total", self.name)
-        if self._failing and self._is_logged:
-            log.info("%s accepts advisories again, %s wait", self.name, self._publisher.last_seq - line.seq)
-        self._failing = False
+        if self._outages.worked():
+            log.info("%s accepts revisions again, %s wait", self.name, self._publisher.last_seq - line.seq)
         self._move(line.seq)
 
     def _move(self, seq: int) -> None:
@@ -90,18 +84,12 @@ class StoreCursor:
         self._store.set_position(self.name, seq)
 
     def failed(self, reason: str) -> None:
-        """The receiver did not accept the revision. Logged once for each outage, and at most each `QUIET_S`."""
+        """The receiver did not accept the revision. One outage is logged once, and of many not all."""
         self._publisher.measures.count("deconflict_outlet_failures_total", self.name)
         self._measure()
-        if self._failing:
-            return
-        self._failing, self._is_logged = True, self._clock() - self._logged_s >= QUIET_S
-        if not self._is_logged:
-            self._unlogged += 1
-            return
-        more = f", after {self._unlogged} more outages since it was last logged" if self._unlogged else ""
-        log.warning("%s accepts no advisories and is tried again: %s%s", self.name, reason, more)
-        self._logged_s, self._unlogged = self._clock(), 0
+        more = self._outages.failed()
+        if more is not None:
+            log.warning("%s accepts no revisions and is tried again: %s%s", self.name, reason, more)
 
     async def _wait_for_store(self, error: StoreError) -> None:
         log.warning("%s waits for the store: %s", self.name, error)

@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from contextlib import suppress
 
 import httpx
 
@@ -54,8 +55,19 @@ class WebhookOutlet:
             ):
                 await _read_some(answer)
         except (httpx.HTTPError, httpx.InvalidURL, TimeoutError, ValueError) as error:
-            return type(error).__name__  # ValueError: the secret is not base64
-        return "" if answer.is_success else f"answered {answer.status_code}"
+            return self._explained(error)
+        return "" if answer.is_success else f"it answered {answer.status_code}"
+
+    def _explained(self, error: Exception) -> str:
+        """The error for people, with host and port and without the rest of the address, which may hold a secret."""
+        with suppress(httpx.InvalidURL, ValueError):
+            url = httpx.URL(self._settings.url)
+            place = f"{url.host}:{url.port or {'http': 80, 'https': 443}[url.scheme]}"
+            if isinstance(error, TimeoutError | httpx.TimeoutException):
+                return f"{place} did not answer within {self._settings.timeout_s:g} s"
+            if isinstance(error, httpx.TransportError):
+                return f"{place}: {error or type(error).__name__}"
+        return f"{type(error).__name__}; look at its url and secret"  # ValueError: the secret is not base64
 
 
 async def _read_some(answer: httpx.Response) -> None:

@@ -108,9 +108,11 @@ def _not_parsed(raw: bytes, why: str) -> RejectedError:
         raw.decode()
     except UnicodeDecodeError as broken:
         return RejectedError("not-utf8", f"byte {broken.start} is not UTF-8; send JSON text in UTF-8")
-    if why.startswith("recursion limit"):
-        return RejectedError("too-deep", f"{why}; no report nests so deep")
-    return RejectedError("not-json", f"{why}; send one JSON object a message")
+    what, _, place = why.partition(" at ")
+    if what.startswith("recursion limit"):
+        return RejectedError("too-deep", f"nests deeper than any report, at {place}")
+    what = what.replace("EOF while parsing", "it ends within").replace("expected ident", "expected a value")
+    return RejectedError("not-json", f"{what} at {place}; send one JSON object a message")
 
 
 def _model(document: dict[str, Any]) -> type[IdentityReport | StatusReport]:

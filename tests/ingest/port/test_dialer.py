@@ -96,6 +96,7 @@ async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_o
         await socket.send("hello")
         await socket.wait_closed()
 
+    caplog.set_level(logging.INFO, "ingest")
     async with serve(hello, "127.0.0.1", 0) as server:
         port = port_of(server)
     dialled = Dialled(f"ws://127.0.0.1:{port}")
@@ -109,6 +110,28 @@ async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_o
     log_records = [record for record in caplog.records if record.levelno >= logging.WARNING]
     assert len(log_records) == 1
     assert "Alder" in log_records[0].getMessage()
+    assert "connected to Alder" in caplog.text, "that it came is logged, too"
+
+
+async def test_the_loss_of_a_fleet_manager_that_came_late_and_stayed_is_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    dialled = Dialled("")
+
+    async def stay(socket: ServerConnection) -> None:
+        await socket.send("hello")
+        dialled.clock.now_s += STEADY_S + 1
+
+    async with serve(stay, "127.0.0.1", 0) as server:
+        port = port_of(server)
+    dialled = Dialled(f"ws://127.0.0.1:{port}")
+    dialling = asyncio.create_task(dialled.until(2))
+    async with asyncio.timeout(PATIENCE_S):
+        while dialled.dialer.failures < 3:
+            await asyncio.sleep(0.005)
+        async with serve(stay, "127.0.0.1", port):
+            await dialling
+    assert f"the connection to Alder at ws://127.0.0.1:{port} is lost" in caplog.text
 
 
 async def test_a_silent_fleet_manager_is_dialled_again() -> None:

@@ -3,12 +3,14 @@ import logging
 from contextlib import suppress
 from pathlib import Path
 
+import httpx
 import pytest
 
-from deconflict.operator.outlets.store_cursor import QUIET_S, StoreCursor
+from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import verified
 from deconflict.operator.outlets.webhooks import WebhookOutlet
 from deconflict.settings.outlet_settings import Webhook
+from ingest.measures.outages import QUIET_S
 from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing, kept, numbers, posting, working
@@ -103,7 +105,8 @@ async def test_an_unreachable_address_is_logged_once_without_its_secrets(
             await until(lambda: publisher.measures.values["deconflict_outlet_failures_total"]["mes",] >= 3)
         assert publisher.measures.values["deconflict_outlet_waiting"]["mes",] == 1
     warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
-    assert warnings == ["mes accepts no advisories and is tried again: ConnectError"]
+    place = httpx.URL(address).netloc.decode()
+    assert warnings == [f"mes accepts no revisions and is tried again: {place}: All connection attempts failed"]
     assert SECRET not in caplog.text
     assert "key=abc" not in caplog.text
 
@@ -117,13 +120,13 @@ async def test_a_receiver_that_comes_and_goes_is_logged_once_and_then_counted(
         cursor = StoreCursor("mes", ["advisory"], store, publisher, lambda: now_s[0])
         lines = aiter(cursor.lines())
         for now_s[0] in (0.0, 10.0, 20.0, QUIET_S + 1):
-            cursor.failed("503")
+            cursor.failed("it answered 503")
             cursor.delivered(await anext(lines))
     assert [record.getMessage().partition(",")[0] for record in caplog.records] == [
-        "mes accepts no advisories and is tried again: 503",
-        "mes accepts advisories again",
-        "mes accepts no advisories and is tried again: 503",
-        "mes accepts advisories again",
+        "mes accepts no revisions and is tried again: it answered 503",
+        "mes accepts revisions again",
+        "mes accepts no revisions and is tried again: it answered 503",
+        "mes accepts revisions again",
     ]
     assert "after 2 more outages" in caplog.text
 

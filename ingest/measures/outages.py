@@ -1,0 +1,38 @@
+"""Which outages of another party are logged: one that comes and goes fills no log."""
+
+from collections.abc import Callable
+from math import inf
+
+QUIET_S = 600.0
+"""After an outage was logged, others are only counted for so long."""
+
+
+class OutageLog:
+    """The outages of one party, of which some are logged."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._is_out = self._is_logged = False
+        self._logged_s, self._unlogged = -inf, 0
+        """When an outage was logged last, and how many were not logged since."""
+
+    def failed(self) -> str | None:
+        """It failed, perhaps again. If this is to be logged: how many outages were not; else None."""
+        if not self._is_out:
+            self._is_out, self._is_logged = True, False
+            self._unlogged += 1
+        if self._is_logged or self._clock() - self._logged_s < QUIET_S:
+            return None
+        others, self._unlogged = self._unlogged - 1, 0
+        self._is_logged, self._logged_s = True, self._clock()
+        return f", after {others} more outages since it was last logged" if others else ""
+
+    def worked(self) -> bool:
+        """It works. Whether this ends an outage that was logged."""
+        ended = self._is_out and self._is_logged
+        self._is_out = False
+        return ended
+
+    def was_steady(self) -> None:
+        """It worked for long: its next outage is logged."""
+        self._logged_s = -inf
