@@ -20,7 +20,7 @@ from deconflict.roles.service import cluster_problems, run_role, runtime_directo
 from deconflict.roles.supervisor import PARTS, Supervisor
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import create_data_directory, locked
-from deconflict.runtime.kernel_preparation import compile_kernels, report_on_terminal
+from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.runtime.systemd import Notifier
 from deconflict.settings import site, site_file
 from deconflict.settings.importers.heard_robots import HeardRobots, proposed_site
@@ -140,7 +140,7 @@ def _serve(args: argparse.Namespace) -> int:
 
 
 def _prepare(_: argparse.Namespace) -> int:
-    compile_kernels(("deconflict", "ingest"), report_on_terminal)
+    compile_kernels(ALL_PACKAGES, report_on_terminal)
     return 0
 
 
@@ -171,14 +171,20 @@ def add_site_new(parts: Commands) -> None:
 def _site_new(args: argparse.Namespace) -> int:
     settings = site.Site(receiver=ReceiverSettings(host=args.host, port=args.robots_port))
     check_access(settings, args.open)
-    heard = HeardRobots(asyncio.run(_heard(settings, args.seconds)))
-    sys.stderr.write(f"{sum(map(len, heard.by_vendor.values()))} robots were heard\n")
+    heard = HeardRobots(asyncio.run(_heard(settings, args.seconds)) if args.seconds else [])
     is_person_there = sys.stdin.isatty() and sys.stderr.isatty()
     answers = asked(_ask, heard.by_vendor, heard.site_datums()) if is_person_there else SiteAnswers()
     if not heard.by_vendor and not answers.expected:
-        raise site_file.SiteError([f"no robot connected to ws://{args.host}:{args.robots_port}/; see docs/access.md"])
+        raise site_file.SiteError([_nobody(args)])
     sys.stdout.write(proposed_site(heard, answers))
     return 0
+
+
+def _nobody(args: argparse.Namespace) -> str:
+    """Why no site can be proposed."""
+    if args.seconds:
+        return f"no robot connected to ws://{args.host}:{args.robots_port}/; see docs/access.md"
+    return "no vendor was named, and with --seconds 0 none is heard"
 
 
 def _ask(question: str, default: str) -> str:
@@ -204,6 +210,7 @@ async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:
         stop.set()
         await running
         robots = sorted(role.fleet.robots.values(), key=attrgetter("uuid"))
+        sys.stderr.write("1 robot was heard\n" if len(robots) == 1 else f"{len(robots)} robots were heard\n")
         return [fleet_report.robot_document(role.fleet, robot, time.time()) for robot in robots]
 
 

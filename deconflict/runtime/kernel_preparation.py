@@ -12,6 +12,8 @@ from pathlib import Path
 
 from deconflict.runtime.worker_process import SPAWN, prepare_worker
 
+ALL_PACKAGES = ("deconflict", "ingest", "metrics")
+"""Those with kernels. A replay needs them all."""
 MOST_PROCESSES = 8
 """Each needs 250 MB."""
 _KERNEL = re.compile(r"^@kernel\(", re.MULTILINE)

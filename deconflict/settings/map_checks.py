@@ -18,6 +18,8 @@ MAX_BEND = 0.2
 """Largest change of a length (as a share) or a heading (radians) that ADJUST may make within a triangle."""
 MAX_SITE_M = 20_000.0
 """Reference points in degrees lie nearer than this to the reference location, unless x and y are swapped."""
+DEGREE_M = 5_000.0
+"""A longer unit of a map is a degree: 111 km of latitude, and of longitude less the further from the equator."""
 
 
 SLIPS: tuple[tuple[str, Callable[[Floats], Floats]], ...] = (
@@ -53,64 +55,89 @@ def map_problems(vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
         key, cause = likely_cause(vendor_map, datum) or ("", str(error))
         yield f"readings{key}: {cause}"
         return
-    if fit.affine.mirrored and not vendor_map.mirrored:
-        yield (
+    mistaken, misfit = fit.affine.mirrored != vendor_map.mirrored, _misses(fit, vendor_map) or _stretches(fit)
+    slip = likely_cause(vendor_map, datum) if mistaken or misfit else None
+    if mistaken and not (misfit and slip):
+        yield _mirroring(fit.affine.mirrored, slip)
+    if misfit:
+        yield from _misfits(fit, vendor_map, slip)
+    if not slip:
+        yield from _bends(fit, vendor_map)
+
+
+def _mirroring(mirrored: bool, slip: tuple[str, str] | None) -> str:
+    """What to say of a map of which `mirrored` is not what it states."""
+    exchanged = slip[1] if slip and not slip[0] else ""
+    if mirrored:
+        return (
             "mirrored: the readings are mirrored; set mirrored = true if that map is left-handed, "
-            "else look for swapped x and y, a wrong sign or swapped points"
+            f"else {exchanged or 'look for swapped x and y, a wrong sign or swapped points'}"
         )
-    if vendor_map.mirrored and not fit.affine.mirrored:
-        yield "mirrored: found true, but the readings are not mirrored"
-    yield from _misfits(fit, vendor_map, datum)
+    return f"mirrored: found true, but the readings are not mirrored{exchanged and f', unless {exchanged}'}"
 
 
-def _misfits(fit: Fit, vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
-    points = tuple(vendor_map.readings)
+def _misses(fit: Fit, vendor_map: VendorMap) -> bool:
+    return bool(fit.residuals_m.max() > vendor_map.tolerance_m)
+
+
+def _stretches(fit: Fit) -> bool:
+    return fit.method is Method.AFFINE and fit.affine.distortion > MAX_DISTORTION
+
+
+def _misfits(fit: Fit, vendor_map: VendorMap, slip: tuple[str, str] | None) -> Iterator[str]:
     worst = int(fit.residuals_m.argmax())
-    if fit.residuals_m[worst] > vendor_map.tolerance_m:
-        key, cause = likely_cause(vendor_map, datum) or (
-            "",
-            "no single wrong reading, unit or exchange explains it: read all points again",
-        )
+    if _misses(fit, vendor_map):
+        key, why = slip or ("", "no single wrong reading, unit or exchange explains it: read all points again")
         yield (
-            f"readings{key}: {cause}; the fit of all misses {points[worst]} by {fit.residuals_m[worst]:.3f} m, "
-            f"expected at most tolerance_m = {vendor_map.tolerance_m}"
+            f"readings{key}: {why}; the fit of all misses {tuple(vendor_map.readings)[worst]} by "
+            f"{fit.residuals_m[worst]:.3f} m, expected at most tolerance_m = {vendor_map.tolerance_m}"
         )
-    if fit.method is Method.AFFINE and fit.affine.distortion > MAX_DISTORTION:
-        key, cause = likely_cause(vendor_map, datum) or (
+    if _stretches(fit):
+        key, why = slip or (
             "",
             "three points always fit exactly, so nothing shows which is wrong; correct it, or read a fourth",
         )
         yield (
             f"readings{key}: the fit stretches one direction {100 * fit.affine.distortion:.1f} % more than another; "
-            f"{cause}"
+            f"{why}"
         )
-    if isinstance(fit.transform, Adjusted):
-        bend, rows = fit.transform.bend()
-        if bend > MAX_BEND:
-            yield (
-                f"readings: between {', '.join(points[row] for row in rows)} the correction bends the map by "
-                f"{100 * bend:.0f} %; these points are close together and their readings disagree; "
-                "correct or remove one"
-            )
+
+
+def _bends(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
+    if not isinstance(fit.transform, Adjusted):
+        return
+    bend, rows = fit.transform.bend()
+    if bend > MAX_BEND:
+        points = tuple(vendor_map.readings)
+        yield (
+            f"readings: between {', '.join(points[row] for row in rows)} the correction bends the map by "
+            f"{100 * bend:.0f} %; these points are close together and their readings disagree; "
+            "correct or remove one"
+        )
 
 
 def likely_cause(vendor_map: VendorMap, datum: Datum) -> tuple[str, str] | None:
     """Which one slip explains readings that do not fit: the key of the reading, and what is wrong with it.
 
-    A slip explains them if without it all points fit a map of one scale. None if none does, or more than one.
+    A slip explains them if without it all points fit a map of one scale. None if none does, or more than one, but for
+    exchanges: of four points in a rectangle, two explain the same readings.
     """
     names = tuple(vendor_map.readings)
     if not {point.id for point in datum.reference_points}.issuperset(names):
         return None
     readings = np.array(list(vendor_map.readings.values()))
     reference = _reference(datum, names)
+    units = _units(readings, reference, datum)
     found = [
         cause
         for causes in (_exchanges(names, readings), _slips(names, readings), _single(names, readings, reference))
         for cause, corrected, kept in causes
-        if len(kept) > 2 and _misfit_m(corrected[kept], reference[kept], vendor_map.mirrored) <= vendor_map.tolerance_m
+        if len(kept) > 2
+        and _misfit_m(units * corrected[kept], reference[kept], vendor_map.mirrored) <= vendor_map.tolerance_m
     ]
     exact = [cause for cause in found if cause[1] != WRONG] or found
+    if len(exact) > 1 and not any(key for key, _ in exact):
+        return "", ", or ".join(text for _, text in exact)
     return exact[0] if len(exact) == 1 else None
 
 
@@ -137,6 +164,21 @@ def _slips(names: tuple[str, ...], readings: Floats) -> Iterator[_Trial]:
 def _single(names: tuple[str, ...], readings: Floats, reference: Floats) -> Iterator[_Trial]:
     for row, name in enumerate(names):
         yield (f".{name}", WRONG), readings, [other for other in range(len(reference)) if other != row]
+
+
+def _units(readings: Floats, reference: Floats, datum: Datum) -> Floats:
+    """(2,) how long one unit of x and of y is, as a share of one of x: a degree of longitude is a short one."""
+    if _spread(reference) < DEGREE_M * _spread(readings):
+        return np.ones(2)
+    latitude = float(np.median(readings[:, 0]))
+    if abs(latitude) < 1 and datum.reference_location:
+        latitude += datum.reference_location[0]
+    return np.array([1.0, np.cos(np.radians(latitude))])
+
+
+def _spread(points: Floats) -> float:
+    """The usual distance from the middle, which one wrong point hardly changes."""
+    return float(np.median(np.hypot(*(points - np.median(points, axis=0)).T)))
 
 
 def _misfit_m(readings: Floats, reference: Floats, mirrored: bool) -> float:

@@ -115,9 +115,9 @@ def _explained(error: Mapping[str, Any]) -> str:
     if error["type"] == "missing":
         schema = _schema_at(location)
         return f"{key}: is missing; expected {schema.get('description') or schema.get('type', 'a value')}"
-    message = error["msg"][0].lower() + error["msg"][1:]
     if location[-1] in SECRETS:
-        return f"{key}: {message}; expected env:NAME or file:PATH, not the secret itself"
+        return f"{key}: expected env:NAME or file:PATH, not the secret itself"
+    message = error["msg"][0].lower() + error["msg"][1:]
     return f"{key}: {message}; found {str(error['input'])[:80]!r}"
 
 

@@ -1,11 +1,11 @@
 """A first site file from robots that were heard: vendors, datums and models, with the readings still to be measured."""
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from deconflict.settings.importers.site_questions import SiteAnswers
+from deconflict.settings.importers.toml_values import toml_value
 from ingest.languages.visible_text import visible
 
 RobotDocument = Mapping[str, Any]
@@ -32,15 +32,27 @@ class HeardRobots:
         return [datum for datum, vendors in self.senders.items() if len(vendors) > 1] or _most_sent(self.senders)
 
 
+NO_DATUM = (
+    "",
+    "# No robot was heard on a floor. Robots send the UUID of theirs as planarDatum.",
+    "# [[datums]]",
+    f'# id = "{NIL}"',
+    '# name = "Ground floor"',
+    '# reference_points = [{ id = "mark-1", name = "Column A1", x = 0.0, y = 0.0 }]',
+)
+
+
 def proposed_site(heard: HeardRobots, answers: SiteAnswers) -> str:
     """A site file in TOML."""
     site_datums, senders = heard.site_datums(), heard.senders
     lines = [
         "# Proposed from what robots sent. Look through each part, then run `deconflict check`.",
-        f"name = {json.dumps(answers.name)}",
+        f"name = {toml_value(answers.name)}",
     ]
     if answers.clearance_m is not None:
         lines += ["", "[conflict]", f"clearance_m = {answers.clearance_m:g}"]
+    if not site_datums:
+        lines += NO_DATUM
     for datum in site_datums:
         lines += _datum_lines(datum, answers.floor_names.get(datum, "Ground floor"), senders[datum])
     for vendor, own in sorted(heard.by_vendor.items()):
@@ -61,8 +73,8 @@ def _datum_lines(datum: str, name: str, vendors: Counter[str]) -> Iterator[str]:
         "",
         f"# Robots that sent it: {heard}.",
         "[[datums]]",
-        f"id = {json.dumps(datum)}",
-        f"name = {json.dumps(name)}",
+        f"id = {toml_value(datum)}",
+        f"name = {toml_value(name)}",
     )
     yield "# To be measured: four marks or more, spread over the floor, in metres; vendors with own maps read the same."
     yield '# reference_points = [{ id = "mark-1", name = "Column A1", x = 0.0, y = 0.0 }]'
@@ -72,22 +84,23 @@ def _vendor_lines(
     vendor: str, robots: list[RobotDocument], own_datums: list[str], site_datums: list[str], are_people: bool
 ) -> Iterator[str]:
     unnamed = sum(not robot["identified"] for robot in robots)
-    yield from ("", "[[vendors]]", f"name = {json.dumps(vendor)}")
+    yield from ("", "[[vendors]]", f"name = {toml_value(vendor)}")
     if are_people:
         yield 'participant = "person"'
-    yield f"# {len(robots)} robots were heard{f', {unnamed} of them without an identity report' if unnamed else ''}."
+    counted = "1 robot was" if len(robots) == 1 else f"{len(robots) or 'No'} robots were"
+    yield f"# {counted} heard{f', {unnamed} of them without an identity report' if unnamed else ''}."
     makers = sorted({maker for robot in robots if (maker := _identity(robot, "manufacturerName"))} - {vendor})
     if makers:
-        yield f"manufacturers = {json.dumps(makers)}"
+        yield f"manufacturers = {toml_value(makers)}"
     for model, sizes in sorted(_models(robots).items()):
-        yield f"# Model {model}: {sizes}. If that is wrong: [vendors.models.{json.dumps(model)}]"
+        yield f"# Model {model}: {sizes}. If that is wrong: [vendors.models.{toml_value(model)}]"
     for datum in own_datums:
         yield from (
             "# It alone sends this datum: a map of its own, or another floor. Of its own map, measure where its robots",
             "# say they are on each mark.",
             "# [[vendors.maps]]",
-            f"# datum = {json.dumps(datum)}",
-            f"# site_datum = {json.dumps(site_datums[0])}",
+            f"# datum = {toml_value(datum)}",
+            f"# site_datum = {toml_value(site_datums[0])}",
             "# readings = { mark-1 = [0.0, 0.0] }",
         )
 

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import yaml
@@ -13,6 +12,7 @@ from deconflict.settings.importers.metres import read_layout
 from deconflict.settings.importers.openrmf import read_building
 from deconflict.settings.importers.opentcs import read_plant
 from deconflict.settings.importers.plan import ImportedPlan, PlanError
+from deconflict.settings.importers.toml_values import toml_value
 from ingest.settings import Section
 
 WIDTH_M = 1.2
@@ -54,7 +54,7 @@ def read_plan(path: Path) -> ImportedPlan:
 
 def toml(site: DrawnSite, head: str) -> str:
     """The sections as TOML, without keys that have their default."""
-    return "\n".join([head, f"name = {_value(site.name)}", *_sections(site)]) + "\n"
+    return "\n".join([head, f"name = {toml_value(site.name)}", *_sections(site)]) + "\n"
 
 
 def _sections(site: DrawnSite) -> Iterator[str]:
@@ -67,12 +67,4 @@ def section_lines(heading: str, section: Section) -> Iterator[str]:
     """One section as TOML, without keys that have their default."""
     yield f"\n[[{heading}]]"
     for key, value in section.model_dump(mode="json", exclude_defaults=True).items():
-        yield f"{key} = {_value(value)}"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        yield f"{key} = {toml_value(value)}"

@@ -40,10 +40,13 @@ def asked(ask: Ask, vendors: Iterable[str], datums: Iterable[str]) -> SiteAnswer
 
 
 def _number(ask: Ask, question: str, default: str) -> float:
+    hint = ""
     while True:
+        answer = ask(hint + question, default)
         try:
-            value = float(ask(question, default).replace(",", "."))
+            value = float(answer.replace(",", "."))
         except ValueError:
-            continue
+            value = 0.0
         if 0 < value < 100:
             return value
+        hint = f"{answer!r} is no number from 0 to 100. "

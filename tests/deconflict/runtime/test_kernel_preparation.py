@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from deconflict.runtime.kernel_preparation import ALL_PACKAGES
+
 ROOT = Path(__file__).parents[3]
 KERNELS = """
 import numba
@@ -51,3 +53,11 @@ def test_the_first_compilation_has_all_kernels_compiled_and_counts_them(tmp_path
         f"[(0, 4), (2, 4), (4, 4)] [{missed}, 0, 0, 0]",
     )
     assert run(tmp_path) == "[] [0, 0, 0, 0]", "nothing is prepared where everything is on disk"
+
+
+def test_every_kernel_of_the_product_is_in_a_package_that_prepare_compiles() -> None:
+    packages = {path.parent for path in ROOT.glob("*/__init__.py")} - {ROOT / "tests"}
+    with_kernels = {
+        package.name for package in packages for path in package.rglob("*.py") if "\n@kernel(" in path.read_text()
+    }
+    assert with_kernels == set(ALL_PACKAGES)

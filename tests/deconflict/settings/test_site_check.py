@@ -1,4 +1,6 @@
 import io
+import tomllib
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from deconflict.settings.site_file import load
 from ingest.frames.fitting import Method
 from tests.helpers.made_site import HALL, MARKS, put, sound, written
 
+EXAMPLES = Path(__file__).parents[3] / "examples"
 READINGS = "vendors.1.maps.0.readings"
 
 
@@ -166,7 +169,25 @@ def test_slips_of_units_and_secrets_are_found_before_the_service_starts(tmp_path
 
 def test_the_example_of_latitude_and_longitude_on_a_floor_in_metres_passes() -> None:
     out = io.StringIO()
-    example = Path(__file__).parents[3] / "examples" / "latitude_and_longitude.toml"
-    assert check(example, out) == 0
+    assert check(EXAMPLES / "latitude_and_longitude.toml", out) == 0
     assert "48.1371000  11.5754000  ->      0.000     0.000" in out.getvalue()
     assert "yaw 0.0 deg on the map is at (19.998, 12.403), yaw 70.0 deg" in out.getvalue(), "north"
+
+
+@pytest.mark.parametrize(("a", "b"), list(combinations(("door", "dock", "pillar", "gate", "office"), 2)))
+def test_exchanged_readings_in_degrees_are_named_too(a: str, b: str, tmp_path: Path) -> None:
+    example = tomllib.loads((EXAMPLES / "latitude_and_longitude.toml").read_text())
+    readings = example["vendors"][0]["maps"][0]["readings"]
+    readings[a], readings[b] = readings[b], readings[a]
+    _, text = checked(example, tmp_path)
+    (problem,) = (line for line in text.splitlines() if line.startswith("FAILS"))
+    assert f"readings: {a} and {b} are exchanged" in problem
+
+
+def test_of_four_points_in_a_rectangle_both_exchanges_that_explain_them_are_named(tmp_path: Path) -> None:
+    example = tomllib.loads((EXAMPLES / "latitude_and_longitude.toml").read_text())
+    readings = example["vendors"][0]["maps"][0]["readings"]
+    del readings["office"]
+    readings["door"], readings["pillar"] = readings["pillar"], readings["door"]
+    _, text = checked(example, tmp_path)
+    assert "not mirrored, unless door and pillar are exchanged, or dock and gate are exchanged" in text
