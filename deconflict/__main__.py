@@ -13,7 +13,7 @@ from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import access, api_descriptions, json_schemas
 from deconflict.roles.service_commands import add_service_commands, add_site_new
 from deconflict.runtime.command_parsers import Commands, add_command
-from deconflict.runtime.data_lock import DataTakenError
+from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
 from deconflict.runtime.rpc import PortTakenError
@@ -162,8 +162,11 @@ def _schema(args: argparse.Namespace) -> int:
 
 
 def _dashboards(args: argparse.Namespace) -> int:
-    for path in dashboards.write(args.folder):
-        sys.stdout.write(f"{path}\n")
+    try:
+        written = dashboards.write(args.folder)
+    except OSError as error:
+        raise LogError(f"{args.folder} can't be written to: {error.strerror}") from error
+    sys.stdout.writelines(f"{path}\n" for path in written)
     return 0
 
 
@@ -190,7 +193,7 @@ def main() -> int:
         site_file.SiteError,
         PlanError,
         PortTakenError,
-        DataTakenError,
+        DataDirectoryError,
         SecretError,
         CertificateError,
         LogError,

@@ -48,7 +48,19 @@ def test_a_reader_that_has_seen_enough_is_no_fault() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", ["serve", "check", "replay --site", "conform --site", "site import", "replay", "conform"]
+    "arguments",
+    [
+        "serve",
+        "check",
+        "replay --site",
+        "conform --site",
+        "site import",
+        "replay",
+        "conform",
+        "blackbox list --data",
+        "blackbox verify",
+        "losses --data",
+    ],
 )
 def test_a_file_that_is_missing_ends_every_command_with_the_same_code(arguments: str, tmp_path: Path) -> None:
     words = [*arguments.split(), str(tmp_path / "missing")]

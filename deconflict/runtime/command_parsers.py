@@ -20,7 +20,6 @@ def add_command(commands: Commands, name: str, purpose: str, *examples: str) -> 
 
 def positive(text: str) -> int:
     """The type of an argument that counts something."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return number
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
+    return int(text)

@@ -9,28 +9,36 @@ from pathlib import Path
 
 OTHERS = 0o027
 """Rights that nobody gets: writing for the group, and all for others."""
+ELSEWHERE = "set another store.directory, or --data"
 
 log = logging.getLogger(__name__)
 
 
-class DataTakenError(OSError):
-    """Another running service uses the data directory."""
-
-    def __init__(self, directory: Path) -> None:
-        super().__init__(f"{directory} is in use by another service; set another store.directory, or --data")
+class DataDirectoryError(OSError):
+    """A data directory that can't be used. The message says what to change."""
 
 
 def create_data_directory(directory: Path) -> None:
-    """Create it if needed. What this process and its children write from now on is for its user and group only."""
+    """Create it if needed. What this process and its children write from now on is for its user and group only.
+
+    Raises `DataDirectoryError` for one that can't be made or written to.
+    """
     os.umask(os.umask(OTHERS) | OTHERS)
-    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataDirectoryError(
+            f"{directory} can't be made a data directory: {error.strerror}; {ELSEWHERE}"
+        ) from error
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise DataDirectoryError(f"{directory} can't be written to; {ELSEWHERE}")
 
 
 @contextmanager
 def locked(directory: Path, parts: Iterable[str]) -> Iterator[None]:
     """Lock a directory for these parts of a service. The kernel frees the locks if this process dies.
 
-    Raises `DataTakenError`.
+    Raises `DataDirectoryError`.
     """
     with ExitStack() as locks:
         for part in parts:
@@ -38,7 +46,7 @@ def locked(directory: Path, parts: Iterable[str]) -> Iterator[None]:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise DataTakenError(directory) from error
+                raise DataDirectoryError(f"{directory} is in use by another service; {ELSEWHERE}") from error
             except OSError as error:
                 log.warning("%s can't be locked against other services: %s", directory, error)
         yield

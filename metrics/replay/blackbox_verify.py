@@ -84,9 +84,7 @@ def verify(file: Path) -> Verification:
     """Verify one file. Raises `BoxError`."""
     from metrics.replay.replay import replay  # noqa: PLC0415 - brings numba
 
-    head = head_of(file)
-    if head is None:
-        raise BoxError(f"{file} is not a black box")
+    head = _check_is_box(file)
     try:
         chain = verified(lines_of(file))
     except (ChainBrokenError, EOFError, OSError, zstandard.ZstdError) as error:
@@ -114,6 +112,14 @@ def verify(file: Path) -> Verification:
         [line for line in replayed if line not in published],
         int(head.get("engine_restarts", 0)),
     )
+
+
+def _check_is_box(file: Path) -> Mapping[str, Any]:
+    """The head of a black box. Raises `BoxError` if the file is none."""
+    head = head_of(file)
+    if head is None:
+        raise BoxError(f"{file} is not a black box")
+    return head
 
 
 def _compared(revision: ConflictAdvisory) -> Line:
@@ -153,7 +159,12 @@ def _stamp(text: str) -> str:
 
 
 def _list(args: argparse.Namespace) -> int:
-    for box in Archive(args.data / FOLDER).boxes():
+    if not args.data.is_dir():
+        raise BoxError(f"{args.data} is no directory; give that of `serve --data`")
+    boxes = Archive(args.data / FOLDER).boxes()
+    if not boxes:
+        sys.stderr.write(f"no near misses in {args.data}\n")
+    for box in boxes:
         sys.stdout.write(f"{args.data / FOLDER / box['file']}\n")
         for near_miss in box["near_misses"]:
             sys.stdout.write(f"  {near_miss['at']}  {visible(near_miss['summary'])}\n")
@@ -161,6 +172,8 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _verify(args: argparse.Namespace) -> int:
+    for file in args.files:
+        _check_is_box(file)
     failed = 0
     for file in args.files:
         try:

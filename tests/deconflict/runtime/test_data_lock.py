@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.runtime.data_lock import DataTakenError, locked
+from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory, locked
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
 
@@ -13,7 +13,7 @@ def test_a_directory_is_locked_part_by_part(tmp_path: Path) -> None:
     with locked(tmp_path, ["ingest"]):
         with locked(tmp_path, ["face", "engine"]):
             pass
-        with pytest.raises(DataTakenError, match="or --data"), locked(tmp_path, ["ingest"]):
+        with pytest.raises(DataDirectoryError, match="or --data"), locked(tmp_path, ["ingest"]):
             pytest.fail("it is taken")
     with locked(tmp_path, ["ingest"]):
         pass
@@ -38,3 +38,10 @@ def test_what_is_written_is_for_user_and_group_only_and_a_stricter_umask_stays(t
         data = tmp_path / umask
         subprocess.run([sys.executable, "-c", code, str(data), umask], check=True)
         assert (data.stat().st_mode & 0o777, (data / "file").stat().st_mode & 0o777) == modes
+
+
+def test_a_data_directory_that_cannot_be_made_is_explained(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(DataDirectoryError, match="can't be made a data directory: Not a directory; set another"):
+        create_data_directory(file / "data")
