@@ -31,7 +31,7 @@ from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import participants

@@ -12,7 +12,7 @@ from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Conflict
 from deconflict.settings.site_file import load
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.participants import VendorName
 from ingest.batch import Batch
 from ingest.frames.floor_numbers import FloorNumbers

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
+from deconflict.simulation.driving.motion import Activity
 from deconflict.simulation.driving.protection import NOBODY
-from deconflict.simulation.driving.traffic import Activity, World
+from deconflict.simulation.driving.traffic import World
 
 FAST_MPS = 0.3
 """A robot that was slower than this did not yield: it already stood."""

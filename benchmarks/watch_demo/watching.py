@@ -16,7 +16,7 @@ from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.advice_follower import Follow, Follower
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.driving.lost_time import LostTimeCounter
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
@@ -70,7 +70,7 @@ class Watch:
             AdvisedWaits(),
         )
         self._is_followed = follow is not Follow.NONE
-        self.follower = Follower(self.floor.world, follow)
+        self.follower = Follower(self.floor.world, self.floor.world.rows(), follow)
         self.lost_time = LostTimeCounter(self.floor.world)
         self.alerts: dict[str, Alert] = {}
         self.most_open = 0

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.crossings import CrossingPassage
-from deconflict.simulation.driving.traffic import Activity, World
+from deconflict.simulation.driving.motion import Activity
+from deconflict.simulation.driving.traffic import World
 
 AHEAD_M = 18.0
 """Crossings are planned up to this distance ahead."""

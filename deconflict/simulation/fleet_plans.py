@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.braking import MOVING_MPS
+from deconflict.simulation.driving.motion import BACKING_MPS, Activity
 from deconflict.simulation.driving.protection import NOBODY
 from deconflict.simulation.driving.routes import SAMPLE_M
-from deconflict.simulation.driving.traffic import BACKING_MPS, RIDE_S, Activity, World
-from deconflict.simulation.driving.trips import NOWHERE
+from deconflict.simulation.driving.traffic import RIDE_S, World
 from deconflict.simulation.floor_layout import BayKind
+from deconflict.simulation.trips import NOWHERE
 from ingest.batch import Floats, Ints
 
 FOLLOWS_S = 0.5

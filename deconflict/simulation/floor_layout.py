@@ -181,9 +181,14 @@ def _back(came: dict[_Lane, _Lane], lane: _Lane) -> Iterator[_Lane]:
         yield lane
 
 
+def halls_for(robots: int) -> int:
+    """How many halls this number of robots needs."""
+    return max(1, ceil(robots / ROBOTS_PER_HALL))
+
+
 def layout_for(robots: int) -> Layout:
     """Two floors that are large enough for this number of robots."""
-    halls = max(1, ceil(robots / ROBOTS_PER_HALL))
+    halls = halls_for(robots)
     layout, bays = Layout([], [], []), list[Bay]()
     for floor, pattern in enumerate(PATTERNS):
         bays += _add_floor(layout, floor, pattern, [hall * pattern.width_m for hall in range(halls)])

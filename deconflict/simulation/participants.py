@@ -40,11 +40,9 @@ class BodySize:
 
 
 @dataclass(frozen=True, slots=True)
-class Make:
-    """The properties of one vendor's robots."""
+class Chassis:
+    """How a robot is built and drives, or a person walks."""
 
-    vendor: VendorName
-    model: str
     body: BodySize
     loaded: BodySize
     height_m: float
@@ -59,18 +57,24 @@ class Make:
     turn_radps: float
     """Turn rate when turning in place."""
     protection: Protection
-    tells_waiting: bool = False
-    """Whether it reports that it waits for others. Otherwise it reports a path as if it continued at once."""
-    report_every_s: float = 1.0
 
     @property
     def person(self) -> bool:
         return self.protection is Protection.ATTEND
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Make(Chassis):
+    """The properties of one vendor's robots."""
+
+    vendor: VendorName
+    model: str
+    tells_waiting: bool = False
+    """Whether it reports that it waits for others. Otherwise it reports a path as if it continued at once."""
+    report_every_s: float = 1.0
+
+
 ALDER = Make(
-    VendorName.ALDER,
-    "A100",
     BodySize(1.0, 0.7),
     BodySize(1.0, 0.7),
     0.4,
@@ -79,12 +83,12 @@ ALDER = Make(
     1.4,
     0.45,
     0.70,
+    vendor=VendorName.ALDER,
+    model="A100",
     turn_radps=1.2,
     protection=Protection.STOP,
 )
 CORVID = Make(
-    VendorName.CORVID,
-    "C20",
     BodySize(1.4, 0.9),
     BodySize(1.4, 0.9),
     2.1,
@@ -93,6 +97,8 @@ CORVID = Make(
     1.0,
     0.5,
     0.80,
+    vendor=VendorName.CORVID,
+    model="C20",
     turn_radps=0.8,
     protection=Protection.SLOW,
     tells_waiting=True,
@@ -100,8 +106,6 @@ CORVID = Make(
 TUG = replace(CORVID, model="C40", body=BodySize(1.6, 0.9, 0.4), loaded=BodySize(1.6, 0.9, 0.4), height_m=1.6)
 """A tug with trailers. The site file describes them."""
 BASALT = Make(
-    VendorName.BASALT,
-    "B7",
     BodySize(1.1, 0.8, 0.2),
     BodySize(1.2, 1.0, 0.25),
     0.35,
@@ -110,13 +114,13 @@ BASALT = Make(
     1.2,
     0.4,
     0.85,
+    vendor=VendorName.BASALT,
+    model="B7",
     turn_radps=1.0,
     protection=Protection.SWERVE,
 )
 """Its reported location is its drive axle, behind the centre of its envelope. A load extends over the body."""
 WALKER = Make(
-    VendorName.WALKERS,
-    "H1",
     BodySize(0.5, 0.5),
     BodySize(0.5, 0.5),
     1.8,
@@ -125,6 +129,8 @@ WALKER = Make(
     2.5,
     0.3,
     0.60,
+    vendor=VendorName.WALKERS,
+    model="H1",
     turn_radps=2.5,
     protection=Protection.ATTEND,
     tells_waiting=True,

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 from deconflict.simulation.crossing_schedule import CrossingSchedule
-from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
-from deconflict.simulation.driving.trips import NOWHERE
+from deconflict.simulation.driving.motion import Activity
+from deconflict.simulation.driving.traffic import RIDE_S, World
 from deconflict.simulation.fleet_plans import FleetPlan, plan_of
 from deconflict.simulation.floor_layout import BayKind
 from deconflict.simulation.participants import Participant
+from deconflict.simulation.trips import NOWHERE
 from ingest.batch import Ints
 
 WAITING_AFTER_S = 3.0

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.service_commands import add_ports, check_access, settings_of
 from deconflict.runtime.command_parsers import Commands, add_command, positive
-from deconflict.simulation.demo_site import ROBOTS, demo_site
+from deconflict.simulation.demo.demo_site import ROBOTS, demo_site
 
 if TYPE_CHECKING:
     from deconflict.simulation.drills.drill_scripts import Drill
@@ -119,9 +119,10 @@ def _drill_named(name: str) -> "Drill":
 
 def _demo(args: argparse.Namespace) -> int:
     from deconflict.simulation.demo.demo_floor import DemoFloor  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.demo.demo_halls import with_halls  # noqa: PLC0415 - loads the simulated world
     from deconflict.simulation.demo.demo_run import demo  # noqa: PLC0415 - loads the simulated world
 
-    settings = settings_of(args, demo_site())
+    settings = with_halls(settings_of(args, demo_site()), args.robots)
     check_access(settings, args.open)
     return demo(settings, DemoFloor(args.robots, args.seed, follows_advice=args.advice), args.seconds, args.data)
 

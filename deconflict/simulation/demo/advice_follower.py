@@ -1,12 +1,13 @@
 """A site service of the demo's floor: it passes the advice of situations, or of every advisory, on to the robots."""
 
 from collections import Counter, defaultdict
+from collections.abc import Mapping
 from enum import StrEnum
 from math import inf
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
 from deconflict.advisory import Action, Hold, Recommendation
-from deconflict.simulation.driving.traffic import Activity, World
+from deconflict.simulation.driving.motion import Activity, MovingRobots
 
 STALE_S = 1.5
 """Advice may be based on reports this much older than the advice."""
@@ -28,9 +29,9 @@ class Follow(StrEnum):
 class Follower:
     """Passes advice on to the robots of a world."""
 
-    def __init__(self, world: World, follow: Follow) -> None:
-        self._world, self._follow = world, follow
-        self._row = {member.uuid: row for row, member in enumerate(world.members)}
+    def __init__(self, world: MovingRobots, rows: Mapping[str, int], follow: Follow) -> None:
+        """`rows` has the row of each robot by UUID."""
+        self._world, self._row, self._follow = world, rows, follow
         self._instructed_s: dict[str, float] = {}
         """By robot, when it was told something last, in the world's time."""
         self._held: dict[str, tuple[Hold, ...]] = {}

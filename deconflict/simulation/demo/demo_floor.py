@@ -18,7 +18,7 @@ class DemoFloor(SimulatedFloor):
     def __init__(self, robots: int, seed: int, *, follows_advice: bool) -> None:
         super().__init__(robots, seed)
         self._lost = LostTimeCounter(self.world)
-        self._follower = Follower(self.world, Follow.SITUATIONS) if follows_advice else None
+        self._follower = Follower(self.world, self.world.rows(), Follow.SITUATIONS) if follows_advice else None
         self._without_advice = DemoFloor(robots, seed, follows_advice=False) if follows_advice else None
 
     @property

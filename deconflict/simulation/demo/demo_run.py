@@ -168,12 +168,14 @@ def _robots_url(site: Site) -> str:
 def _print_addresses(site: Site, console: Console, floor: DemoFloor) -> None:
     robots = len(floor.world) + len(floor.annex.members)
     face = f"{site.operator.host}:{site.operator.port}"
-    console.print(
-        Text(f"{visible(site.name)}: {robots} simulated robots of four vendors connect to {_robots_url(site)}")
+    lines = (
+        Text(f"{visible(site.name)}: {robots} simulated robots of four vendors connect to {_robots_url(site)}"),
+        Text(f"Open http://{face}/ to see the floor and the predictions", "bold"),
+        f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream",
+        f"Robots      http://{face}/robots       metrics http://{face}/metrics",
     )
-    console.print(f"Open http://{face}/ to see the floor and the predictions", style="bold")
-    console.print(f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream")
-    console.print(f"Robots      http://{face}/robots       metrics http://{face}/metrics")
+    for line in lines:
+        console.print(line, soft_wrap=True)
 
 
 async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console) -> None:

@@ -10,7 +10,7 @@ from deconflict.advisory import Kind
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
 from deconflict.simulation.participants import ALDER, BASALT, CORVID, WALKER, Make, Participant
 from deconflict.simulation.vendors.dialects import GROUND_ID

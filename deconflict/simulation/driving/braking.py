@@ -7,7 +7,7 @@ import numpy as np
 
 from deconflict.simulation.driving.passing import SWERVING_MPS, Passings
 from deconflict.simulation.driving.protection import NOBODY, Bools, FreeWays, Traffic, free_ways
-from deconflict.simulation.participants import Participant, Protection
+from deconflict.simulation.participants import Chassis, Protection
 from ingest.batch import Floats, Ints
 
 HELD_S = (0.8, 1.5)
@@ -46,8 +46,8 @@ class Course:
 class Braking:
     """The protective stops of n robots."""
 
-    def __init__(self, members: Sequence[Participant], passings: Passings, rng: np.random.Generator) -> None:
-        n, makes = len(members), [member.make for member in members]
+    def __init__(self, makes: Sequence[Chassis], passings: Passings, rng: np.random.Generator) -> None:
+        n = len(makes)
         self.yields_to: Ints = np.full(n, NOBODY)
         """(n,) the robot of another fleet for which each brakes, slows down or swerves."""
         self.slowed_by: Ints = np.full(n, NOBODY)

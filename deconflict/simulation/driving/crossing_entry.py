@@ -4,12 +4,14 @@ It waits at the line for a robot of another fleet that stands in the crossing or
 stands where it would leave the crossing. Two robots that reach their lines at the same time do not see each other.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from deconflict.simulation.driving.crossings import Crossings
 from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Bools, Traffic, centres
-from deconflict.simulation.floor_layout import Layout
+from deconflict.simulation.floor_layout import Place
 from ingest.batch import Floats, Ints
 
 BOX_M = 1.9
@@ -30,8 +32,9 @@ LONGEST_S = 12.0
 class CrossingEntry:
     """The lines at which robots wait before crossings."""
 
-    def __init__(self, crossings: Crossings, layout: Layout, robots: int) -> None:
-        self._crossings, self._places = crossings, np.array(layout.places)
+    def __init__(self, crossings: Crossings, places: Sequence[Place], robots: int) -> None:
+        """`places` are the middles of the crossings, by the number of their node."""
+        self._crossings, self._places = crossings, np.array(places).reshape(-1, 2)
         self._passed_m = np.full(robots, -np.inf)
         """(n,) progress of the line at which each has waited for long enough."""
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.routes import Drive
-from deconflict.simulation.floor_layout import Layout
+from deconflict.simulation.floor_layout import Layout, Place
 from ingest.batch import Floats, Ints
 
 BEFORE_M, AFTER_M = 2.6, 2.2
@@ -17,6 +17,9 @@ BEFORE_M, AFTER_M = 2.6, 2.2
 ASK_M = 2.5
 """A robot requests a crossing at this distance before it."""
 NOBODY = -1
+
+Direction = tuple[int, int]
+"""Signs of x and y."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +32,8 @@ class CrossingPassage:
     """Progress along the drive at which the robot enters it."""
     leave_m: float
     """Progress at which it has left it."""
-    inward: tuple[int, int]
-    """Direction in which it is entered, as signs of x and y."""
+    inward: Direction
+    """Direction in which it is entered."""
     left: bool
     """Whether the robot turns left there."""
 
@@ -49,14 +52,27 @@ def passages(layout: Layout, nodes: Sequence[int], drive: Drive) -> list[Crossin
             continue
         (ax, ay), (x, y), (bx, by) = (layout.places[number] for number in (before, node, after))
         inward, outward = (_sign(x - ax), _sign(y - ay)), (_sign(bx - x), _sign(by - y))
-        dx, dy = drive.x_m - x, drive.y_m - y
-        close = np.hypot(dx, dy) < 2 * BEFORE_M
-        close[:leave] = False
-        enter = int(np.argmax(close & (dx * inward[0] + dy * inward[1] > -BEFORE_M)))
-        leave = enter + int(np.argmax(close[enter:] & ((dx * outward[0] + dy * outward[1])[enter:] > AFTER_M)))
-        left = inward[0] * outward[1] - inward[1] * outward[0] > 0
-        found.append(CrossingPassage(node, drive.step_m * enter, drive.step_m * leave, inward, left))
+        enter, leave = _span(drive, (x, y), inward, outward, leave)
+        found.append(passage_of(drive, node, (enter, leave), inward, outward))
     return found
+
+
+def passage_of(
+    drive: Drive, node: int, span: tuple[int, int], inward: Direction, outward: Direction
+) -> CrossingPassage:
+    """One crossing on a drive, which it enters and leaves at these samples and in these directions."""
+    left = inward[0] * outward[1] - inward[1] * outward[0] > 0
+    return CrossingPassage(node, drive.step_m * span[0], drive.step_m * span[1], inward, left)
+
+
+def _span(drive: Drive, middle: Place, inward: Direction, outward: Direction, after: int) -> tuple[int, int]:
+    """The samples, from `after` on, at which a drive enters and leaves the crossing at `middle`."""
+    dx, dy = drive.x_m - middle[0], drive.y_m - middle[1]
+    close = np.hypot(dx, dy) < 2 * BEFORE_M
+    close[:after] = False
+    enter = int(np.argmax(close & (dx * inward[0] + dy * inward[1] > -BEFORE_M)))
+    leave = enter + int(np.argmax(close[enter:] & ((dx * outward[0] + dy * outward[1])[enter:] > AFTER_M)))
+    return enter, leave
 
 
 def _sign(value: float) -> int:

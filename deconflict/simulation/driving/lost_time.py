@@ -4,10 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.simulation.driving.traffic import Activity, World
+from deconflict.simulation.driving.motion import Activity, MovingRobots
+from deconflict.simulation.driving.protection import NOBODY, Bools
+from ingest.batch import Floats, Ints
 
 STANDING_MPS, LONG_S = 0.05, 3.0
 """A slower robot stands. A stop of this length counts."""
+FREE_SHARE = 0.97
+"""A robot that is this fast, as a share of what its path allows, is free again."""
+LEAST_MPS = 0.06
+"""Least allowed speed of a path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +39,7 @@ class LostTime:
 class LostTimeCounter:
     """Adds up the lost time of a world. Call `update` after each step."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: MovingRobots) -> None:
         self._world, self._rows = world, np.arange(len(world))
         self._driven_s = self._lost_s = self._waited_s = self._advised_s = self._stopped_s = 0.0
         self._stops = self._trips = 0
@@ -70,3 +76,31 @@ class LostTimeCounter:
             stopped_s=round(self._stopped_s + float(lasting_s.sum()), 1),
             trips=self._trips,
         )
+
+
+class CausedDelays:
+    """Who loses time because of whom. Call `update` after each step.
+
+    The loss of a step is the part of it that a robot would not have needed on a free path: 1 less its speed over the
+    speed that its path allows there. So the losses of a drive add up to its delay. What limits a robot names the cause.
+    The cause stands until the robot is as fast again as its path allows.
+    """
+
+    def __init__(self, world: MovingRobots) -> None:
+        self._world, self._rows = world, np.arange(len(world))
+        self.cause: Ints = np.full(len(world), NOBODY)
+        """(n,) the robot because of which each loses time now."""
+        self.driving: Bools = np.zeros(len(world), np.bool_)
+        """(n,) whether each is on its way."""
+        self.lost_s: Floats = np.zeros(len(world))
+        """(n,) lost in the last step, whatever the cause."""
+
+    def update(self, dt_s: float) -> None:
+        world = self._world
+        self.driving = np.isin(world.doing, (Activity.DRIVING, Activity.BACKING, Activity.HOLDING))
+        free_mps = np.maximum(world.tracks.speed_mps(self._rows, world.progress_m) * world.pace, LEAST_MPS)
+        share = world.speed_mps / free_mps
+        slowed_by = np.where(self.driving, world.braking.slowed_by, NOBODY)
+        is_free = (world.doing == Activity.STANDING) | (self.driving & (slowed_by == NOBODY) & (share >= FREE_SHARE))
+        self.cause = np.where(slowed_by != NOBODY, slowed_by, np.where(is_free, NOBODY, self.cause))
+        self.lost_s = np.where(self.driving, 1.0 - share, 0.0) * dt_s

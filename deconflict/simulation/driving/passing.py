@@ -61,10 +61,11 @@ class RelativePositions:
 class Passings:
     """Which robot passes which."""
 
-    def __init__(self, lane_m: Floats) -> None:
+    def __init__(self, lane_m: Floats, half_aisle_m: float = HALF_AISLE_M) -> None:
         """`lane_m` (n,) is the distance of each robot's path to the right of the middle of an aisle."""
         n = len(lane_m)
-        self._lane_m = lane_m
+        self._room_m = np.column_stack([half_aisle_m - lane_m, half_aisle_m + lane_m])
+        """(n, 2) room to the right and to the left of each robot's path."""
         self._of: dict[int, PassingManoeuvre] = {}
         self.aside_to_m = np.zeros(n)
         """(n,) planned offset of each robot to the left of its path."""
@@ -82,7 +83,7 @@ class Passings:
         """Start to pass another robot at no more than `top_mps`. Returns False if there is no room."""
         end_m = _straight_until_m(traffic, robot)
         beside = _beside(traffic, robot)
-        aside_m = _room_aside_m(traffic, beside, robot, other, float(self._lane_m[robot]), end_m)
+        aside_m = _room_aside_m(traffic, beside, robot, other, self._room_m[robot], end_m)
         if aside_m is None:
             return False
         back_m = float(traffic.progress_m[robot]) + _past_m(traffic, beside, robot, other)
@@ -139,7 +140,7 @@ def _past_m(traffic: Traffic, beside: RelativePositions, robot: int, other: int)
 
 
 def _room_aside_m(
-    traffic: Traffic, beside: RelativePositions, robot: int, other: int, lane_m: float, end_m: float
+    traffic: Traffic, beside: RelativePositions, robot: int, other: int, room_m: Floats, end_m: float
 ) -> float | None:
     """The offset to the left at which a robot can pass another. None if it can't.
 
@@ -154,7 +155,7 @@ def _room_aside_m(
     until_m = _past_m(traffic, beside, robot, other) + BEYOND_M
     for target_m in targets_m:
         back_m = BACK_STEEPNESS * abs(target_m)
-        within = -(HALF_AISLE_M - lane_m) <= target_m - half_m and target_m + half_m <= HALF_AISLE_M + lane_m
+        within = -room_m[0] <= target_m - half_m and target_m + half_m <= room_m[1]
         straight = traffic.progress_m[robot] + until_m + back_m <= end_m
         if within and straight and _is_free(traffic, beside, robot, other, float(target_m), until_m):
             return float(target_m)

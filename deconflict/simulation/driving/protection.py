@@ -65,6 +65,8 @@ class Traffic:
     person: Bools
     rank: Ints
     """Of two robots the one with the lower rank goes first."""
+    first: Bools
+    """Whether all others know where it drives and let it go first, except those of which that is true as well."""
 
     def braking_m(self) -> Floats:
         """(n,) stopping distance in progress if each braked now; negative when backing."""
@@ -105,9 +107,10 @@ def free_ways(traffic: Traffic) -> FreeWays:
     later = _places(traffic, everyone, traffic.speed_mps[:, None] * AHEAD_S)
     meet = _boxes_meet(traffic, (rows[at], whom), looks[:, at], np.concatenate([braking, later], axis=2)[:, whom])
     who, whom, at = who[meet], whom[meet], at[meet]
-    knows = traffic.person[who] | (traffic.fleet[who] == traffic.fleet[whom])
+    lets_go = traffic.first[whom] & ~traffic.first[who]
+    knows = traffic.person[who] | (traffic.fleet[who] == traffic.fleet[whom]) | lets_go
     way_m = _way_m(traffic, who, whom, looks[:, at], braking[:, whom])
-    foresees = knows & (traffic.rank[whom] < traffic.rank[who])
+    foresees = knows & ((traffic.rank[whom] < traffic.rank[who]) | lets_go)
     who_known, whom_known = who[foresees], whom[foresees]
     foreseen_m = _way_m(traffic, who_known, whom_known, looks[:, at[foresees]], later[:, whom_known])
     way_m[foresees] = np.minimum(way_m[foresees], foreseen_m)
@@ -142,8 +145,8 @@ def _near(traffic: Traffic, asking: Bools, early_m: float) -> tuple[Ints, Ints]:
     both = np.concatenate([pairs, pairs[:, ::-1]])
     who, whom = both[asking[both[:, 0]]].T
     needs_m = np.hypot(traffic.length_m, traffic.width_m) / 2 + 1.5 * np.abs(traffic.braking_m())
-    foreseen_m = np.where(traffic.fleet[who] == traffic.fleet[whom], AHEAD_S[-1] * np.abs(traffic.speed_mps[whom]), 0.0)
-    foreseen_m[traffic.person[who]] = AHEAD_S[-1] * np.abs(traffic.speed_mps[whom[traffic.person[who]]])
+    knows = traffic.person[who] | (traffic.fleet[who] == traffic.fleet[whom]) | traffic.first[whom]
+    foreseen_m = np.where(knows, AHEAD_S[-1] * np.abs(traffic.speed_mps[whom]), 0.0)
     apart_m = np.hypot(here[0, who] - here[0, whom], here[1, who] - here[1, whom])
     near = apart_m < needs_m[who] + needs_m[whom] + foreseen_m + early_m
     return who[near], whom[near]

@@ -4,7 +4,7 @@ A drive is sampled by *progress*: metres along the path, plus `TURN_M` for each 
 always speed of progress, so one number tells how far a robot has come, including turns.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import atan2, ceil, cos, hypot, sin, sqrt, tan
@@ -12,7 +12,7 @@ from math import atan2, ceil, cos, hypot, sin, sqrt, tan
 import numpy as np
 
 from deconflict.simulation.floor_layout import Layout, Place
-from deconflict.simulation.participants import Make
+from deconflict.simulation.participants import Chassis
 from ingest.batch import Floats
 from ingest.frames.angles import turn_between
 
@@ -25,7 +25,12 @@ TIGHT_M = 0.3
 SIDEWAYS_MPS2 = 0.6
 CREEP_MPS = 0.06
 """Least speed of a robot on its path, so that it passes the points where it must almost stop."""
+WIDE_RAD = 1.2
+"""Robots cut corners of smaller angles by the same length as right angles, so that their radius is larger."""
 NEARLY_STRAIGHT_RAD = 0.02
+
+SpeedShare = Callable[[Floats, Floats], Floats]
+"""The greatest speed at each point, as a share of the robot's own; the points are x and y, both (m,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +81,7 @@ def lane(layout: Layout, nodes: Sequence[int], offset_m: float) -> list[Place]:
     return [*corners, layout.places[nodes[-1]]]
 
 
-def drive(corners: Sequence[Place], yaw_rad: float, make: Make) -> Drive:
+def drive(corners: Sequence[Place], yaw_rad: float, make: Chassis, speed_share: SpeedShare | None = None) -> Drive:
     """The drive of a robot that stands at the first corner, heading `yaw_rad`, to the last."""
     pieces = _pieces(corners, yaw_rad, make)
     ends_m = np.cumsum([piece.length_m for piece in pieces])
@@ -91,11 +96,13 @@ def drive(corners: Sequence[Place], yaw_rad: float, make: Make) -> Drive:
     arc_x, arc_y = (np.sin(turned) - np.sin(yaw)) / safe_bend, (np.cos(yaw) - np.cos(turned)) / safe_bend
     x = x + forward * np.where(bend == 0.0, into_m * np.cos(yaw), arc_x)
     y = y + forward * np.where(bend == 0.0, into_m * np.sin(yaw), arc_y)
+    if speed_share:
+        limit_mps = np.minimum(limit_mps, speed_share(x, y) * make.max_speed_mps)
     limit_mps[np.flatnonzero(np.diff(forward))] = 0.0
     return Drive(float(progress_m[1]), x, y, turned, _reachable(progress_m, limit_mps, make))
 
 
-def _reachable(progress_m: Floats, limit_mps: Floats, make: Make) -> Floats:
+def _reachable(progress_m: Floats, limit_mps: Floats, make: Chassis) -> Floats:
     """The greatest speeds within the limits, at rest at both ends: v2^2 = v1^2 + 2 a s, forwards and backwards."""
     squares = np.minimum(limit_mps, make.max_speed_mps) ** 2
     squares[[0, -1]] = 0.0
@@ -105,7 +112,7 @@ def _reachable(progress_m: Floats, limit_mps: Floats, make: Make) -> Floats:
     return np.maximum(np.sqrt(np.maximum(squares, 0.0)), CREEP_MPS)
 
 
-def _pieces(corners: Sequence[Place], yaw_rad: float, make: Make) -> list[_Piece]:
+def _pieces(corners: Sequence[Place], yaw_rad: float, make: Chassis) -> list[_Piece]:
     pieces: list[_Piece] = []
     heading, at = yaw_rad, corners[0]
     for index, (a, b) in enumerate(pairwise(corners)):
@@ -137,7 +144,8 @@ def _corner(corners: Sequence[Place], index: int) -> tuple[float, float, float]:
     before, after = (b[0] - a[0], b[1] - a[1]), (c[0] - b[0], c[1] - b[1])
     bends = turn_between(atan2(before[1], before[0]), atan2(after[1], after[0]))
     half = tan(abs(bends) / 2)
-    radius_m = min(CORNER_M, min(hypot(*before), hypot(*after)) / 2 / max(half, 1e-9))
+    widest_m = CORNER_M if abs(bends) > WIDE_RAD else CORNER_M / max(half, 1e-9)
+    radius_m = min(widest_m, min(hypot(*before), hypot(*after)) / 2 / max(half, 1e-9))
     if radius_m < TIGHT_M or abs(bends) < NEARLY_STRAIGHT_RAD:
         return 0.0, 0.0, bends
     return radius_m, radius_m * half, bends

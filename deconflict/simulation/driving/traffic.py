@@ -1,31 +1,22 @@
-"""The simulated world: robots and people move from bay to bay, stop for each other, and resolve mutual waits.
+"""The simulated world: robots and people move from bay to bay on both floors, load, charge and pause.
 
-A robot drives its own path and knows only the plans of its own fleet. For others it has a protective stop. If it has
-stood for another for long, it passes it or backs off along its path. Time advances only by `World.step`. All randomness
-comes from the given generator.
+Time advances only by `World.step`. All randomness comes from the given generator.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
-from enum import IntEnum
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
-from deconflict.simulation.driving.braking import MOVING_MPS, Braking
-from deconflict.simulation.driving.crossing_entry import CrossingEntry
-from deconflict.simulation.driving.crossings import Crossings, passages
-from deconflict.simulation.driving.drive_table import DriveTable
-from deconflict.simulation.driving.instructions import Instructions
-from deconflict.simulation.driving.mutual_waits import MutualWaits
-from deconflict.simulation.driving.passing import WALKING_MPS, Passings
-from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
-from deconflict.simulation.driving.routes import drive, lane, standing
-from deconflict.simulation.driving.trips import NOWHERE, Trips
+from deconflict.simulation.driving.crossings import passages
+from deconflict.simulation.driving.motion import Activity, MovingRobots
+from deconflict.simulation.driving.protection import Bools
+from deconflict.simulation.driving.routes import Drive, SpeedShare, drive, lane, standing
 from deconflict.simulation.floor_layout import Bay, BayKind, Layout
 from deconflict.simulation.participants import BodySize, Participant, VendorName
-from ingest.batch import Floats, Ints
+from deconflict.simulation.trips import NOWHERE, Trips
+from ingest.batch import Ints
 
-ARRIVED_M = 0.03
 RIDE_S = 6.0
 """Time in a lift."""
 DWELL_S = {
@@ -46,71 +37,42 @@ FULL_BAYS_S = 2.0
 """If all bays are taken, a robot waits this long before it looks again."""
 DETOUR = 0.6
 """Robots do not all take the shortest path: for each trip, aisles count as up to this share longer."""
-BACKING_MPS = 0.35
-BACK_OFF_M = (1.2, 4.0)
-HOLD_S = (2.0, 6.0)
-CREEPS_SHARE = 0.4
-"""Share of the robots that creep on after a long wait. The others back off."""
-STUCK_EVERY_S, STUCK_S = 900.0, (8.0, 15.0)
-PAUSE_EVERY_S, PAUSE_S = 25.0, (1.0, 4.0)
-"""Short pauses of people."""
-PACE_DRIFT, SLOWEST_PACE = 0.15, 0.5
-"""How fast people change their speed, and their least share of the greatest speed."""
-SWAY_M, SWAY_S = 0.08, 2.0
-"""How far people stray to either side, and the time in which they return."""
+STUCK_EVERY_S, PAUSE_EVERY_S = 900.0, 25.0
+"""How often a robot is stuck and a person pauses."""
 UNLOAD_SHARE = 0.4
 """Share of loaded robots that unload at a rack or dock."""
 LOW_BATTERY = 25.0
 DRAIN_PER_S, CHARGE_PER_S = 0.04, 1.5
 """Percent per second. Faster than in reality, so that chargers are used."""
+NO_LIMITS: Mapping[int, SpeedShare] = MappingProxyType({})
 
 
-class Activity(IntEnum):
-    """What a robot or person does."""
-
-    STANDING = 0
-    """In a bay."""
-    DRIVING = 1
-    BACKING = 2
-    HOLDING = 3
-    """Standing after backing off."""
-    HALTED = 4
-    """A stuck robot, or a person who pauses."""
-
-
-class World:
+class World(MovingRobots):
     """All members on both floors. The rows of every array are the members, in order."""
 
-    def __init__(self, layout: Layout, members: Sequence[Participant], rng: np.random.Generator) -> None:
-        """Every member starts in a bay. Raises ValueError if there are more members than bays."""
-        self.members, self._rng = tuple(members), rng
-        n, makes = len(self.members), [member.make for member in self.members]
-        self.t_s = 0.0
-        vendors = list(VendorName)
-        self.fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
-        """(n,) fleet of each member. Robots of one fleet know of each other."""
-        self.person = np.array([make.person for make in makes], np.bool_)
-        self.trips, self.tracks = Trips(layout, self.person, rng), DriveTable(n)
-        self.crossings = Crossings(np.where(self.person, -1 - np.arange(n), self.fleet))
-        self.doing = np.full(n, int(Activity.STANDING))
-        self.until_s = rng.uniform(0.0, SET_OUT_S, n)
-        """When standing, holding or halting ends."""
-        self.progress_m, self.speed_mps, self.aside_m = np.zeros(n), np.zeros(n), np.zeros(n)
-        self.back_to_m = np.zeros(n)
-        self.pace = np.ones(n)
-        """(n,) preferred speed as a share of the greatest."""
-        self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~self.person
+    def __init__(
+        self,
+        layout: Layout,
+        members: Sequence[Participant],
+        rng: np.random.Generator,
+        speed_shares: Mapping[int, SpeedShare] = NO_LIMITS,
+    ) -> None:
+        """Every member starts in a bay. `speed_shares` are speed limits by floor. Raises ValueError if there are more
+        members than bays."""
+        self._speed_shares = speed_shares
+        self.members = tuple(members)
+        n, makes, vendors = len(self.members), [member.make for member in members], list(VendorName)
+        person = np.array([make.person for make in makes], np.bool_)
+        self.trips = Trips(layout, person, rng)
+        until_s = rng.uniform(0.0, SET_OUT_S, n)
+        self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
-        self.waits, self.instructions = MutualWaits(n, rng), Instructions(n)
-        self.lines = CrossingEntry(self.crossings, layout, n)
-        self.passings = Passings(np.array([make.lane_m for make in makes]))
-        self.braking = Braking(self.members, self.passings, rng)
-        self._gain = np.array([make.gain_mps2 for make in makes])
-        self._brake = np.array([make.brake_mps2 for make in makes])
-        self._bodies = np.array([[_sizes(make.body), _sizes(make.loaded)] for make in makes])
-        self._rank = np.argsort(np.lexsort((np.arange(n), self.person)))
+        fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
+        super().__init__(makes, fleet, layout.places, rng)
+        self.until_s = until_s
+        self.halts_every_s = np.where(person, PAUSE_EVERY_S, STUCK_EVERY_S)
         for robot in range(n):
-            self._place_in(self.trips.at(robot), robot)
+            self._place(robot, self._standing_in(self.trips.at(robot)))
 
     def spread_start(self) -> None:
         """Let no more members drive at first than later: if many set out at once, twice as many are in each other's
@@ -118,97 +80,44 @@ class World:
         if len(self) > FEW:
             self.until_s = SPREAD_S * (self.until_s / SET_OUT_S) ** SPREAD_POWER
 
-    def __len__(self) -> int:
-        return len(self.members)
-
-    @property
-    def waited_s(self) -> Floats:
-        """(n,) how long others have blocked each."""
-        return self.waits.waited_s
-
-    @property
-    def yields_to(self) -> Ints:
-        """(n,) the robot of another fleet for which each brakes, slows down or swerves."""
-        return self.braking.yields_to
-
     @property
     def floor(self) -> Ints:
-        """(n,)"""
         return self.trips.floor
+
+    @property
+    def loaded(self) -> Bools:
+        has_load: Bools = self.load_pct > 0
+        return has_load
 
     @property
     def charging(self) -> Bools:
         """(n,)"""
-        standing: Bools = self.doing == Activity.STANDING
-        return standing & self.trips.standing_at(BayKind.CHARGER)
+        standing_now: Bools = self.doing == Activity.STANDING
+        return standing_now & self.trips.standing_at(BayKind.CHARGER)
+
+    def rows(self) -> dict[str, int]:
+        """By UUID, the row of each member."""
+        return {member.uuid: row for row, member in enumerate(self.members)}
 
     def body(self, robot: int) -> BodySize:
         """Its present envelope."""
         make = self.members[robot].make
         return make.loaded if self.load_pct[robot] else make.body
 
-    def locations(self) -> Floats:
-        """(n, 3) x, y, yaw of the location that each reports, in its floor's frame."""
-        located = replace(self._traffic(), ahead_m=np.zeros(len(self)))
-        return centres(located, np.arange(len(self)), self.progress_m).T
-
-    def envelopes(self) -> Floats:
-        """(n, 5) x, y, yaw of each envelope's centre, its length and its width."""
-        seen = self._traffic()
-        poses = centres(seen, np.arange(len(self)), self.progress_m)
-        return np.column_stack([*poses, seen.length_m, seen.width_m])
-
-    def velocities(self) -> Floats:
-        """(n, 2) metres per second along the heading, and radians per second anticlockwise."""
-        slope = self.tracks.slope(np.arange(len(self)), self.progress_m)
-        return (slope * self.speed_mps).T
-
     def step(self, dt_s: float) -> None:
-        """Advance the time by `dt_s`, at most 0.2 s, so that protective stops are short enough."""
-        self.t_s += dt_s
-        self._end_waits()
-        self._halt_some(dt_s)
-        self._go_aside(dt_s)
-        self._move(dt_s)
-        self._arrive()
-        self._end_long_waits()
+        super().step(dt_s)
         self._use_batteries(dt_s)
 
-    def _traffic(self) -> Traffic:
-        length_m, width_m, ahead_m = self._bodies[np.arange(len(self)), (self.load_pct > 0).astype(np.int64)].T
-        return Traffic(
-            tracks=self.tracks,
-            progress_m=self.progress_m,
-            speed_mps=self.speed_mps,
-            brake_mps2=self._brake,
-            backing=self.doing == Activity.BACKING,
-            going=(self.doing == Activity.DRIVING) | (self.doing == Activity.BACKING),
-            aside_m=self.aside_m,
-            floor=self.floor,
-            length_m=length_m,
-            width_m=width_m,
-            ahead_m=ahead_m,
-            fleet=self.fleet,
-            person=self.person,
-            rank=self._rank,
-        )
+    def _standing_in(self, bay: Bay) -> Drive:
+        return standing(bay.place, self.trips.layout.heading_rad(bay))
 
-    def _place_in(self, bay: Bay, robot: int) -> None:
-        self.tracks.set_drive(robot, standing(bay.place, self.trips.layout.heading_rad(bay)))
-        self.progress_m[robot] = 0.0
-
-    def _end_waits(self) -> None:
-        going = (self.doing == Activity.DRIVING) | (self.doing == Activity.BACKING)
-        for robot in np.flatnonzero(~going & (self.until_s <= self.t_s)):
-            if self.doing[robot] == Activity.STANDING:
-                self._leave(int(robot))
-            else:
-                self.doing[robot] = Activity.DRIVING
+    def _arrived(self, robot: int) -> float:
+        return float(self._rng.uniform(*DWELL_S[self.trips.arrive(robot).kind]))
 
     def _leave(self, robot: int) -> None:
         """Set out from a bay. If every other is taken, stand a little longer."""
         if self.trips.beyond[robot] != NOWHERE:
-            self._place_in(self.trips.ride(robot), robot)
+            self._place(robot, self._standing_in(self.trips.ride(robot)))
         start, make = self.trips.at(robot), self.members[robot].make
         low = bool(self.battery_pct[robot] < LOW_BATTERY)
         goal = self.trips.choose(robot, needs_charge=low)
@@ -221,104 +130,11 @@ class World:
         layout = self.trips.layout
         detours = 1.0 + DETOUR * self._rng.random(len(layout.places))
         nodes = layout.route(start.node, goal.node, detours)
-        way = drive(lane(layout, nodes, make.lane_m), layout.heading_rad(start), make)
-        self.tracks.set_drive(robot, way)
-        self.crossings.set_drive(robot, passages(layout, nodes, way))
-        self.lines.reset(robot)
-        self.progress_m[robot], self.doing[robot] = 0.0, Activity.DRIVING
-        self.waits.restart(robot)
-
-    def _halt_some(self, dt_s: float) -> None:
-        """Sometimes a robot is stuck and a person pauses."""
-        every_s = np.where(self.person, PAUSE_EVERY_S, STUCK_EVERY_S)
-        struck = (self._rng.random(len(self)) < dt_s / every_s) & (self.doing == Activity.DRIVING)
-        for robot in np.flatnonzero(struck):
-            self.doing[robot] = Activity.HALTED
-            self.until_s[robot] = self.t_s + self._rng.uniform(*(PAUSE_S if self.person[robot] else STUCK_S))
-
-    def _go_aside(self, dt_s: float) -> None:
-        """Move robots that pass others sideways, and let people stray, if no robot is beside them."""
-        seen = self._traffic()
-        self.passings.update(seen, self.t_s)
-        aside_m = self.passings.next_aside_m(seen, dt_s) + self._stray_m(dt_s)
-        may = may_sidestep(seen, aside_m)
-        self.aside_m = np.where(may, aside_m, self.aside_m)
-
-    def _stray_m(self, dt_s: float) -> Floats:
-        """(n,) how far people stray to the left. Also changes their speed."""
-        pushes = self._rng.normal(size=(2, len(self))) * np.sqrt(dt_s) * self.person
-        self.pace = np.clip(self.pace + PACE_DRIFT * pushes[0], SLOWEST_PACE, 1.0)
-        walking = self.person & (np.abs(self.speed_mps) > MOVING_MPS) & (np.abs(self.aside_m) <= SWAY_M)
-        walking &= self.passings.end_m == np.inf
-        change_m = SWAY_M * pushes[1] - self.aside_m * dt_s / SWAY_S
-        strayed_m: Floats = np.clip(self.aside_m + walking * change_m, -SWAY_M, SWAY_M) - self.aside_m
-        return np.where(walking, strayed_m, 0.0)
-
-    def _move(self, dt_s: float) -> None:
-        seen = self._traffic()
-        self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Activity.DRIVING))
-        line = self.lines.limits(seen, self.doing == Activity.DRIVING, self.waited_s)
-        planned_mps = self.tracks.speed_mps(np.arange(len(self)), self.progress_m + self.speed_mps * dt_s)
-        pace_mps = np.where(
-            seen.backing, BACKING_MPS, self.pace * np.minimum(planned_mps, self.braking.top_mps(self.t_s))
-        )
-        pace_mps = np.minimum(pace_mps, self.instructions.top_mps(self.t_s))
-        order = self.crossings.stop_m - self.progress_m, self.crossings.waits_for
-        course = self.braking.course(seen, pace_mps, order, line, self.t_s, dt_s)
-        self._drive(np.where(seen.backing, -course.wanted_mps, course.wanted_mps), dt_s)
-        self.waits.update(course.kept & (np.abs(self.speed_mps) < MOVING_MPS), course.by, dt_s)
-
-    def _drive(self, signed_mps: Floats, dt_s: float) -> None:
-        faster = np.where(self.speed_mps >= 0, self._gain, self._brake) * dt_s
-        slower = np.where(self.speed_mps > 0, self._brake, self._gain) * dt_s
-        self.speed_mps = self.speed_mps + np.clip(signed_mps - self.speed_mps, -slower, faster)
-        self.progress_m = np.clip(self.progress_m + self.speed_mps * dt_s, 0.0, self.tracks.length_m)
-
-    def _arrive(self) -> None:
-        there = (self.doing == Activity.DRIVING) & (self.progress_m >= self.tracks.length_m - ARRIVED_M)
-        for robot in np.flatnonzero(there):
-            bay = self.trips.arrive(int(robot))
-            self.doing[robot], self.speed_mps[robot] = Activity.STANDING, 0.0
-            self.until_s[robot] = self.t_s + self._rng.uniform(*DWELL_S[bay.kind])
-        back = self.doing == Activity.BACKING
-        done = back & ((self.progress_m <= self.back_to_m) | (self.waited_s > 0.5))
-        for robot in np.flatnonzero(done):
-            self.doing[robot] = Activity.HOLDING
-            self.crossings.give_way(int(robot), float(self.progress_m[robot]))
-            self.until_s[robot] = self.t_s + self._rng.uniform(*HOLD_S)
-
-    def _end_long_waits(self) -> None:
-        """Robots that have stood too long pass the other robot. If they wait for each other, they creep on or
-        back off."""
-        seen = self._traffic()
-        for robot in self.waits.look_past(self.speed_mps, self.t_s):
-            past = int(self.waits.blocker[robot])
-            driving = self.doing[robot] == Activity.DRIVING and robot not in self.passings
-            if driving and self.passings.begin(seen, robot, past, self.t_s, WALKING_MPS):
-                self.waits.restart(robot)
-        for robot in self.waits.out_of_patience():
-            if self.doing[robot] != Activity.DRIVING:
-                continue
-            if self._rng.random() < CREEPS_SHARE:
-                self.braking.let_go(robot)
-                self.braking.creep(robot, self.t_s)
-                self.waits.restart(robot)
-            else:
-                self.back_off(robot)
-
-    def back_off(self, robot: int) -> None:
-        """Let a driving robot drive backwards along its path for a few metres, and then stand for a while."""
-        self.braking.let_go(robot)
-        self.doing[robot] = Activity.BACKING
-        wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
-        self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
-        self.waits.restart(robot)
+        corners, limits = lane(layout, nodes, make.lane_m), self._speed_shares.get(start.floor)
+        way = drive(corners, layout.heading_rad(start), make, limits)
+        self._set_out(robot, way, passages(layout, nodes, way))
 
     def _use_batteries(self, dt_s: float) -> None:
         drain = np.where(self.person, 0.1, 1.0) * DRAIN_PER_S
         change = np.where(self.charging, CHARGE_PER_S, -drain) * dt_s
         self.battery_pct = np.clip(self.battery_pct + change, 3.0, 100.0)
-
-
-def _sizes(body: BodySize) -> tuple[float, float, float]:
-    return body.length_m, body.width_m, body.ahead_m

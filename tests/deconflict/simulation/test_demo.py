@@ -7,14 +7,18 @@ from math import inf
 from pathlib import Path
 
 import pytest
+import shapely
 from rich.console import Console
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
+from deconflict.settings.shared_places import Resource, outlines
 from deconflict.settings.site import LossSettings
 from deconflict.settings.site_file import fit_problems, load
+from deconflict.simulation.demo.demo_halls import with_halls
+from deconflict.simulation.demo.demo_site import ROBOTS, demo_site
 from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
-from deconflict.simulation.demo_site import ROBOTS, demo_site
+from deconflict.simulation.floor_layout import Bay, layout_for
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
@@ -25,6 +29,25 @@ def test_the_bundled_site_is_sound() -> None:
     assert fit_problems(site) == []
     assert [datum.level for datum in site.datums] == [0, 1]
     assert len(site.vendors) == 4
+
+
+def test_further_halls_are_drawn_and_have_places_of_their_own() -> None:
+    site = with_halls(load(demo_site()), 200)
+    assert fit_problems(site) == []
+    assert with_halls(load(demo_site()), 80) == load(demo_site())
+    drawn = shapely.MultiPolygon([shapely.Polygon(part.outline_m) for part in site.obstacles if not part.name])
+    assert drawn.bounds == (-0.3, -20.3, 3 * 99.0 + 0.3, 54.3), "walls around all halls"
+    names = {place.id: place.label for place in site.resources}
+    assert names["charger-1-hall-3"] == "Charger 1 of hall 3"
+    assert "annex-charger-hall-2" not in names, "there is one annex"
+    for bay in layout_for(200).bays:
+        found = [place.kind for place in site.resources if _holds(place, site.datums[bay.floor].id, bay)]
+        assert found == ([bay.kind] if bay.kind in ("charger", "lift") else [])
+
+
+def _holds(place: Resource, floor: str, bay: Bay) -> bool:
+    point = shapely.Point(bay.place)
+    return any(datum == floor and shapely.Polygon(outline).contains(point) for datum, outline in outlines(place))
 
 
 def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None:

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from deconflict.simulation.driving.traffic import RIDE_S, Activity, World
-from deconflict.simulation.driving.trips import NOWHERE
+from deconflict.simulation.driving.motion import Activity
+from deconflict.simulation.driving.traffic import RIDE_S, World
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import BayKind, layout_for
 from deconflict.simulation.participants import participants
 from deconflict.simulation.robot_state import RobotState, robot_states
+from deconflict.simulation.trips import NOWHERE
 
 STEP_S = 0.1
 STATES = {"navigating", "idle", "charging", "waitingHumanEvent", "waitingExternalEvent"}

@@ -11,7 +11,7 @@ from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site_file import load
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.participants import TUG, participants
 from deconflict.simulation.scripted_annex import CHARGER, FEWEST, ROLES, TRAIN, split
 from deconflict.simulation.vendors.dialects import DIALECTS

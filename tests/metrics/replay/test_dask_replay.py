@@ -12,7 +12,7 @@ import pytest
 from benchmarks.replay import write_log
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from ingest.recording.log_reader import LogReader
 from metrics.replay import replay
 from metrics.replay_files import LogError

@@ -34,4 +34,5 @@ def traffic(ways: list[Way], progress_m: list[float], speed_mps: list[float], fl
         fleet=np.array(fleet),
         person=np.zeros(n, np.bool_),
         rank=np.arange(n),
+        first=np.zeros(n, np.bool_),
     )

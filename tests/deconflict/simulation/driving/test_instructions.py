@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from deconflict.simulation.driving.traffic import Activity, World
+from deconflict.simulation.driving.motion import Activity
+from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.fleet_plans import plan_of
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import participants

@@ -11,9 +11,10 @@ from scipy.spatial import cKDTree
 from benchmarks.watch_demo.true_encounters import near_pairs
 from benchmarks.watch_demo.true_stops import Stops, TrueStop
 from deconflict.simulation.driving.braking import MOVING_MPS
+from deconflict.simulation.driving.motion import Activity
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.driving.routes import drive
-from deconflict.simulation.driving.traffic import Activity, World
+from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import VendorName, participants
 from ingest.batch import Floats

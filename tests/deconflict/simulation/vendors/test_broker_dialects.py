@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site_file import load
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import VendorName, participants

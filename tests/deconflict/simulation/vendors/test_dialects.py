@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deconflict.settings import site_file
-from deconflict.simulation.demo_site import demo_site
+from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.fleet_plans import FleetPlan
 from deconflict.simulation.floor_layout import layout_for

@@ -7,4 +7,4 @@ ROBOTS = 40
 
 def demo_site() -> Path:
     """The bundled site file."""
-    return Path(__file__).parents[1] / "settings" / "sites" / "demo.toml"
+    return Path(__file__).parents[2] / "settings" / "sites" / "demo.toml"
