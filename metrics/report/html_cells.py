@@ -29,7 +29,7 @@ def linked_table(prefix: str, head: Sequence[str], rows: Sequence[Sequence[str]]
         f'<tr id="{prefix}{number}">{"".join(f"<td>{cell}</td>" for cell in row)}</tr>'
         for number, row in enumerate(rows, 1)
     )
-    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+    return f'<div class="wide"><table class="cases"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def terms(body: str) -> str:

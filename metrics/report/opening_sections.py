@@ -9,7 +9,7 @@ from deconflict.settings.site import Site
 from metrics.report.drawings import figures
 from metrics.report.drawings.floor_picture import DrawnFloor, floor_picture
 from metrics.report.html_cells import Part, figure, linked_table, moment, number, percent
-from metrics.report.replay_summary import count_events, findings, first_sentences
+from metrics.report.replay_summary import count_events, findings, first_sentences, place_texts
 
 EVENTS = {"stop": "one stopped or swerved for the other", "encounter": "came within the clearance"}
 KEY = '<span class="key {}"></span>'
@@ -20,12 +20,12 @@ def opening(result: Part, site: Site, page_url: str) -> Iterator[str]:
     warnings = result["scores"][0]["warnings"]
     yield f'<p class="lead">{escape(first_sentences(result))}</p>{_tiles(result, warnings)}'
     yield f'<p class="note">{escape(_source(result))}</p>'
-    yield f"<ul>{''.join(f'<li>{escape(sentence)}</li>' for sentence in findings(result))}</ul>"
+    yield f"<ul>{''.join(f'<li>{escape(sentence)}</li>' for sentence in findings(result, site))}</ul>"
     if warnings["by_minute"]:
         yield f"<h2>The course of the log</h2>{_timeline(warnings['by_minute'])}"
     if drawn := _floors(result, warnings, site):
         yield f"<h2>Where</h2>{drawn}"
-    yield "<h2>What to look into</h2>" + _lists(warnings["listed"], page_url)
+    yield "<h2>What to look into</h2>" + _lists(warnings["listed"], page_url, site)
 
 
 def _tiles(result: Part, warnings: Part) -> str:
@@ -125,20 +125,20 @@ def _outlines(site: Site, floor_id: str) -> Iterator[tuple[str, str, Sequence[tu
                 yield "shared", place.label, outline
 
 
-def _lists(listed: Part, page_url: str) -> str:
+def _lists(listed: Part, page_url: str, site: Site) -> str:
     missed = [
-        [*_case("m", row, case, page_url), EVENTS[case["event"]], _place(case)]
-        for row, case in enumerate(listed["missed"], 1)
+        [*_case("m", row, case, page_url), EVENTS[case["event"]], place]
+        for row, (case, place) in enumerate(_placed(listed["missed"], site), 1)
     ]
     in_vain = [
         [
             *_case("v", row, case, page_url),
             case["encounter_class"].replace("_", " "),
-            _place(case),
+            place,
             f"{case['predicted_in_s']:.1f}",
             f"{case['open_s']:.1f}",
         ]
-        for row, case in enumerate(listed["in_vain"], 1)
+        for row, (case, place) in enumerate(_placed(listed["in_vain"], site), 1)
     ]
     head = ("", "when", "robots", "what", "place")
     return (
@@ -166,7 +166,8 @@ def _case(prefix: str, row: int, case: Part, page_url: str) -> list[str]:
     return [dot, when, names]
 
 
-def _place(case: Part) -> str:
-    if case["x_m"] is None:
-        return "-"
-    return escape(f"{case['floor_name'] or case['floor'][:8]}, x {case['x_m']:.1f}, y {case['y_m']:.1f}")
+def _placed(cases: Sequence[Part], site: Site) -> Iterator[tuple[Part, str]]:
+    """Each case, and its place as HTML, with the coordinates."""
+    for case, place in zip(cases, place_texts(site, cases), strict=True):
+        shown = place if case["x_m"] is None or "near (" in place else f"{place} ({case['x_m']:.1f}, {case['y_m']:.1f})"
+        yield case, escape(shown)

@@ -4,6 +4,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from deconflict.engine.place_names import PlaceNames
+from deconflict.settings.site import DEFAULT, Site
+from ingest.batch import FloorPoint
 from ingest.languages.visible_text import visible
 from metrics.report.html_cells import Part, moment, percent
 
@@ -16,10 +19,10 @@ OTHER_OUTCOMES = {
 }
 
 
-def summary(result: Part, written: Sequence[Path]) -> str:
+def summary(result: Part, written: Sequence[Path], site: Site = DEFAULT) -> str:
     """For the terminal. `written` are the files that the replay wrote."""
     return "\n".join(
-        [first_sentences(result), *map(visible, findings(result)), *(f"Wrote {path}" for path in written), ""]
+        [first_sentences(result), *map(visible, findings(result, site)), *(f"Wrote {path}" for path in written), ""]
     )
 
 
@@ -36,7 +39,7 @@ def first_sentences(result: Part) -> str:
     )
 
 
-def findings(result: Part) -> Iterator[str]:
+def findings(result: Part, site: Site = DEFAULT) -> Iterator[str]:
     """Other outcomes of warnings, situations, the worst pair of vendors and place, and the nearest moment."""
     score = result["scores"][0]
     alerts = score["warnings"]
@@ -53,7 +56,7 @@ def findings(result: Part) -> Iterator[str]:
         worst = max(pairs, key=lambda row: row["in_vain"])
         names = " and ".join(dict.fromkeys(worst["vendors"]))
         yield f"Most warnings in vain: between robots of {names}, {worst['in_vain']:,} of {worst['alerts']:,}."
-    yield from _worst_place(result)
+    yield from _worst_place(result, site)
     if result["nearest"]:
         yield _nearest(result["nearest"][0])
 
@@ -85,7 +88,21 @@ def _situations(part: Part) -> str:
     )
 
 
-def _worst_place(result: Part) -> Iterator[str]:
+def place_texts(site: Site, cases: Sequence[Part]) -> list[str]:
+    """Where each case was, in the site's names if it has the floor: "in Aisle 3 on Ground hall"."""
+    known = {datum.id for datum in site.datums}
+    named = [row for row, case in enumerate(cases) if case["floor"] in known and case["x_m"] is not None]
+    points = [FloorPoint(cases[row]["floor"], cases[row]["x_m"], cases[row]["y_m"]) for row in named]
+    texts = [
+        "-" if case["x_m"] is None else f"near ({case['x_m']:.1f}, {case['y_m']:.1f}){_on(case['floor_name'])}"
+        for case in cases
+    ]
+    for row, text in zip(named, PlaceNames.of(site).describe(points), strict=True):
+        texts[row] = text
+    return texts
+
+
+def _worst_place(result: Part, site: Site) -> Iterator[str]:
     listed = result["scores"][0]["warnings"]["listed"]
     cells = Counter[tuple[float, float, str]]()
     for place, outcome in zip(listed["places"], listed["came_true"], strict=True):
@@ -94,7 +111,8 @@ def _worst_place(result: Part) -> Iterator[str]:
             cells[round(float(x) / CELL_M) * CELL_M, round(float(y) / CELL_M) * CELL_M, floor] += 1
     for (x_m, y_m, floor), count in cells.most_common(1):
         name = result.get("floors", {}).get(floor, "")
-        yield f"Most of them at one place: {count:,} near x {x_m:g} m, y {y_m:g} m{_on(name)}."
+        (where,) = place_texts(site, [{"floor": floor, "floor_name": name, "x_m": x_m, "y_m": y_m}])
+        yield f"Most of them at one place: {count:,} {where}."
 
 
 def _nearest(near: Part) -> str:

@@ -1,6 +1,6 @@
 """The situations of a replay in one sentence, and as a section of its report."""
 
-from metrics.report.html_cells import Part, number, share, spread, sure, table
+from metrics.report.html_cells import Part, number, percent, share, spread, sure, table
 
 
 def sentence(part: Part) -> str:
@@ -45,10 +45,10 @@ def situations(part: Part) -> str:
 def _amounts(part: Part) -> str:
     at_once, foreseen, early = part["open_at_once"], part["foreseen"], part["foreseen_3_s"]
     return (
-        f"{number(part['per_hour'])} an hour, {number(part['per_robot_hour'], 2)} for each robot-hour,"
-        f" {number(part['per_fresh_stop'], 2)} for each fresh stop. Open at once: median"
-        f" {number(at_once['median'], 0)}, 95 % {number(at_once['p95'], 0)}, most {number(at_once['most'], 0)}. Of"
-        f" {foreseen['outcomes']:,} encounters and stops of 3 s or more that advisories foresaw, situations held"
-        f" {share(foreseen['covered'])}; of the {early['outcomes']:,} foreseen at least 3 s ahead,"
-        f" {share(early['covered'])}."
+        f"{number(part['per_hour'], 0)} an hour, {number(part['per_robot_hour'])} for each robot-hour,"
+        f" {number(part['per_fresh_stop'], 2)} for each stop or swerve of a robot for another. Open at once:"
+        f" {number(at_once['median'], 0)} in the median, no more than {number(at_once['p95'], 0)} for 95 % of the time,"
+        f" {number(at_once['most'], 0)} at most. Of {foreseen['outcomes']:,} encounters and stops of 3 s or more that"
+        f" advisories foresaw, situations showed {percent(foreseen['covered'])}; of the {early['outcomes']:,} foreseen"
+        f" at least 3 s ahead, {percent(early['covered'])}."
     )

@@ -10,13 +10,15 @@ from typing import Any
 import pytest
 
 from deconflict.settings.site import DEFAULT
+from deconflict.settings.site_file import load
+from deconflict.simulation.demo.demo_site import demo_site
 from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from metrics.report.drawings import figures
 from metrics.report.drawings.floor_picture import DrawnFloor, floor_picture
 from metrics.report.drawings.svg import Chart, ticks
 from metrics.report.html_report import page
-from metrics.report.replay_summary import findings, first_sentences, summary
+from metrics.report.replay_summary import findings, first_sentences, place_texts, summary
 from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
 
 
@@ -205,3 +207,14 @@ def test_a_log_that_was_warned_of_at_the_wrong_place_lists_what_was_missed_and_w
         assert f'<a href="#dot-{row}">' in html
     assert 'href="http://hall:8080/#at=2026-11-23T23%3A10%3A04.000000Z&amp;floor=hall"' in html
     assert "<b>" not in html.split("What to look into")[1]
+
+
+def test_cases_are_placed_in_the_names_of_the_site() -> None:
+    site = load(demo_site())
+    case = {"floor": site.datums[0].id, "floor_name": "Ground hall", "x_m": 72.3, "y_m": 28.6}
+    cases = [case, {**case, "floor": "other", "floor_name": ""}, {**case, "x_m": None, "y_m": None}]
+    assert place_texts(site, cases) == [
+        "where Aisle 7 meets Upper cross aisle on Ground hall",
+        "near (72.3, 28.6)",
+        "-",
+    ]
