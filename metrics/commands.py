@@ -1,4 +1,4 @@
-"""The commands that look at what the service has recorded: `replay`, `conform`, `blackbox` and `losses`."""
+"""The commands that look at what the service has recorded: `replay`, `whatif`, `conform`, `blackbox` and `losses`."""
 
 import argparse
 import json
@@ -9,7 +9,7 @@ import sqlite3
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from datetime import datetime
 from functools import partial
 from math import inf
@@ -24,7 +24,7 @@ from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
 from deconflict.operator.ledger.loss_routes import as_csv
 from deconflict.runtime.command_parsers import Commands, add_command
-from deconflict.runtime.kernel_preparation import compile_kernels, report_on_terminal
+from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.replay import blackbox_verify, conformance_counts
@@ -32,6 +32,7 @@ from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outpu
 from metrics.report import loss_report, replay_summary
 from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
+from metrics.whatif.question_options import add_whatif
 
 LINES_PER_UPDATE = 500
 """Lines between two updates of the progress bar."""
@@ -44,6 +45,9 @@ log = logging.getLogger(__name__)
 def add_log_commands(commands: Commands) -> None:
     """Add the commands to the command line."""
     _add_replay(commands)
+    whatif_command = add_whatif(commands)
+    _add_logs(whatif_command, "+")
+    whatif_command.set_defaults(run=_whatif, changes=[])
     conform_command = add_command(
         commands,
         "conform",
@@ -52,6 +56,7 @@ def add_log_commands(commands: Commands) -> None:
         "deconflict conform data/log --site SITE.toml --html build",
     )
     _add_logs(conform_command, "+")
+    _add_settings(conform_command)
     conform_command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the counts to this file")
     conform_command.add_argument(
         "--html", type=Path, metavar="DIR", help="also write a page for each vendor into this directory, to send to it"
@@ -92,6 +97,7 @@ def _add_replay(commands: Commands) -> None:
         "deconflict replay --compare scores.json wider.json",
     )
     _add_logs(replay_command, "*")
+    _add_settings(replay_command)
     replay_command.add_argument(
         "--clearance", nargs="+", type=_clearance_m, metavar="M", help="in metres; by default the site's"
     )
@@ -117,6 +123,9 @@ def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
         metavar="SITE.toml",
         help="the site file with which the log was recorded",
     )
+
+
+def _add_settings(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help="override a setting of the site"
     )
@@ -143,9 +152,7 @@ def _replay(args: argparse.Namespace) -> int:
     outputs = ReplayFiles.of(args, clearances_m)
     check_outputs(logs, outputs.paths())
 
-    from ingest.kernels import before_compiling  # noqa: PLC0415 - brings numba
-
-    with before_compiling(partial(compile_kernels, ("deconflict", "ingest", "metrics"), report_on_terminal)):
+    with _kernels_compiled():
         from metrics.replay.replay import replay  # noqa: PLC0415 - brings kernels
         from metrics.report import html_report  # noqa: PLC0415 - brings kernels
 
@@ -165,8 +172,36 @@ def _replay(args: argparse.Namespace) -> int:
         write_text(outputs.json, _text(result))
     elif not outputs.html:
         sys.stdout.write(_text(result))
-    sys.stderr.write(replay_summary.summary(result, outputs.paths()))
+    sys.stderr.write(replay_summary.summary(result, outputs.paths(), settings))
     return 0
+
+
+def _kernels_compiled() -> AbstractContextManager[None]:
+    """While imports bring kernels: compile those that are missing, all at once."""
+    from ingest.kernels import before_compiling  # noqa: PLC0415 - brings numba
+
+    return before_compiling(partial(compile_kernels, ALL_PACKAGES, report_on_terminal))
+
+
+def _whatif(args: argparse.Namespace) -> int:
+    settings, logs = _settings(args), files_of(args.logs)
+    check_outputs(logs, [args.json] if args.json else [])
+    with _kernels_compiled():
+        from metrics.whatif import whatif_question  # noqa: PLC0415 - brings kernels
+
+    found: whatif_question.Answer
+    if args.other_settings:
+        changed = overrides.with_overrides(settings, args.other_settings)
+        found = whatif_question.settings_compared(logs, settings, changed)
+    else:
+        reader = LogReader()
+        with _with_progress(reader, logs) as events:
+            found = whatif_question.answered(events, settings, args)
+        _check_site(args, reader)
+    if args.json:
+        write_text(args.json, _text(found.document()))
+    sys.stdout.writelines(f"{line}\n" for line in found.lines())
+    return whatif_question.NO_ANSWER if found.problems else 0
 
 
 def _on_cluster(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:

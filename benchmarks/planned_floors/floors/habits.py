@@ -33,6 +33,8 @@ class GridFloor:
     """Cells."""
     height: int = 26
     aisle_cells: int = 2
+    one_way_x: tuple[int, ...] = ()
+    """Columns in which nobody drives towards larger y."""
     stalls_per_s: float = 0.015
     """Probability that a robot stalls in a second."""
     stall_s: tuple[float, float] = (2.0, 10.0)

@@ -37,7 +37,7 @@ class Traffic:
         self.habits: list[Habits] = [habits for habits in made_of.vendors for _ in range(habits.robots)]
         n = len(self.habits)
         self._made_of = made_of
-        self._grid = racks(made_of.width, made_of.height, made_of.aisle_cells, layout_rng)
+        self._grid = racks(made_of.width, made_of.height, made_of.aisle_cells, layout_rng, made_of.one_way_x)
         fleet_of = [fleet for fleet, habits in enumerate(made_of.vendors) for _ in range(habits.robots)]
         self.fleet_rows: list[Ints] = [
             np.flatnonzero(np.array(fleet_of) == fleet) for fleet in range(max(fleet_of) + 1)

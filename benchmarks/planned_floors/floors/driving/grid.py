@@ -25,6 +25,8 @@ class Grid:
     height: int
     blocked: Bools
     """(width * height,)"""
+    one_way_x: tuple[int, ...] = ()
+    """Columns in which nobody drives towards larger y, but at their ends."""
 
     def place_m(self, cell: int) -> tuple[float, float]:
         """The centre of a cell."""
@@ -44,13 +46,13 @@ class Grid:
         return _distances(self, goal)
 
 
-def racks(width: int, height: int, aisle_cells: int, rng: np.random.Generator) -> Grid:
+def racks(width: int, height: int, aisle_cells: int, rng: np.random.Generator, one_way_x: tuple[int, ...] = ()) -> Grid:
     """Racks one cell wide with aisles of `aisle_cells` between them, a fifth of them missing."""
     blocked = np.zeros((width, height), bool)
     for x in range(2, width - 2, aisle_cells + 1):
         for y in range(2, height - 1 - RACK_CELLS, RACK_CELLS + 1):
             blocked[x, y : y + RACK_CELLS] = rng.random() >= 0.2
-    return Grid(width, height, blocked.ravel())
+    return Grid(width, height, blocked.ravel(), one_way_x)
 
 
 @lru_cache(maxsize=16)
@@ -60,8 +62,21 @@ def _neighbours(grid: Grid) -> tuple[tuple[int, ...], ...]:
         x, y = divmod(cell, grid.height)
         around = ((x + 1, y), (x, y + 1), (x - 1, y), (x, y - 1))
         inside = [a * grid.height + b for a, b in around if 0 <= a < grid.width and 0 <= b < grid.height]
-        found.append(tuple(neighbour for neighbour in inside if not grid.blocked[neighbour]))
+        against = {cell + 1} if x in grid.one_way_x and 1 < y < grid.height - 3 else set()
+        found.append(
+            tuple(next_cell for next_cell in inside if not grid.blocked[next_cell] and next_cell not in against)
+        )
     return tuple(found)
+
+
+@lru_cache(maxsize=16)
+def _sources(grid: Grid) -> tuple[tuple[int, ...], ...]:
+    """By cell, the cells from which a robot can come."""
+    found: list[list[int]] = [[] for _ in range(grid.width * grid.height)]
+    for cell in range(len(found)):
+        for after in grid.neighbours(cell):
+            found[after].append(cell)
+    return tuple(map(tuple, found))
 
 
 @lru_cache(maxsize=4096)
@@ -70,8 +85,8 @@ def _distances(grid: Grid, goal: int) -> Ints:
     steps[goal] = 0
     while waiting:
         cell = waiting.popleft()
-        for neighbour in grid.neighbours(cell):
-            if steps[neighbour] == UNREACHED:
-                steps[neighbour] = steps[cell] + 1
-                waiting.append(neighbour)
+        for source in _sources(grid)[cell]:
+            if steps[source] == UNREACHED:
+                steps[source] = steps[cell] + 1
+                waiting.append(source)
     return steps

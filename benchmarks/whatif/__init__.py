@@ -1,0 +1,1 @@
+"""How right answers of `deconflict whatif` are: predicted changes beside those that are really made."""

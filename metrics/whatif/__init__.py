@@ -1,0 +1,1 @@
+"""What would change: the recorded demand, driven again by simulated robots."""

@@ -1,0 +1,161 @@
+"""The changes that can be asked about, and what each changes for the simulated robots."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import hypot
+
+import numpy as np
+import shapely
+
+from deconflict.settings.shared_places import Point, outlines
+from deconflict.settings.site import Site
+from deconflict.simulation.driving.routes import SpeedShare
+from ingest.batch import Bools, Floats
+from metrics.replay_files import LogError
+from metrics.whatif.demand import Demand
+from metrics.whatif.roads import IsForbidden, sampled_way
+
+AGAINST_COS = -0.5
+"""Driving against an aisle's direction: the cosine of the angle to it is less."""
+
+
+class ChangeError(LogError):
+    """A change that can't be made. The message says what to change."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NamedOutline:
+    """A place of the site file: its name and outline on one floor."""
+
+    name: str
+    floor: int
+    outline: shapely.Polygon
+    axis: tuple[Point, Point] | None = None
+
+    def holds(self, x_m: Floats, y_m: Floats) -> Bools:
+        """(k,) whether it holds these points."""
+        inside: Bools = shapely.contains_xy(self.outline, x_m, y_m)
+        return inside
+
+
+def _unchanged(demand: Demand) -> Demand:
+    return demand
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """What a change does to a floor. The default changes nothing."""
+
+    text: str = "nothing changes"
+    speed_shares: Mapping[int, SpeedShare] = field(default_factory=dict)
+    """By floor, the greatest speed at each point as a share of the robot's own."""
+    forbidden: Mapping[int, IsForbidden] = field(default_factory=dict)
+    """By floor, where and in which direction nobody may drive."""
+    first_vendor: str = ""
+    """All others let the robots of this vendor go first."""
+    advised_by: Site | None = None
+    """Robots follow the advice of the service with this site file."""
+    demand: Callable[[Demand], Demand] = _unchanged
+    """The demand with the change."""
+
+
+NO_CHANGE = Change()
+
+
+def slow_zone(places: Sequence[NamedOutline], share: float) -> Change:
+    """Robots drive at no more than this share of their greatest speed in a place."""
+    shares: dict[int, SpeedShare] = {}
+    for floor in {place.floor for place in places}:
+        inside = [place for place in places if place.floor == floor]
+        shares[floor] = lambda x_m, y_m, inside=inside: np.where(_in_any(inside, x_m, y_m), share, 1.0)  # type: ignore[misc]
+    text = f"robots drive at {share:.0%} of their greatest speed at most in {places[0].name}"
+    return Change(text, speed_shares=shares)
+
+
+def one_way(aisle: NamedOutline, demand: Demand, *, reverse: bool = False) -> Change:
+    """An aisle as one-way, in the direction in which more robots drive or in the other one."""
+    unit = _axis_of(aisle)
+    if (_along_m(aisle, unit, demand) < 0) != reverse:
+        unit = -unit
+
+    def is_against(x_m: Floats, y_m: Floats, heading: Floats) -> Bools:
+        against: Bools = aisle.holds(x_m, y_m) & (heading @ unit < AGAINST_COS)
+        return against
+
+    return Change(f"{aisle.name} is one-way {_compass(unit)}", forbidden={aisle.floor: is_against})
+
+
+def priority(vendor: str, demand: Demand) -> Change:
+    """All others let the robots of a vendor go first. Raises `ChangeError` if it has none in the log."""
+    vendors = sorted({robot.track.vendor for robot in demand.robots})
+    if vendor not in vendors:
+        raise ChangeError(f"{vendor!r} has no robots in the log; {', '.join(vendors)} have")
+    if len(vendors) == 1:
+        raise ChangeError(f"all robots in the log are of {vendor}: nobody else can let them go first")
+    return Change(f"all others let the robots of {vendor} go first", first_vendor=vendor)
+
+
+def named_outlines(site: Site, floors: Sequence[str], name: str) -> list[NamedOutline]:
+    """The places of the site with this name or id. Raises `ChangeError` if there is none on the floors of the log."""
+    every = [entry for entry in _outlines(site) if entry[2] in floors]
+    found = [
+        NamedOutline(label, floors.index(datum), shapely.Polygon(points), axis)
+        for names, label, datum, points, axis in every
+        if _plain(name) in map(_plain, names)
+    ]
+    if not found:
+        known = ", ".join(dict.fromkeys(label for _, label, *_ in every))
+        raise ChangeError(f"{name!r} is no place on the floors of the log; the site file has {known or 'none there'}")
+    return found
+
+
+def _plain(name: str) -> str:
+    """A name without what people write in several ways: "Aisle 4" and "aisle-4" are the same."""
+    return name.casefold().replace(" ", "-")
+
+
+def _outlines(
+    site: Site,
+) -> Iterable[tuple[tuple[str, ...], str, str, Sequence[Point], tuple[Point, Point] | None]]:
+    """Names, label, floor, outline and axis of each place."""
+    for place in (*site.zones, *site.resources):
+        for datum, points in outlines(place):
+            yield (place.id, place.name), place.label, datum, points, getattr(place, "axis", None)
+    for area in site.areas:
+        yield (area.name,), area.name, area.floor or site.datums[0].id, area.outline_m, None
+
+
+def _along_m(aisle: NamedOutline, unit: Floats, demand: Demand) -> float:
+    """How much farther robots drive through an aisle along a direction than against it."""
+    along_m = 0.0
+    for trip in (trip for robot in demand.robots for trip in robot.trips if trip.floor == aisle.floor):
+        points = sampled_way(np.array(trip.corners))
+        inside = aisle.holds(points[:-1, 0], points[:-1, 1])
+        along_m += float((np.diff(points, axis=0)[inside] @ unit).sum())
+    return along_m
+
+
+def _axis_of(aisle: NamedOutline) -> Floats:
+    """The direction of an aisle's axis, or of its longer side."""
+    if aisle.axis:
+        ends = np.array(aisle.axis)
+        along = ends[1] - ends[0]
+    else:
+        corners = np.array(aisle.outline.minimum_rotated_rectangle.exterior.coords)
+        sides = np.diff(corners, axis=0)[:2]
+        along = sides[np.argmax(np.hypot(*sides.T))]
+    unit: Floats = along / hypot(*along)
+    return unit
+
+
+def _in_any(places: Sequence[NamedOutline], x_m: Floats, y_m: Floats) -> Bools:
+    inside = np.zeros(np.shape(x_m), np.bool_)
+    for place in places:
+        inside |= place.holds(x_m, y_m)
+    return inside
+
+
+def _compass(unit: Floats) -> str:
+    """A direction in the frame of the floor, as text."""
+    axis = int(np.argmax(np.abs(unit)))
+    return f"towards {'larger' if unit[axis] > 0 else 'smaller'} {'xy'[axis]}"

@@ -1,0 +1,1 @@
+"""The recorded demand, driven by simulated robots."""

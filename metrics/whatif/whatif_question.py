@@ -1,0 +1,51 @@
+"""A question as it is asked on the command line, and its answer."""
+
+import argparse
+import re
+from collections.abc import Iterable
+
+from deconflict.settings.site import Site
+from ingest.recording.log_reader import Event
+from metrics.whatif.answer import NO_ANSWER, WhatIfAnswer, WhatIfModel
+from metrics.whatif.change import Change, ChangeError, named_outlines, one_way, priority, slow_zone
+from metrics.whatif.demand import Demand, demand_of
+from metrics.whatif.more_docks import more_docks
+from metrics.whatif.other_settings import SettingsAnswer, settings_compared
+from metrics.whatif.recorded_tracks import RecordedFloor, recorded_floor
+
+__all__ = ["NO_ANSWER", "Answer", "answered", "settings_compared"]
+
+Answer = WhatIfAnswer | SettingsAnswer
+
+
+def answered(events: Iterable[Event], site: Site, args: argparse.Namespace) -> WhatIfAnswer:
+    """The answer from a log."""
+    floor = recorded_floor(events, site)
+    if not floor.tracks:
+        raise ChangeError("no robot reports in the log: give a log of robots that report where they are")
+    demand = demand_of(floor)
+    return WhatIfModel(floor, demand, args.seeds, args.jobs).ask(change_of(args, site, floor, demand))
+
+
+def change_of(args: argparse.Namespace, site: Site, floor: RecordedFloor, demand: Demand) -> Change:
+    """The change that was asked about. Raises `ChangeError` if the floor does not have the place."""
+    if args.reverse and not args.one_way:
+        raise ChangeError("--reverse is for --one-way")
+    if args.one_way:
+        aisles = named_outlines(site, floor.floors, args.one_way)
+        if len(aisles) > 1:
+            raise ChangeError(f"{args.one_way!r} is on {len(aisles)} floors or in several parts: name one aisle")
+        return one_way(aisles[0], demand, reverse=args.reverse)
+    if args.follow_advice:
+        return Change("robots follow the advice of situations", advised_by=site)
+    if args.dock:
+        return more_docks(named_outlines(site, floor.floors, args.dock), demand)
+    if args.priority:
+        return priority(args.priority, demand)
+    return slow_zone(named_outlines(site, floor.floors, args.speed[0]), _share(args.speed[1]))
+
+
+def _share(text: str) -> float:
+    if not re.fullmatch(r"0?\.\d+|1(\.0*)?", text) or float(text) < 0.1:
+        raise ChangeError(f"{text!r} is no share of a speed: give a number from 0.1 to 1, such as 0.8")
+    return float(text)
