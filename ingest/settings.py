@@ -16,13 +16,13 @@ UNKNOWN = "unknown"
 """The vendor of a robot that no identity, connection or site file names."""
 NIL_DATUM = "00000000-0000-0000-0000-000000000000"
 
-Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Seconds = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Metres = Annotated[float, Field(ge=0, le=100_000, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(gt=0, le=366 * 86_400, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 DatumId = Annotated[str, AfterValidator(str.lower)]
 Priority = Annotated[float, Field(gt=0, le=100)]
 Size = Annotated[float, Field(gt=0, le=LARGEST_M)]
-Side = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Side = Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)]
 Envelope = tuple[Side, Side, Metres]
 """Length along the heading, width across it, and height, in metres. A height of 0 means unknown."""
 SecretSource = Annotated[str, Field(pattern=r"^((env|file):.+)?$")]
@@ -326,7 +326,7 @@ class RecorderSettings(Section):
 class Reading(Section):
     """How messages are read. The standard leaves these points open."""
 
-    horizon_s: Seconds = 10.0
+    horizon_s: Annotated[float, Field(ge=1, le=120, allow_inf_nan=False)] = 10.0
     """How far ahead a path is used (standard 5.3.3)."""
     destination_horizon_s: Seconds = 900.0
     """How far ahead destinations are used (standard 5.2.3)."""

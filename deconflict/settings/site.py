@@ -61,7 +61,7 @@ class Conflict(Section):
 class Advice(Section):
     """Limits of the advice, and the effort of the solver."""
 
-    effort: Seconds = 0.1
+    effort: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = 0.1
     """Limit of one solve, in the solver's deterministic time: about seconds of one processor."""
     longest_hold_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = 15.0
     """No robot is advised to wait longer. If too short, the advice for many conflicts is another route."""
@@ -75,9 +75,9 @@ USUAL_ADVICE = Advice()
 class EngineSettings(Section):
     """The pace of the engine."""
 
-    tick_s: Seconds = 0.1
+    tick_s: Annotated[float, Field(ge=0.01, le=2, allow_inf_nan=False)] = 0.1
     """Shortest time between two passes. A message waits half of it on average. A short one costs processor time."""
-    deadline_s: Seconds = 0.5
+    deadline_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = 0.5
     """A pass that takes longer is late. If passes stay late, the engine computes less."""
 
 
