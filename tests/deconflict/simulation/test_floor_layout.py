@@ -19,14 +19,17 @@ def length_m(layout: Layout, nodes: list[int]) -> float:
 
 @pytest.mark.parametrize("floor", [GROUND, MEZZANINE])
 def test_every_bay_can_be_reached_from_every_other_on_its_floor(layout: Layout, floor: int) -> None:
-    bays = [bay for bay in layout.bays if bay.floor == floor]
-    for start in bays:
-        for goal in bays:
-            if start is not goal:
-                nodes = layout.route(start.node, goal.node, np.ones(len(layout.places)))
-                assert nodes[0] == start.node
-                assert nodes[-1] == goal.node
-                assert all(b in layout.onward[a] for a, b in pairwise(nodes))
+    nodes = [bay.node for bay in layout.bays if bay.floor == floor]
+    ways = [
+        *pairwise([*nodes, nodes[0]]),
+        *((nodes[0], goal) for goal in nodes[1:]),
+        *((a, nodes[0]) for a in nodes[1:]),
+    ]
+    for start, goal in ways:
+        route = layout.route(start, goal, np.ones(len(layout.places)))
+        assert route[0] == start
+        assert route[-1] == goal
+        assert all(b in layout.onward[a] for a, b in pairwise(route))
 
 
 def test_no_path_has_a_u_turn(layout: Layout) -> None:
