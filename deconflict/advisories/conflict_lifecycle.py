@@ -19,7 +19,6 @@ These files take part, in this order:
 3. `conflict_wording` fills the fields and writes the text.
 """
 
-from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
@@ -30,7 +29,7 @@ from deconflict.advisories import conflict_wording, revision_rules
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.conflict_wording import MeetingPlace
-from deconflict.advisories.revision_budget import MOST_REVISIONS, Candidate, RevisionBudget
+from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
 from deconflict.advisories.watched.watched_pair_kernels import (
     CLEAR_STILL,
@@ -64,8 +63,7 @@ class ConflictLifecycle:
     pairs: WatchedPairs = field(init=False)
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
-    deferred: Counter[str] = field(default_factory=Counter)
-    """By vendor, how many conflicts the last pass deferred to a later pass, see `revision_budget`."""
+    budget: RevisionBudget = field(default_factory=RevisionBudget)
     started_s: float | None = None
     """When the first pass was; None before."""
 
@@ -221,8 +219,9 @@ class ConflictLifecycle:
         self, candidates: Sequence[Candidate], now_s: float, scene: ConflictScene
     ) -> list[ConflictAdvisory]:
         """The revisions of those candidates that are new or differ enough from their advisories, within the budget."""
-        news, budget = [], RevisionBudget(scene.vendor)
-        is_bounded = len(candidates) > MOST_REVISIONS
+        news, budget = [], self.budget
+        budget.begin_pass(now_s, scene.vendor)
+        is_bounded = budget.may_exceed(len(candidates))
         for candidate in sorted(candidates, key=attrgetter("urgency")) if is_bounded else candidates:
             watched = candidate.watched
             if is_bounded and not budget.admits(watched.pair):
@@ -231,7 +230,6 @@ class ConflictLifecycle:
             if candidate.is_news or (before and revision_rules.is_elsewhere(before, met, scene.datum(met))):
                 news.append((candidate, met))
                 budget.spend(watched.pair)
-        self.deferred = budget.deferred
         places = scene.place_names([met for _, met in news])
         return [
             self._revision(candidate, met, place, now_s, scene)

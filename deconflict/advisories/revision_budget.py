@@ -1,10 +1,11 @@
-"""How many revisions of conflicts one pass makes for two vendors, so that no fleet delays the warnings of others.
+"""How many revisions of conflicts are made for two vendors, so that no fleet delays the warnings of others.
 
 Only a fleet whose reports are wrong reaches the budget. What is beyond it waits for the next reports of its robots.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
+from math import inf
 from typing import NamedTuple
 
 from deconflict.advisories.conflict_predictions import Prediction
@@ -16,6 +17,8 @@ from ingest.batch import Pair
 MOST_REVISIONS = 50
 """In one pass, of the conflicts between robots of the same two vendors. Honest robots need far fewer, even if a
 thousand of them share a floor."""
+REVISIONS_PER_S = 500.0
+"""The same in the passes of one second, on average."""
 
 
 class Candidate(NamedTuple):
@@ -34,25 +37,39 @@ class Candidate(NamedTuple):
 
 
 class RevisionBudget:
-    """What is left of the budgets of one pass."""
+    """What is left of the budgets: a token bucket for each two vendors."""
 
-    def __init__(self, vendor: Callable[[str], str]) -> None:
-        """`vendor` gives the vendor of a robot."""
-        self._vendor = vendor
-        self._made: Counter[tuple[str, ...]] = Counter()
+    def __init__(self) -> None:
+        self._vendor: Callable[[str], str] = str
+        self._left: defaultdict[tuple[str, ...], float] = defaultdict(lambda: MOST_REVISIONS)
+        """By two vendors, those of which something is spent."""
+        self._filled_s = -inf
         self.deferred: Counter[str] = Counter()
-        """By vendor, how many conflicts wait."""
+        """By vendor, how many conflicts the newest pass lets wait."""
+
+    def begin_pass(self, now_s: float, vendor: Callable[[str], str]) -> None:
+        """`vendor` gives the vendor of a robot."""
+        more = (now_s - self._filled_s) * REVISIONS_PER_S
+        for vendors, left in list(self._left.items()):
+            self._left[vendors] = left + more
+            if left + more >= MOST_REVISIONS:
+                del self._left[vendors]
+        self._vendor, self._filled_s, self.deferred = vendor, now_s, Counter()
+
+    def may_exceed(self, revisions: int) -> bool:
+        """Whether so many revisions may be more than is left for some two vendors."""
+        return revisions > min(self._left.values(), default=MOST_REVISIONS)
 
     def admits(self, pair: Pair) -> bool:
         """Whether a revision is left for the vendors of a pair; counted as deferred if not."""
         vendors = self._vendors(pair)
-        if self._made[vendors] < MOST_REVISIONS:
+        if self._left[vendors] > 0:
             return True
         self.deferred.update(set(vendors))
         return False
 
     def spend(self, pair: Pair) -> None:
-        self._made[self._vendors(pair)] += 1
+        self._left[self._vendors(pair)] -= 1
 
     def _vendors(self, pair: Pair) -> tuple[str, ...]:
         return tuple(sorted(map(self._vendor, pair)))

@@ -31,6 +31,7 @@ from deconflict.cluster.tiles.tile_channels import reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
+from deconflict.engine.load_shedding import PassPace
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.settings.cluster_settings import Cluster
@@ -181,7 +182,8 @@ class EngineMember:
                 counted_s = began_s
             if site := self._current_site.changed():
                 self._apply(site)
-            await asyncio.sleep(max(self._site.engine.tick_s - (time.monotonic() - began_s), 0.0))
+            tick_s = PassPace(self._site.engine.tick_s).idle_tick_s
+            await asyncio.sleep(max(tick_s - (time.monotonic() - began_s), 0.0))
 
     def _update_document(self, tiles: Iterable[Tile], interval_s: float) -> None:
         """Set what the next heartbeats carry. `tiles` are those that this engine owned for the whole interval."""

@@ -182,7 +182,7 @@ class Engine:
             self.foresight.note_advice(now_s, waits_until_s(revisions))
         losses = self.foresight.losses.take()
         self.losses = [] if self._conflicts_only else self._loss_places.placed(losses, self.floors.names)
-        self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.deferred)
+        self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.budget.deferred)
         self._metrics.count_losses(self.losses)
         return revisions
 

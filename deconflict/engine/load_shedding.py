@@ -1,12 +1,22 @@
-"""How much the engine does in a pass when it can't keep up. Near conflicts are never left out."""
+"""How often the engine makes a pass, and how much it does in one when it can't keep up.
+
+Passes are frequent while they are cheap. Near conflicts are never left out. Pure: the caller measures.
+"""
 
 from dataclasses import dataclass
 from enum import IntEnum
+from math import inf
 
+LONGEST_TICK_S = 0.1
+"""Passes are this far apart while nothing arrives, and while they are expensive but not late."""
+PASS_SHARE = 0.2
+"""Shorter ticks may take this share of the time into passes. It leaves the processor to the other roles."""
+NEW_SHARE = 0.05
+"""The weight of the newest pass in the usual duration."""
 LATE_PASSES = 2
 """After this many late passes in a row the next pass does less."""
-EASY_PASSES, MOST_EASY_PASSES = 50, 800
-"""After so many easy passes in a row the next pass does more; twice as many each time that this proved too much."""
+EASY_S, MOST_EASY_S = 5.0, 80.0
+"""After easy passes for so long the next pass does more; twice as long each time that this proved too much."""
 EASY_SHARE = 0.5
 """A pass that took less than this share of the deadline was easy."""
 
@@ -22,34 +32,59 @@ class Effort(IntEnum):
 
 
 @dataclass(slots=True)
+class PassPace:
+    """Chooses the time between two passes by what passes usually cost."""
+
+    shortest_s: float
+    """`engine.tick_s`. Passes are never nearer."""
+    _usual_s: float = 0.0
+    """What a pass usually takes, from the making of its batch to the end of the pass."""
+
+    def add_pass(self, pass_s: float) -> None:
+        """Add how long a pass took. One that took very long counts as `LONGEST_TICK_S`."""
+        self._usual_s += NEW_SHARE * (min(pass_s, LONGEST_TICK_S) - self._usual_s)
+
+    @property
+    def tick_s(self) -> float:
+        """The time between two passes while messages arrive."""
+        return max(self.shortest_s, min(self._usual_s / PASS_SHARE, LONGEST_TICK_S))
+
+    @property
+    def idle_tick_s(self) -> float:
+        """The time between two passes while nothing arrives."""
+        return max(self.shortest_s, LONGEST_TICK_S)
+
+
+@dataclass(slots=True)
 class LoadShedder:
-    """Chooses the effort of the next pass by how long the last ones took. Pure: the caller measures."""
+    """Chooses the effort of the next pass by how long the last ones took."""
 
     deadline_s: float
     effort: Effort = Effort.FULL
     _late: int = 0
     """Late passes in a row."""
-    _easy: int = 0
-    """Easy passes in a row."""
-    _easy_needed: int = EASY_PASSES
+    _easy_since_s: float = inf
+    """When the first of the newest easy passes in a row ended; inf if the last one was not easy."""
+    _easy_needed_s: float = EASY_S
     _did_more: bool = False
     """Whether the newest change was to do more."""
 
-    def add_pass(self, pass_s: float) -> bool:
-        """Add how long a pass took; return whether it missed its deadline."""
+    def add_pass(self, pass_s: float, now_s: float) -> bool:
+        """Add how long a pass took that ended at `now_s`; return whether it missed its deadline."""
         is_late = pass_s > self.deadline_s
         self._late = self._late + 1 if is_late else 0
-        self._easy = self._easy + 1 if pass_s < EASY_SHARE * self.deadline_s else 0
+        self._easy_since_s = min(self._easy_since_s, now_s) if pass_s < EASY_SHARE * self.deadline_s else inf
+        easy_s = now_s - self._easy_since_s
         if self._late >= LATE_PASSES and self.effort < Effort.NEAR:
-            self._easy_needed = min(2 * self._easy_needed, MOST_EASY_PASSES) if self._did_more else self._easy_needed
+            self._easy_needed_s = min(2 * self._easy_needed_s, MOST_EASY_S) if self._did_more else self._easy_needed_s
             self._change(1)
-        elif self._easy >= self._easy_needed:
+        elif easy_s >= self._easy_needed_s:
             if self.effort > Effort.FULL:
                 self._change(-1)
-            elif self._easy >= MOST_EASY_PASSES:
-                self._easy_needed = EASY_PASSES
+            elif easy_s >= MOST_EASY_S:
+                self._easy_needed_s = EASY_S
         return is_late
 
     def _change(self, by: int) -> None:
         self.effort = Effort(self.effort + by)
-        self._late, self._easy, self._did_more = 0, 0, by < 0
+        self._late, self._easy_since_s, self._did_more = 0, inf, by < 0

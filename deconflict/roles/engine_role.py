@@ -17,11 +17,11 @@ from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.ledger.loss_ledger import ledger_entries
-from deconflict.roles.delivery import RETRY_S, Delivery
+from deconflict.roles.engine_link.delivery import RETRY_S, Delivery
+from deconflict.roles.engine_link.restoration import StoredState, stored_state
 from deconflict.roles.health.canary_engine import judged
 from deconflict.roles.health.canary_pair import WITH_CANARY
 from deconflict.roles.health.canary_pair import unpacked as unpacked_canary
-from deconflict.roles.restoration import StoredState, stored_state
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -172,7 +172,7 @@ class EngineRole:
     def _adapt_effort(self, measures: Measures, took_s: float) -> None:
         """Count whether the pass was late, and set the effort of the next passes."""
         before = self._load.effort
-        measures.count("deconflict_deadlines_missed_total", by=self._load.add_pass(took_s))
+        measures.count("deconflict_deadlines_missed_total", by=self._load.add_pass(took_s, time.monotonic()))
         measures.level("deconflict_engine_effort_reduced", {(): self._load.effort})
         if self._load.effort > before:
             log.warning("the engine can't keep up, a pass took %.2f s: %s", took_s, LEFT_OUT[self._load.effort])

@@ -20,8 +20,8 @@ from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.store.tables import UnreadableAdvisoryError
+from deconflict.roles.engine_link.restoration import page_of_encounters, page_of_open
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
-from deconflict.roles.restoration import page_of_encounters, page_of_open
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 from ingest.measures.measures import Measures

@@ -16,6 +16,7 @@ from random import Random
 from aiomqtt import Message
 
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
+from deconflict.roles.engine_link.tick_times import TickTimes
 from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_fast_path
@@ -89,7 +90,7 @@ class ReceiverRole:
         )
         self.ready = asyncio.Event()
         """Set once its ports are open."""
-        self._tick_s = 0.0
+        self._ticks = TickTimes(site.engine.tick_s, self._now_s)
         self._fast_path_asked = False
         self._recent = RecentBatches()
         self._unasked_due_s = 0.0
@@ -140,6 +141,8 @@ class ReceiverRole:
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         rule = self.fleet.receive(raw, arrival_s, connection)
         self.recorder.received(raw, arrival_s, connection, rule)
+        if rule is None:
+            self._ticks.note_message()
 
     def _overtaken(self, message: ArrivedMessage, uuid: str) -> None:
         self.fleet.count_overtaken(uuid, message.arrival_s, message.connection)
@@ -169,6 +172,7 @@ class ReceiverRole:
         self.receiver.use_limits(site.receiver)
         self.recorder.reconfigure(site.recorder)
         before, self.site = self.site, site
+        self._ticks.use(site.engine.tick_s)
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
             self.fleet.reconfigure(VendorRegistry(site.vendors), FrameRegistry(site.datums, site.vendors), site.reading)
         self._dial()
@@ -221,11 +225,7 @@ class ReceiverRole:
         arguments += [] if with_canary else [last]
         everything = arguments[:1] == [b"everything"]
         effort, pending = map(int, arguments[1:]) if arguments[1:] else (0, 0)
-        early_s = self._tick_s + self.site.engine.tick_s - self._now_s()
-        if early_s > 0:  # even sleep(0) costs one iteration of the event loop
-            await asyncio.sleep(early_s)
-        now_s = quantise(max(self._now_s(), self._tick_s))
-        self._tick_s = now_s
+        now_s = await self._ticks.next_s()
         if everything:
             self.recorder.engine_started(now_s)
         was_behind = self.recorder.behind

@@ -15,6 +15,8 @@ EVERY_S = 1.0
 """Interval between two rollouts of an island."""
 MOST = 200
 """About how many robots are driven on at one look. The others wait; those that have waited longest come first."""
+MOST_PER_S = 2000.0
+"""The same in the looks of one second, on average."""
 KEYS = 1 << 24
 """A robot's key is below this."""
 
@@ -33,6 +35,8 @@ class RolloutSchedule:
         """(p, ROLLED)"""
         self._slots: Ints = np.zeros((0, 2), np.int64)
         """(p, 2)"""
+        self._allowed, self._filled_s = float(MOST), -np.inf
+        """A token bucket: how many robots may be driven on, and when it was last filled."""
 
     def grow(self, slots: int) -> None:
         """Make room for this many slots."""
@@ -64,8 +68,12 @@ class RolloutSchedule:
         np.minimum.at(lowest_key, island, key[slots])
         turn_s = lowest_key / KEYS * EVERY_S
         is_due = np.floor((now_s + turn_s) / EVERY_S) > np.floor((last_s + turn_s) / EVERY_S)
-        is_due[_postponed(is_due, np.bincount(island), last_s, lowest_key)] = False
-        return slots[is_due[island]]
+        self._allowed = min(self._allowed + (now_s - self._filled_s) * MOST_PER_S, MOST)
+        self._filled_s = now_s
+        is_due[_postponed(is_due, np.bincount(island), last_s, lowest_key, self._allowed)] = False
+        chosen = slots[is_due[island]]
+        self._allowed = max(self._allowed - len(chosen), 0.0)
+        return chosen
 
     def store(self, slots: Ints, result: RolloutResult, code: Ints, now_s: float) -> None:
         """Keep the result of a rollout of the robots `slots`, whose pairs have these codes (p,)."""
@@ -94,13 +102,13 @@ class RolloutSchedule:
         self._code, self._features, self._slots = self._code[kept], self._features[kept], self._slots[kept]
 
 
-def _postponed(is_due: Bools, robots: Ints, last_s: Floats, lowest_key: Ints) -> Ints:
+def _postponed(is_due: Bools, robots: Ints, last_s: Floats, lowest_key: Ints, allowed: float) -> Ints:
     """The due islands that wait for a later look. Arrays are (n,), by island.
 
-    Islands are chosen until `MOST` robots are reached: first those whose last turn, `last_s`, is longest ago, and of
+    Islands are chosen until `allowed` robots are reached: first those whose last turn, `last_s`, is longest ago, and of
     equals the one with the lowest key. `robots` is how many robots each island has.
     """
     due = np.flatnonzero(is_due)
     due = due[np.lexsort((lowest_key[due], last_s[due]))]
     before = np.cumsum(robots[due]) - robots[due]
-    return due[before >= MOST]
+    return due[before >= allowed]

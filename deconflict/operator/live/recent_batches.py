@@ -7,8 +7,8 @@ from struct import Struct
 
 from ingest.batch import Batch
 
-KEPT = 16
-"""Number of batches that are kept; a follower that is further behind receives the whole floor."""
+KEPT_S = 1.6
+"""Batches are kept for this long; a follower that is further behind receives the whole floor."""
 TICK_TIMEOUT_S = 1.0
 """A follower waits for a tick for at most this long; then it receives an empty batch."""
 HEAD = Struct(">Q?")
@@ -21,13 +21,15 @@ class RecentBatches:
     def __init__(self) -> None:
         self.number = 0
         """Of the newest batch."""
-        self._kept: deque[tuple[int, int, bytes]] = deque(maxlen=KEPT)
+        self._kept: deque[tuple[int, int, bytes]] = deque()
         """For each batch: the number of the batch before, its own number, and its bytes."""
         self._news = asyncio.Event()
 
     def add(self, now_s: float, batch: bytes) -> None:
         before, self.number = self.number, max(self.number + 1, round(now_s * 1e6))
         self._kept.append((before, self.number, batch))
+        while self._kept[0][1] < self.number - KEPT_S * 1e6:
+            self._kept.popleft()
         self._news.set()
         self._news = asyncio.Event()
 

@@ -23,6 +23,7 @@ from websockets.exceptions import ConnectionClosed
 
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisory import AdvisoryState
+from deconflict.engine.load_shedding import LONGEST_TICK_S
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.service import runtime_directory
@@ -114,7 +115,7 @@ async def _show(site: Site, runtime: Path, console: Console, floor: DemoFloor, s
                     live.update(tables(view, floor.sentence()), refresh=True)
                     await asyncio.wait({simulating}, timeout=REFRESH_S)
         await simulating
-        await asyncio.sleep(site.engine.tick_s)
+        await asyncio.sleep(LONGEST_TICK_S)
         view.measure(json.loads(await operator.call("measures")))
     return view
 

@@ -2,7 +2,7 @@
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
-from deconflict.advisories.revision_budget import MOST_REVISIONS, RevisionBudget
+from deconflict.advisories.revision_budget import MOST_REVISIONS, REVISIONS_PER_S, RevisionBudget
 from deconflict.settings.site import Conflict
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns
@@ -30,19 +30,33 @@ def test_the_conflicts_of_two_vendors_beyond_the_budget_wait_and_those_of_others
     predictions = in_columns(sorted(predicted(CROWD + OTHERS)))
     raised = {advisory.robots for advisory in lifecycle.revise(NOW_S, predictions, set(), scene)}
     assert raised == {*CROWD[-MOST_REVISIONS:], *OTHERS}
-    assert lifecycle.deferred == {"a": MOST_REVISIONS, "b": MOST_REVISIONS}
+    assert lifecycle.budget.deferred == {"a": MOST_REVISIONS, "b": MOST_REVISIONS}
     later = lifecycle.revise(NOW_S + 0.1, predictions, set(), scene)
     assert {(advisory.robots, advisory.encounter) for advisory in later} == {
         (pair, 1) for pair in CROWD[:-MOST_REVISIONS]
     }
-    assert not lifecycle.deferred
+    assert not lifecycle.budget.deferred
 
 
 def test_a_budget_holds_for_two_vendors_in_any_order() -> None:
-    budget = RevisionBudget(lambda uuid: uuid[0])
+    budget = RevisionBudget()
+    budget.begin_pass(NOW_S, lambda uuid: uuid[0])
     for n in range(MOST_REVISIONS):
         assert budget.admits(("a1", "b1"))
         budget.spend(("a1", "b1") if n % 2 else ("b2", "a2"))
     assert not budget.admits(("b3", "a3"))
     assert budget.admits(("a1", "a2"))
     assert budget.deferred == {"a": 1, "b": 1}
+
+
+def test_frequent_passes_make_no_more_revisions_a_second() -> None:
+    budget, made, passes = RevisionBudget(), 0, 64
+    for number in range(passes):
+        budget.begin_pass(NOW_S + number / passes, lambda uuid: uuid[0])
+        while budget.admits(("a1", "b1")):
+            budget.spend(("a1", "b1"))
+            made += 1
+    assert 0 <= made - REVISIONS_PER_S <= MOST_REVISIONS
+    budget.begin_pass(NOW_S + 10.0, lambda uuid: uuid[0])
+    assert not budget.may_exceed(MOST_REVISIONS)
+    assert budget.may_exceed(MOST_REVISIONS + 1)

@@ -7,7 +7,15 @@ import pytest
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.engine.engine import COARSE_M, Engine
-from deconflict.engine.load_shedding import EASY_PASSES, LATE_PASSES, Effort, LoadShedder
+from deconflict.engine.load_shedding import (
+    EASY_S,
+    LATE_PASSES,
+    LONGEST_TICK_S,
+    PASS_SHARE,
+    Effort,
+    LoadShedder,
+    PassPace,
+)
 from deconflict.engine.shared_advisories import REDUCED_LOOK_S
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
@@ -17,21 +25,23 @@ from tests.deconflict.contention.scenes import site as floor_with
 from tests.deconflict.engine.made_engine import NOW_S, SITE, Floor, eastward, northward
 
 DEADLINE_S = 0.5
-LATE_S, EASY_S, TIGHT_S = 0.6, 0.1, 0.4
+LATE, EASY, TIGHT = 0.6, 0.1, 0.4
+"""Durations of passes, s."""
+EVERY_S = 0.125
 
 
 def after(*passes_s: float, start: Effort = Effort.FULL) -> list[Effort]:
     """The effort after each pass."""
     shedder, efforts = LoadShedder(DEADLINE_S, start), []
-    for pass_s in passes_s:
-        assert shedder.add_pass(pass_s) is (pass_s > DEADLINE_S)
+    for number, pass_s in enumerate(passes_s):
+        assert shedder.add_pass(pass_s, number * EVERY_S) is (pass_s > DEADLINE_S)
         efforts.append(shedder.effort)
     return efforts
 
 
 def test_late_passes_in_a_row_leave_out_exact_separations_first_then_far_conflicts() -> None:
-    assert after(LATE_S, EASY_S, LATE_S, TIGHT_S) == [Effort.FULL] * 4
-    assert after(*[LATE_S] * (3 * LATE_PASSES))[LATE_PASSES - 1 :: LATE_PASSES] == [
+    assert after(LATE, EASY, LATE, TIGHT) == [Effort.FULL] * 4
+    assert after(*[LATE] * (3 * LATE_PASSES))[LATE_PASSES - 1 :: LATE_PASSES] == [
         Effort.COARSE,
         Effort.NEAR,
         Effort.NEAR,
@@ -39,23 +49,54 @@ def test_late_passes_in_a_row_leave_out_exact_separations_first_then_far_conflic
 
 
 def test_easy_passes_restore_effort_step_by_step_and_tight_ones_do_not() -> None:
-    assert after(*[TIGHT_S] * 500, start=Effort.NEAR)[-1] is Effort.NEAR
-    back = after(*[EASY_S] * (2 * EASY_PASSES), start=Effort.NEAR)
-    assert [back[EASY_PASSES - 2], back[EASY_PASSES - 1], back[-1]] == [Effort.NEAR, Effort.COARSE, Effort.FULL]
+    passes = int(EASY_S / EVERY_S)
+    assert after(*[TIGHT] * 500, start=Effort.NEAR)[-1] is Effort.NEAR
+    back = after(*[EASY] * (2 * passes + 2), start=Effort.NEAR)
+    assert [back[passes - 1], back[passes], back[-1]] == [Effort.NEAR, Effort.COARSE, Effort.FULL]
+
+
+def test_short_ticks_restore_effort_no_sooner() -> None:
+    shedder, passes = LoadShedder(DEADLINE_S, Effort.COARSE), 0
+    while shedder.effort is Effort.COARSE:
+        shedder.add_pass(EASY, passes / 128)
+        passes += 1
+    assert (passes - 1) / 128 == EASY_S
 
 
 def test_effort_that_proved_too_much_is_tried_again_later_each_time() -> None:
     shedder = LoadShedder(DEADLINE_S, Effort.COARSE)
-    waits = []
+    now_s, waits_s = 0.0, []
     for _ in range(4):
-        easy = 0
+        since_s = now_s
         while shedder.effort is Effort.COARSE:
-            shedder.add_pass(EASY_S)
-            easy += 1
-        waits.append(easy)
+            shedder.add_pass(EASY, now_s)
+            now_s += EVERY_S
+        waits_s.append(now_s - EVERY_S - since_s)
         for _ in range(LATE_PASSES):
-            shedder.add_pass(LATE_S)
-    assert waits == [EASY_PASSES, 2 * EASY_PASSES, 4 * EASY_PASSES, 8 * EASY_PASSES]
+            shedder.add_pass(LATE, now_s)
+    assert waits_s == [EASY_S, 2 * EASY_S, 4 * EASY_S, 8 * EASY_S]
+
+
+def paced(*passes_s: float, shortest_s: float = 0.02) -> PassPace:
+    pace = PassPace(shortest_s)
+    for pass_s in passes_s:
+        pace.add_pass(pass_s)
+    return pace
+
+
+def test_cheap_passes_are_near_and_expensive_ones_take_their_share_of_the_time() -> None:
+    assert paced().tick_s == paced(*[0.001] * 200).tick_s == 0.02
+    assert paced(*[0.012] * 200).tick_s == pytest.approx(0.012 / PASS_SHARE, rel=1e-3)
+    assert paced(*[0.2] * 200).tick_s == LONGEST_TICK_S
+
+
+def test_one_slow_pass_hardly_changes_the_pace() -> None:
+    assert paced(*[0.004] * 200, 60.0).tick_s < LONGEST_TICK_S / 2
+
+
+def test_ticks_are_never_nearer_than_the_site_file_says() -> None:
+    assert paced(0.3, shortest_s=0.5).tick_s == paced(shortest_s=0.5).idle_tick_s == 0.5
+    assert paced(0.001).idle_tick_s == LONGEST_TICK_S
 
 
 def straight(n: int, random: np.random.Generator) -> Forecasts:

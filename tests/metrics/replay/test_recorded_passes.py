@@ -1,14 +1,23 @@
 """When passes are made over a log, and whose advice its robots may have heard."""
 
+from collections.abc import Iterable
+from itertools import pairwise
+from math import pi
+from pathlib import Path
 from random import Random
 
 import pytest
 
+from deconflict.advisory import AnyAdvisory
+from deconflict.engine.engine import Engine
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import DEFAULT
+from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.recording.log_reader import EngineStarted, Event, Received, Tick
+from ingest.recording.log_reader import EngineStarted, Event, LogReader, Received, Tick
+from ingest.recording.recorder import Recorder, quantise
 from metrics.replay.recorded_passes import HELD_S, EnginePass, PassReader
-from tests.helpers.saying import identity, robot, status
+from tests.helpers.saying import identity, points, robot, status
 
 NOW_S = 1_790_000_000.0
 
@@ -74,3 +83,56 @@ def test_only_passes_of_an_own_log_are_marked_as_such() -> None:
     others = heard(said(0.0), said(1.0))
     assert len(others) >= 4
     assert not any(others)
+
+
+TICKS_S = (0.02, 0.021, 0.05, 0.1, 0.7)
+"""Times between two ticks."""
+
+
+def crossing(t_s: float) -> list[Received]:
+    """The reports at `t_s` of two robots that meet after 12 s."""
+    courses = {"A-1": (t_s - 12.0, 0.0, 1.0, 0.0), "B-1": (0.0, t_s - 12.0, 0.0, 1.0)}
+    reports = []
+    for name, (x_m, y_m, x_mps, y_mps) in courses.items():
+        yaw_rad, at_s = y_mps * pi / 2, quantise(NOW_S + t_s)
+        path = points(*((at_s + s, x_m + x_mps * s, y_m + y_mps * s, yaw_rad) for s in range(1, 11)))
+        reports.append(Received(status(name, at_s, x_m, y_m, yaw_rad, path=path), at_s, OURS))
+    return reports
+
+
+def live(log: Path) -> list[AnyAdvisory]:
+    """What the engine publishes in passes of which none is as long after the one before; all is recorded in `log`."""
+    fleet, engine, random = fleet_of(DEFAULT, Measures()), Engine(DEFAULT), Random(3)
+    recorder, published = Recorder(DEFAULT.recorder, log, Measures(), lambda: NOW_S), []
+    recorder.engine_started(NOW_S)
+    tick_s, due_s = 0.0, 0.0
+    while tick_s < 20.0:
+        before_s, tick_s = tick_s, tick_s + random.choice(TICKS_S)
+        while due_s <= tick_s:
+            for report in crossing(due_s):
+                fleet.receive(report.raw, report.arrival_s, report.connection)
+                recorder.received(report.raw, report.arrival_s, report.connection, None)
+            due_s += 0.25
+        now_s, pending = quantise(NOW_S + tick_s), engine.pending()
+        recorder.tick(now_s, 0, pending)
+        engine.receive(fleet.next_batch(now_s, everything=before_s == 0.0))
+        published += engine.step(now_s, pending=pending)
+    recorder.close()
+    return published
+
+
+def replayed(engine_passes: Iterable[EnginePass]) -> list[AnyAdvisory]:
+    engine, published = Engine(DEFAULT), list[AnyAdvisory]()
+    for engine_pass in engine_passes:
+        engine.receive(engine_pass.batch)
+        published += engine.step(engine_pass.now_s, engine_pass.effort, engine_pass.pending, engine_pass.is_own_log)
+    return published
+
+
+def test_a_log_of_irregular_ticks_replays_to_the_same_advisories(tmp_path: Path) -> None:
+    published = live(tmp_path)
+    assert len(published) >= 2
+    again = list(PassReader(DEFAULT).passes_of(LogReader().read([tmp_path])))
+    assert replayed(again) == published
+    apart_s = {round(after.now_s - before.now_s, 3) for before, after in pairwise(again)}
+    assert apart_s == set(TICKS_S)

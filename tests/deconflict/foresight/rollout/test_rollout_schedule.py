@@ -5,7 +5,7 @@ import pytest
 
 from deconflict.foresight.probability.pair_table import codes
 from deconflict.foresight.rollout.rollout import NEVER, NOBODY, RolloutResult
-from deconflict.foresight.rollout.rollout_schedule import EVERY_S, KEYS, RolloutSchedule
+from deconflict.foresight.rollout.rollout_schedule import EVERY_S, KEYS, MOST, MOST_PER_S, RolloutSchedule
 from ingest.batch import Ints
 
 NOW_S = 1_790_000_000.0
@@ -81,3 +81,17 @@ def test_if_many_are_due_the_most_recently_driven_wait_longest(monkeypatch: pyte
         schedule.store(due, result, slots(), NOW_S + 10 * look)
     assert sorted(slot for due in driven_slots for slot in due) == [0, 1, 2, 3, 4, 5]
     assert schedule.due(*pairs, KEY, NOW_S + 30).tolist() == driven_slots[0]
+
+
+def test_frequent_looks_drive_on_no_more_robots_a_second() -> None:
+    schedule, robots, looks = new_schedule(), 2 * int(MOST_PER_S), 100
+    key = np.zeros(robots, np.int64)
+    schedule.grow(robots)
+    driven_on = 0
+    for look in range(looks):
+        now_s = NOW_S + look / looks
+        due = schedule.due(np.arange(0, robots, 2), np.arange(1, robots, 2), key, now_s)
+        result = RolloutResult(slots(), slots(), np.zeros((0, 1)), np.full(len(due), NOBODY))
+        schedule.store(due, result, slots(), now_s)
+        driven_on += len(due)
+    assert 0 <= driven_on - MOST_PER_S <= MOST + looks

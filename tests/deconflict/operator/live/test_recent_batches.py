@@ -3,7 +3,7 @@ import asyncio
 import pytest
 
 from deconflict.operator.live import recent_batches
-from deconflict.operator.live.recent_batches import KEPT, RecentBatches, packed_batch, unpacked_batch
+from deconflict.operator.live.recent_batches import KEPT_S, RecentBatches, packed_batch, unpacked_batch
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet import fleet_report
@@ -61,11 +61,12 @@ async def test_before_the_first_tick_a_new_follower_waits_and_then_gets_the_whol
 
 async def test_a_new_follower_and_one_too_far_behind_need_the_whole_floor() -> None:
     kept = RecentBatches()
-    for step in range(KEPT + 2):
-        kept.add(NOW_S + step, fleet().next_batch(NOW_S + step).to_bytes())
+    ticks_s = [NOW_S, NOW_S + KEPT_S / 4, NOW_S + KEPT_S / 2, NOW_S + KEPT_S * 1.375]
+    for tick_s in ticks_s:
+        kept.add(tick_s, fleet().next_batch(tick_s).to_bytes())
     assert await kept.after(0) is None
-    assert await kept.after(round(NOW_S * 1e6)) is None
-    assert await kept.after(round((NOW_S + 1) * 1e6)) is not None
+    assert await kept.after(round(ticks_s[0] * 1e6)) is None
+    assert await kept.after(round(ticks_s[1] * 1e6)) is not None
 
 
 def test_a_snapshot_of_the_floor_changes_nothing_for_the_engine() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.roles.delivery import Delivery
+from deconflict.roles.engine_link.delivery import Delivery
 from deconflict.roles.health import delivery_health
 from deconflict.roles.health.delivery_health import DELAY, LATE_S, SET_ASIDE_SHOWN_S, DeliveryHealth
 from deconflict.roles.operator_role import OperatorRole

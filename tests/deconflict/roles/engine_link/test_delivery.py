@@ -13,8 +13,8 @@ from deconflict.advisory import ADVISORY
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.store.store import Store
-from deconflict.roles import delivery
-from deconflict.roles.delivery import Delivery, UndeliveredError
+from deconflict.roles.engine_link import delivery
+from deconflict.roles.engine_link.delivery import Delivery, UndeliveredError
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, unpacked_parcel

@@ -10,9 +10,9 @@ import pytest
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisory import ConflictAdvisory
 from deconflict.operator.store.store import Store
-from deconflict.roles import restoration
+from deconflict.roles.engine_link import restoration
+from deconflict.roles.engine_link.restoration import StoredState, stored_state
 from deconflict.roles.operator_role import OperatorRole
-from deconflict.roles.restoration import StoredState, stored_state
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.parcels import unpacked_parcel
 from deconflict.runtime.rpc import Caller

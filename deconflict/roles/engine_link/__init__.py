@@ -1,0 +1,1 @@
+"""What passes between the engine and the other roles: ticks, decisions, and the stored state."""
