@@ -29,7 +29,7 @@ Scores = tuple[LossScore, ...]
 
 def scores_of(robots: int, seed: int, seconds: float, without_paths: float) -> Scores:
     floor = run(robots, seed, seconds, without_paths)
-    found = by_second((loss for loss, _, _ in floor.found), floor.rows, START_S)
+    found = by_second((placed.loss for placed in floor.found), floor.rows, START_S)
     rows = set(floor.robots)
     by_robots = [placed for placed in floor.found if floor.rows.get(placed.loss.robot) in rows]
     places = by_label(((placed.place, placed.loss) for placed in by_robots), START_S)

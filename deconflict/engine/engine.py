@@ -10,6 +10,7 @@ from math import inf
 from deconflict.advice.deferred_answers import Submit, answer_at_once
 from deconflict.advisories.conflict_lifecycle import CROWDED, DORMANT, ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
+from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.advisories.revision_rules import held_probability
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from deconflict.contention.crowds.crowds import Crowds
@@ -82,10 +83,10 @@ class Engine:
         self._advice = EngineAdvice(site, self.live, *asking)
         shared = site, self.live, self._crowds, self.measures, restored, self._advice.queue_advice
         self._shared = SharedAdvisories(*shared, enabled=not conflicts_only)
-        self._map_drift = MapDrift.at(site.resources)
+        self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
         self._resume(learned or {})
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
-        self._loss_places = LossPlaces.of(site)
+        self._loss_warnings = LossWarnings(restored, self.foresight.last_advised_wait_s)
         self.near_misses, self.losses = [], []
         self._updated: set[str] = set()
         """Robots with a new forecast since the last pass."""
@@ -180,11 +181,21 @@ class Engine:
         self._advice.charge(revisions)
         if heard:
             self.foresight.note_advice(now_s, waits_until_s(revisions))
-        losses = self.foresight.losses.take()
-        self.losses = [] if self._conflicts_only else self._loss_places.placed(losses, self.floors.names)
+        self.losses = self._placed_losses(now_s, revisions)
         self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.budget.deferred)
         self._metrics.count_losses(self.losses)
         return revisions
+
+    def _placed_losses(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[PlacedLoss]:
+        """The losses that ended, with their places and what had been published when they began."""
+        losses = self.foresight.losses.take()
+        if self._conflicts_only:
+            return []
+        self._loss_warnings.note(now_s, revisions)
+        return [
+            placed._replace(notice=self._loss_warnings.notice_of(placed.loss))
+            for placed in self._loss_places.placed(losses, self.floors.names)
+        ]
 
     def _update_presence(self, now_s: float) -> set[str]:
         """Update how likely silent robots are still present; those that have fallen silent since the last pass."""

@@ -46,8 +46,9 @@ class EngineMetrics:
         self._measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
 
     def count_losses(self, losses: Iterable[PlacedLoss]) -> None:
-        for loss, _, place in losses:
-            labels = loss.vendor, loss.by_vendor, loss.kind.value, place
+        for placed in losses:
+            loss = placed.loss
+            labels = loss.vendor, loss.by_vendor, loss.kind.value, placed.place
             self._measures.count("deconflict_lost_seconds_total", *labels, by=loss.lost_s)
 
     def _set_levels(self) -> None:

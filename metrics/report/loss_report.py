@@ -101,7 +101,18 @@ def loss_sentence(tables: LossTables) -> str:
     begin, end = (
         datetime.fromtimestamp(at_s, UTC).strftime("%Y-%m-%d %H:%M") for at_s in (found.from_s, found.until_s)
     )
-    return f"From {begin} to {end} UTC robots lost {_span(found.total.lost_s)} to each other{cost}; {then}."
+    lost = f"From {begin} to {end} UTC robots lost {_span(found.total.lost_s)} to each other{cost}; {then}."
+    return f"{lost} {_warning_sentence(found.total)}".rstrip()
+
+
+def _warning_sentence(total: LossRow) -> str:
+    if not total.losses:
+        return ""
+    warned = f"Of {_span(total.lost_s)} lost, {_span(total.warned_s)} were warned of before"
+    if not total.advised_s:
+        return f"{warned}."
+    advised = f"for {_span(total.advised_s)} of them one of the two robots was advised to wait"
+    return f"{warned}; {advised}, and for {_span(total.heeded_s)} it waited."
 
 
 def _span(lost_s: float) -> str:

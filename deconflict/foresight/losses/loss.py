@@ -46,6 +46,7 @@ class Loss(NamedTuple):
     from_s: float
     until_s: float
     lost_s: float
+    """Against its plan."""
     is_sure: bool
     """The other robot was on its way. If not, it only crossed the way."""
     floor: int
@@ -53,6 +54,17 @@ class Loss(NamedTuple):
     x_m: float
     """Place of the losing robot when it began to lose time, in the floor's frame."""
     y_m: float
+
+
+class LossNotice(NamedTuple):
+    """What the service had published when a loss began."""
+
+    is_warned: bool = False
+    """An advisory named both robots."""
+    is_advised: bool = False
+    """It advised one of them to wait."""
+    is_heeded: bool = False
+    """That robot waited as advised."""
 
 
 def kind_of(turn_rad: float, *, stands: bool, waits: bool, for_each_other: bool) -> LossKind:

@@ -5,7 +5,7 @@ from typing import NamedTuple, Self
 
 import shapely
 
-from deconflict.foresight.losses.loss import Loss
+from deconflict.foresight.losses.loss import Loss, LossNotice
 from deconflict.settings.shared_places import Point, outlines
 from deconflict.settings.site import Site
 
@@ -18,6 +18,7 @@ class PlacedLoss(NamedTuple):
     """Id of the floor; "" for a frame that is compared with nothing."""
     place: str
     """Name of the smallest zone, resource or area; "" outside all."""
+    notice: LossNotice = LossNotice()
 
 
 class LossPlaces:

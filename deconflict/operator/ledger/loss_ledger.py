@@ -14,10 +14,12 @@ from threading import Lock
 from typing import NamedTuple
 
 from deconflict.foresight.losses.loss_places import PlacedLoss
+from deconflict.operator.ledger.ledger_formats import upgrade
 from deconflict.operator.ledger.loss_questions import (
     CELL_M,
     DAY_S,
     HOUR_S,
+    SUMS,
     LossList,
     LossQuestion,
     LossSum,
@@ -29,18 +31,12 @@ log = logging.getLogger(__name__)
 
 FILE_NAME = "losses.db"
 IN_MEMORY = ":memory:"
-TABLES = """
-CREATE TABLE IF NOT EXISTS losses (
-    hour_s INTEGER, vendor TEXT, model TEXT, by_vendor TEXT, root_vendor TEXT, kind TEXT, floor TEXT, place TEXT,
-    cell_x INTEGER, cell_y INTEGER, lost_s REAL, sure_s REAL, losses INTEGER,
-    PRIMARY KEY (hour_s, vendor, model, by_vendor, root_vendor, kind, floor, place, cell_x, cell_y)
-) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS parcels (sender TEXT PRIMARY KEY, number INTEGER) WITHOUT ROWID;
-"""
-ADD = """
-INSERT INTO losses VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, 1)
-ON CONFLICT DO UPDATE SET lost_s = lost_s + excluded.lost_s, sure_s = sure_s + excluded.sure_s, losses = losses + 1
-"""
+KEYS = "hour_s, vendor, model, by_vendor, root_vendor, kind, floor, place, cell_x, cell_y"
+ADD = f"""
+INSERT INTO losses ({KEYS}, {", ".join(SUMS)})
+VALUES ({", ".join("?" * (len(KEYS.split(",")) + len(SUMS)))})
+ON CONFLICT DO UPDATE SET {", ".join(f"{name} = {name} + excluded.{name}" for name in SUMS)}
+"""  # noqa: S608 - constants
 COLUMNS = {
     "vendor": "vendor",
     "model": "model",
@@ -72,15 +68,18 @@ class LedgerEntry(NamedTuple):
     y_m: float
     lost_s: float
     is_sure: bool
+    is_warned: bool = False
+    is_advised: bool = False
+    is_heeded: bool = False
 
 
 def ledger_entries(losses: Iterable[PlacedLoss]) -> list[LedgerEntry]:
     return [
         LedgerEntry(
             loss.from_s, loss.vendor, loss.model, loss.by_vendor, loss.root_vendor, loss.kind.value, datum, place,
-            loss.x_m, loss.y_m, loss.lost_s, loss.is_sure,
+            loss.x_m, loss.y_m, loss.lost_s, loss.is_sure, *notice,
         )
-        for loss, datum, place in losses
+        for loss, datum, place, notice in losses
     ]  # fmt: skip
 
 
@@ -118,19 +117,20 @@ class LossLedger:
     def ask(self, question: LossQuestion) -> LossList:
         """Raises `sqlite3.Error`."""
         columns = ", ".join(COLUMNS[key] for key in (*question.keys, "vendor", "model"))
+        sums = ", ".join(f"SUM({name})" for name in SUMS)
         wanted = {name: value for name in FILTERS if (value := getattr(question, name)) is not None}
         conditions = "".join(f" AND {FILTERS[name]} = :{name}" for name in wanted)
         span = {"from_s": question.from_s - question.from_s % HOUR_S, "until_s": question.until_s}
         with self._transaction() as db:
             rows = db.execute(
-                f"SELECT {columns}, SUM(lost_s), SUM(sure_s), SUM(losses) FROM losses"  # noqa: S608 - constants
+                f"SELECT {columns}, {sums} FROM losses"  # noqa: S608 - constants
                 f" WHERE hour_s >= :from_s AND hour_s < :until_s{conditions} GROUP BY {columns}",
                 span | wanted,
             ).fetchall()
         width = len(question.keys)
-        sums = [LossSum(_values(question, row[:width]), *row[width:]) for row in rows]
+        parts = [LossSum(_values(question, row[:width]), row[width], row[width + 1], row[width + 2 :]) for row in rows]
         settings = self.settings
-        return answer(question._replace(from_s=span["from_s"]), sums, settings.cost_per_robot_hour, settings.currency)
+        return answer(question._replace(from_s=span["from_s"]), parts, settings.cost_per_robot_hour, settings.currency)
 
     def prune(self, now_s: float) -> int:
         """Remove hours that are older than the settings say, or too many; returns how many. Raises `sqlite3.Error`."""
@@ -149,7 +149,7 @@ class LossLedger:
         db = sqlite3.connect(self._path or IN_MEMORY, isolation_level=None, check_same_thread=False)
         try:
             db.execute("PRAGMA journal_mode = WAL")
-            db.executescript(TABLES)
+            upgrade(db)
         except BaseException:
             db.close()
             raise
@@ -163,9 +163,10 @@ class LossLedger:
 
 
 def _row_of(entry: LedgerEntry) -> tuple[object, ...]:
-    from_s, *names, x_m, y_m, lost_s, is_sure = entry
+    from_s, *names, x_m, y_m, lost_s, is_sure, is_warned, is_advised, is_heeded = entry
     cell = int(x_m // CELL_M), int(y_m // CELL_M)
-    return int(from_s // HOUR_S * HOUR_S), *names, *cell, lost_s, lost_s if is_sure else 0.0
+    parts = (lost_s if counts else 0.0 for counts in (is_sure, is_warned, is_advised, is_heeded))
+    return int(from_s // HOUR_S * HOUR_S), *names, *cell, 1, lost_s, *parts
 
 
 def _values(question: LossQuestion, values: Sequence[object]) -> tuple[object, ...]:

@@ -8,6 +8,8 @@ from pydantic import BaseModel, Field
 LossKey = Literal["vendor", "model", "by", "root", "kind", "floor", "place", "cell", "hour", "day"]
 HOUR_S, DAY_S = 3600, 86400
 CELL_M = 2.0
+SUMS = "losses", "lost_s", "sure_s", "warned_s", "advised_s", "heeded_s"
+"""What the ledger sums."""
 
 
 class LossQuestion(NamedTuple):
@@ -30,9 +32,8 @@ class LossSum(NamedTuple):
     """The values of the question's keys; that of `cell` is x and y of its middle in metres."""
     vendor: str
     model: str
-    lost_s: float
-    sure_s: float
-    losses: int
+    sums: tuple[float, ...]
+    """One for each of `SUMS`."""
 
 
 class LossRow(BaseModel, extra="allow"):
@@ -40,6 +41,9 @@ class LossRow(BaseModel, extra="allow"):
 
     lost_s: float = Field(description="seconds that robots lost")
     sure_s: float = Field(description="the part whose cause is sure")
+    warned_s: float = Field(description="the part of which an advisory warned at least 2 s before")
+    advised_s: float = Field(description="the part of these for which one of the two robots was advised to wait")
+    heeded_s: float = Field(description="the part of these for which that robot waited as advised")
     losses: int = Field(description="number of losses, or parts of long ones")
     cost: float | None = Field(description="of the robots whose vendor or model has a cost; null if none has")
 
@@ -65,10 +69,11 @@ def answer(question: LossQuestion, sums: Iterable[LossSum], costs: Mapping[str, 
     total, rows = _row({}), dict[tuple[Any, ...], LossRow]()
     for part in sums:
         per_hour = hourly_cost(costs, part.vendor, part.model)
-        cost = None if per_hour is None else per_hour * part.lost_s / HOUR_S
+        figures = dict(zip(SUMS, part.sums, strict=True))
+        cost = None if per_hour is None else per_hour * figures["lost_s"] / HOUR_S
         row = rows.setdefault(part.values, _row(dict(zip(question.keys, part.values, strict=True))))
         for each in (total, row):
-            _add(each, part, cost)
+            _add(each, figures, cost)
     found = sorted((_rounded(row) for row in rows.values()), key=lambda row: -row.lost_s) if question.keys else []
     return LossList(
         from_s=question.from_s,
@@ -81,14 +86,15 @@ def answer(question: LossQuestion, sums: Iterable[LossSum], costs: Mapping[str, 
 
 
 def _row(keys: Mapping[str, Any]) -> LossRow:
-    return LossRow(lost_s=0.0, sure_s=0.0, losses=0, cost=None, **keys)
+    return LossRow(**dict.fromkeys(SUMS, 0), cost=None, **keys)
 
 
-def _add(row: LossRow, part: LossSum, cost: float | None) -> None:
-    row.lost_s, row.sure_s, row.losses = row.lost_s + part.lost_s, row.sure_s + part.sure_s, row.losses + part.losses
+def _add(row: LossRow, sums: Mapping[str, float], cost: float | None) -> None:
+    for name, value in sums.items():
+        setattr(row, name, getattr(row, name) + value)
     row.cost = row.cost if cost is None else (row.cost or 0.0) + cost
 
 
 def _rounded(row: LossRow) -> LossRow:
     cost = None if row.cost is None else round(row.cost, 2)
-    return row.model_copy(update={"lost_s": round(row.lost_s, 1), "sure_s": round(row.sure_s, 1), "cost": cost})
+    return row.model_copy(update={name: round(getattr(row, name), 1) for name in SUMS} | {"cost": cost})

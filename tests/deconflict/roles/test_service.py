@@ -3,6 +3,7 @@
 import asyncio
 import json
 import time
+from contextlib import closing
 from datetime import datetime
 from math import pi
 from pathlib import Path
@@ -15,6 +16,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from deconflict.advice.requests import hold_requests
 from deconflict.advisories.situations.situation import REVISION, AnyRevision, advisories_of
 from deconflict.advisory import AdvisoryState
+from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.ledger.loss_questions import LossQuestion
+from deconflict.operator.ledger.loss_routes import loss_keys
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import EngineSettings
 from ingest.recording.log_reader import LogReader, Tick
@@ -22,8 +26,8 @@ from ingest.settings import Vendor
 from metrics.monitoring.exposition import combine, render
 from tests.deconflict.roles.made_service import CROSSING, SITE, Course, Running, drive, running
 from tests.helpers.patience import PATIENCE_S
-from tests.helpers.replayed import replayed
-from tests.helpers.saying import HALL, identity, status
+from tests.helpers.replayed import replayed, replayed_losses
+from tests.helpers.saying import HALL, identity, points, status
 
 
 def stream_of(service: Running) -> str:
@@ -164,6 +168,35 @@ async def test_the_recording_replays_to_the_same_advisories_and_situations(tmp_p
     assert [each for each in again if each["kind"] == "conflict"] == [each | unnumbered for each in live]
     situations = [each for each in again if each["kind"] == "situation"]
     assert situations[: len(life)] == [each | unnumbered for each in life]
+
+
+async def test_the_recording_replays_to_the_same_ledger_of_lost_time(tmp_path: Path) -> None:
+    group = "/losses?group=hour,vendor,model,by,root,kind,floor,place,cell"
+    async with running(tmp_path) as service:
+        driving = asyncio.create_task(wait_behind_another(service.robots_url))
+        live = await service.until(group, lambda answer: answer["rows"])
+        driving.cancel()
+    losses = replayed_losses(tmp_path / "log", SITE)
+    assert replayed_losses(tmp_path / "log", SITE) == losses
+    with closing(LossLedger(None, SITE.losses)) as ledger:
+        ledger.add("replay", 1, losses)
+        keys = loss_keys(group.split("=")[1])
+        again = ledger.ask(LossQuestion(live["from_s"], live["until_s"], keys)).model_dump(mode="json")
+    assert again["rows"] == live["rows"]
+    assert again["total"]["lost_s"] > 1.0
+
+
+async def wait_behind_another(url: str) -> None:
+    """A robot stops behind another one although by its path it goes on; then both go on."""
+    stops_s, goes_s, start_s = 4.0, 7.0, time.time()
+    async with connect(url) as socket:
+        while (now_s := time.time()) < start_s + PATIENCE_S:
+            t = now_s - start_s
+            gone_m = min(t, stops_s) + max(t - goes_s, 0.0)
+            for name, x, leaves_s in (("A-1", gone_m, 0.0), ("B-1", stops_s + 2.0 + max(t - goes_s, 0.0), goes_s)):
+                path = points(*((now_s + i, x + max(i - max(leaves_s - t, 0.0), 0.0), 0.0, 0.0) for i in range(1, 11)))
+                await socket.send(status(name, now_s, x, path=path))
+            await asyncio.sleep(0.5)
 
 
 async def test_an_overloaded_service_shows_it_still_warns_and_replays_to_the_same_advisories(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ export class Costs {
     const lead = `Today robots lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
       + "A robot loses time while another one is in its way and it needs longer than by its plan. ";
     $("costs-body").replaceChildren(
-      text("p", lead + ACCURACY),
+      text("p", lead + warned(total) + ACCURACY),
       this.worstPlaces(places.slice(0, WORST), heads("Place", "Worst point"), cells),
       table("The five worst pairs", heads("Whose robots lost time", "Whose were in the way"), rows.slice(0, WORST).map((row) => cells(row, row.vendor, row.by))),
       table("By hour", [...heads("From"), "A week ago"], [...hours].sort((a, b) => a.hour - b.hour).map((row) => [...cells(row, clock(row.hour).slice(0, 5)), then.has(row.hour) ? span(then.get(row.hour)) : ""])),
@@ -70,6 +70,12 @@ function byPlace(rows) {
     const [{ floor, place, cell: [x, y] }] = cells, costs = cells.map(({ cost }) => cost).filter((cost) => cost !== null);
     return { floor, place, x, y, lost_s: sum(cells.map((row) => row.lost_s)), cost: costs.length ? sum(costs) : null };
   }).sort((a, b) => b.lost_s - a.lost_s);
+}
+
+function warned(total) {
+  if (!total.losses) return "";
+  const advised = total.advised_s ? `; for ${span(total.advised_s)} of them one of the two robots was advised to wait, and for ${span(total.heeded_s)} it waited` : "";
+  return `Of ${span(total.lost_s)} lost, ${span(total.warned_s)} were warned of before${advised}. `;
 }
 
 function compared(lostS, before) {

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.operator.ledger.ledger_formats import UPGRADES
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S, HOUR_S, LossQuestion, LossRow
 from deconflict.settings.site import LossSettings
@@ -34,6 +35,7 @@ def test_losses_are_summed_by_any_key(ledger: LossLedger) -> None:
     assert lost(ledger.ask(question("cell")).rows, "cell") == {(5.0, 7.0): 16.0}
     total = ledger.ask(question()).total
     assert (total.lost_s, total.sure_s, total.losses) == (16.0, 13.0, 3)
+    assert (total.warned_s, total.advised_s, total.heeded_s) == (16.0, 13.0, 5.0)
 
 
 def test_filters_and_the_span_leave_others_out(ledger: LossLedger) -> None:
@@ -81,6 +83,26 @@ def test_a_damaged_file_is_set_aside(tmp_path: Path) -> None:
         opened.add("engine", 1, [QUEUED])
         assert opened.ask(question()).total.losses == 1
     assert len(list(tmp_path.glob("losses-*.db"))) == 1
+
+
+def test_a_ledger_of_the_first_format_is_upgraded(tmp_path: Path) -> None:
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as db, db:
+        for statement in UPGRADES[0]:
+            db.execute(statement)
+        row = (START_S, "Alder", "A100", "Corvid", "Basalt", "queue", "hall", "", 2, 3, 9.0, 4.0, 1)
+        db.execute(f"INSERT INTO losses VALUES ({', '.join('?' * len(row))})", row)  # noqa: S608 - constants
+    with closing(LossLedger(tmp_path, LossSettings())) as opened:
+        opened.add("engine", 1, [QUEUED])
+        total = opened.ask(question()).total
+    assert (total.lost_s, total.sure_s, total.warned_s, total.losses) == (17.0, 12.0, 8.0, 2)
+
+
+def test_a_ledger_of_a_newer_release_is_refused_and_left_alone(tmp_path: Path) -> None:
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as db:
+        db.execute("PRAGMA user_version = 99")
+    with pytest.raises(sqlite3.OperationalError, match="newer release"):
+        LossLedger(tmp_path, LossSettings())
+    assert [path.name for path in tmp_path.glob("*.db")] == [FILE_NAME]
 
 
 def test_a_ledger_that_can_t_be_opened_says_so(tmp_path: Path) -> None:

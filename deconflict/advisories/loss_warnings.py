@@ -1,0 +1,128 @@
+"""What the service had published before a loss: whether it warned of it, and whether its advice was followed.
+
+Pure: the same revisions and losses give the same answers, live and in a replay.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from math import inf
+
+from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.foresight.losses.loss import Loss, LossNotice
+from deconflict.foresight.probability.advice_followers import waits_until_s
+
+FORESEEN_S = 2.0
+"""An advisory warns of a loss if it named both robots for this long before the loss began."""
+KEPT_S = 600.0
+"""What is over is kept for this long. Losses are reported when they end, or last 60 s."""
+FORGETS_EVERY_S = 60.0
+
+
+@dataclass(slots=True)
+class _Span:
+    from_s: float
+    until_s: float = inf
+
+    def holds(self, at_s: float) -> bool:
+        return self.from_s <= at_s <= self.until_s
+
+
+@dataclass(slots=True)
+class _Published:
+    """One advisory: by robot, when it named it, and when it advised it to wait."""
+
+    named: dict[str, _Span] = field(default_factory=dict)
+    advised: dict[str, _Span] = field(default_factory=dict)
+
+
+class LossWarnings:
+    """The advisories that are open, or were not long ago."""
+
+    def __init__(self, advisories: Iterable[AnyAdvisory], last_advised_wait_s: Callable[[str], float]) -> None:
+        """`advisories` are open from before; `last_advised_wait_s(uuid)` is when a robot was last seen to wait as
+        advised."""
+        self._last_advised_wait_s = last_advised_wait_s
+        self._published: dict[str, _Published] = defaultdict(_Published)
+        """By id."""
+        self._ids: dict[str, set[str]] = defaultdict(set)
+        """By robot, the ids of the advisories that name it, or did."""
+        self._notices: dict[str, tuple[Loss, LossNotice]] = {}
+        """By losing robot, its last loss."""
+        self._forgot_s = -inf
+        for advisory in advisories:
+            self._note(advisory, advisory.raised_at.timestamp())
+
+    def note(self, now_s: float, revisions: Iterable[AnyAdvisory]) -> None:
+        """Add the revisions of a pass."""
+        for revision in revisions:
+            self._note(revision, revision.updated_at.timestamp())
+        if now_s - self._forgot_s >= FORGETS_EVERY_S:
+            self._forgot_s = now_s
+            self._forget(now_s - KEPT_S)
+
+    def notice_of(self, loss: Loss) -> LossNotice:
+        """What was published before a loss began. A later part of a long loss has what its first part had."""
+        before = self._notices.get(loss.robot)
+        if before and (before[0].by, before[0].until_s) == (loss.by, loss.from_s):
+            notice = before[1]
+        else:
+            notice = self._notice_of(loss)
+        self._notices[loss.robot] = loss, notice
+        return notice
+
+    def _notice_of(self, loss: Loss) -> LossNotice:
+        warnings = list(self._warnings(loss))
+        advised = [
+            (robot, span.from_s)
+            for published in warnings
+            for robot, span in published.advised.items()
+            if robot in (loss.robot, loss.by, loss.root) and span.holds(loss.from_s)
+        ]
+        is_heeded = any(self._last_advised_wait_s(robot) >= from_s for robot, from_s in advised)
+        return LossNotice(bool(warnings), bool(advised), is_heeded)
+
+    def _warnings(self, loss: Loss) -> Iterator[_Published]:
+        """The advisories that named both robots from long enough before the loss until it began."""
+        for advisory_id in self._ids.get(loss.robot, ()):
+            named = self._published[advisory_id].named
+            for other in {loss.by, loss.root} & named.keys():
+                spans = named[loss.robot], named[other]
+                if all(span.from_s <= loss.from_s - FORESEEN_S and span.holds(loss.from_s) for span in spans):
+                    yield self._published[advisory_id]
+                    break
+
+    def _note(self, revision: AnyAdvisory, from_s: float) -> None:
+        now_s, published = revision.updated_at.timestamp(), self._published[revision.id]
+        is_cleared = revision.state is AdvisoryState.CLEARED
+        waits_s = {} if is_cleared else waits_until_s((revision,))
+        _update(published.named, dict.fromkeys(() if is_cleared else revision.robots, inf), from_s, now_s)
+        _update(published.advised, waits_s, now_s, now_s)
+        for robot in revision.robots:
+            self._ids[robot].add(revision.id)
+
+    def _forget(self, before_s: float) -> None:
+        for advisory_id, published in list(self._published.items()):
+            for spans in (published.named, published.advised):
+                for robot in [robot for robot, span in spans.items() if span.until_s < before_s]:
+                    del spans[robot]
+            if not published.named:
+                del self._published[advisory_id]
+        ids: dict[str, set[str]] = defaultdict(set)
+        for advisory_id, published in self._published.items():
+            for robot in published.named:
+                ids[robot].add(advisory_id)
+        self._ids = ids
+        self._notices = {robot: last for robot, last in self._notices.items() if last[0].until_s >= before_s}
+
+
+def _update(spans: dict[str, _Span], until_s: dict[str, float], from_s: float, now_s: float) -> None:
+    """Begin, continue and end spans by robot: those of `until_s` go on until then, the others end."""
+    for robot, span in spans.items():
+        if robot not in until_s:
+            span.until_s = min(span.until_s, now_s)
+    for robot, end_s in until_s.items():
+        if robot in spans and spans[robot].until_s >= now_s:
+            spans[robot].until_s = end_s
+        else:
+            spans[robot] = _Span(from_s, end_s)
