@@ -2,8 +2,8 @@
 
 An advisory joins a group on its floor that it fits, first of all one that shares a robot with it. A group has an extent
 of at most `MOST_EXTENT_M`; or of at most `NEAR_M`, at most `MOST_ROBOTS` robots, and each advisory shares robots with
-others. When a group outgrows this, its newest advisories split off. Two groups that fit well within the bounds join, and
-the oldest keeps its id.
+others. When a group outgrows this, its newest advisories split off. Two groups that fit well within the bounds join,
+and the oldest keeps its id.
 """
 
 from collections import defaultdict
