@@ -2,7 +2,8 @@
 
 The demo's floors know who loses how much to whom. Time that people lose is left out; time lost to people counts. A loss
 is right if robot, other robot and time are right. The other figures count it whatever the other robot, and compare the
-sums of each pair of vendors, place and kind minute by minute.
+sums of each pair of vendors, place and kind minute by minute. All this once by the robots' plans, and once against the
+usual times of their models, which are learned meanwhile.
 """
 
 import argparse
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from benchmarks.losses.loss_scores import (
     LossScore,
+    against_usual,
     by_label,
     by_second,
     score_labels,
@@ -19,19 +21,19 @@ from benchmarks.losses.loss_scores import (
     score_robots,
     score_vendors,
 )
-from benchmarks.losses.losses_run import run
+from benchmarks.losses.losses_run import LossesRun, run
 from benchmarks.watch_demo.watching import START_S
+from deconflict.foresight.losses.loss_places import PlacedLoss
 
 WAYS = "pair", "any robot", "vendors", "place", "kind"
 Scores = tuple[LossScore, ...]
 """One for each of `WAYS`."""
 
 
-def scores_of(robots: int, seed: int, seconds: float, without_paths: float) -> Scores:
-    floor = run(robots, seed, seconds, without_paths)
-    found = by_second((placed.loss for placed in floor.found), floor.rows, START_S)
+def scores_of(floor: LossesRun, losses: Sequence[PlacedLoss]) -> Scores:
+    found = by_second((placed.loss for placed in losses), floor.rows, START_S)
     rows = set(floor.robots)
-    by_robots = [placed for placed in floor.found if floor.rows.get(placed.loss.robot) in rows]
+    by_robots = [placed for placed in losses if floor.rows.get(placed.loss.robot) in rows]
     places = by_label(((placed.place, placed.loss) for placed in by_robots), START_S)
     kinds = by_label(((placed.loss.kind.value, placed.loss) for placed in by_robots), START_S)
     return (
@@ -55,7 +57,19 @@ def line(title: str, scores: Scores) -> str:
         f"{way}: found {score.share_found:5.1%}, invented {score.share_invented:5.1%}"
         for way, score in zip(WAYS, scores, strict=True)
     )
-    return f"{title:26} lost {scores[0].true_s:6.0f} s; " + "; ".join(shares)
+    return f"{title:41} lost {scores[0].true_s:6.0f} s; " + "; ".join(shares)
+
+
+def same(placed: PlacedLoss) -> PlacedLoss:
+    return placed
+
+
+def as_figures(totals: Scores) -> dict[str, float]:
+    return {"lost_s": round(totals[0].true_s, 1)} | {
+        f"{figure} by {way}": round(getattr(score, figure), 4)
+        for way, score in zip(WAYS, totals, strict=True)
+        for figure in ("share_found", "share_invented")
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -68,17 +82,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = options.parse_args(arguments)
     document = {}
     for share in args.without_paths:
-        scores = []
-        for seed in args.seeds:
-            scores.append(scores_of(args.robots, seed, 60 * args.minutes, share))
-            print(line(f"{share:.0%} without paths, seed {seed}", scores[-1]), flush=True)
-        totals = tuple(total(column) for column in zip(*scores, strict=True))
-        print(line(f"{share:.0%} without paths, all", totals), flush=True)
-        document[f"{share:g}"] = {"lost_s": round(totals[0].true_s, 1)} | {
-            f"{figure} by {way}": round(getattr(score, figure), 4)
-            for way, score in zip(WAYS, totals, strict=True)
-            for figure in ("share_found", "share_invented")
-        }
+        floors = [run(args.robots, seed, 60 * args.minutes, share) for seed in args.seeds]
+        for figure, losses in (("", same), (" against usual", against_usual)):
+            scores = [scores_of(floor, list(map(losses, floor.found))) for floor in floors]
+            for seed, each in zip(args.seeds, scores, strict=True):
+                print(line(f"{share:.0%} without paths{figure}, seed {seed}", each), flush=True)
+            totals = tuple(total(column) for column in zip(*scores, strict=True))
+            print(line(f"{share:.0%} without paths{figure}, all", totals), flush=True)
+            document[f"{share:g}{figure}"] = as_figures(totals)
     if args.json:
         args.json.write_text(json.dumps(document, indent=2) + "\n")
 

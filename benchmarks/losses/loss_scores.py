@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from benchmarks.losses.true_losses import LostByLabel, LostBySecond
 from deconflict.foresight.losses.loss import Loss
+from deconflict.foresight.losses.loss_places import PlacedLoss
 
 APART_S = 8
 """True and found losses of a pair belong to one case if they are less than this apart."""
@@ -51,6 +52,11 @@ def _cases(true: Seconds, found: Seconds) -> Iterator[tuple[int, int]]:
         if at == len(seconds) or seconds[at] - seconds[at - 1] > APART_S:
             yield seconds[first], seconds[at - 1]
             first = at
+
+
+def against_usual(placed: PlacedLoss) -> PlacedLoss:
+    """The same loss with its seconds against the usual time of its model."""
+    return placed._replace(loss=placed.loss._replace(lost_s=placed.loss.over_usual_s))
 
 
 def by_second(losses: Iterable[Loss], rows: Mapping[str, int], start_s: float) -> LostBySecond:

@@ -47,6 +47,8 @@ class Loss(NamedTuple):
     until_s: float
     lost_s: float
     """Against its plan."""
+    over_usual_s: float
+    """Against the usual time of its model on this way; against its plan where that is not known."""
     is_sure: bool
     """The other robot was on its way. If not, it only crossed the way."""
     floor: int

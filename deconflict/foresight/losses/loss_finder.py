@@ -15,6 +15,7 @@ from deconflict.foresight.losses.blockers import KnownRobots
 from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
 from deconflict.foresight.losses.loss_kernels import LOSING, ORDER, REFERENCES, lost_times
 from deconflict.foresight.losses.travel_states import travel_states
+from deconflict.foresight.losses.usual_times import no_usual_times
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Batch, Floats, Ints
@@ -42,6 +43,7 @@ class _OpenLoss:
     x_m: float
     y_m: float
     lost_s: float = 0.0
+    over_usual_s: float = 0.0
     is_sure: bool = True
 
 
@@ -61,6 +63,9 @@ class LossFinder:
         """Whether a robot has ever reported a path."""
         self._names: dict[int, tuple[str, str, str]] = {}
         """By slot, the UUID of the robot, its vendor and its model."""
+        self._usual = no_usual_times()
+        self._kinds: dict[tuple[str, str], int] = {}
+        """By vendor and model, their number in `_usual`."""
         self._open: dict[int, _OpenLoss] = {}
         """By slot of the losing robot."""
         self._ended: list[Loss] = []
@@ -104,7 +109,13 @@ class LossFinder:
             zip(slots.tolist(), zip(batch.robots, batch.vendors, batch.models, strict=True), strict=True)
         )
         robots = self._known(half_m, levels_m, vendor)
-        lost = lost_times(self._states, self._references, robots, slots, reports.event_s, states.goes, states.plans)
+        kinds = [
+            self._kinds.setdefault(kind, len(self._kinds)) for kind in zip(batch.vendors, batch.models, strict=True)
+        ]
+        lost = lost_times(
+            self._states, self._references, robots, slots, reports.event_s, states.goes, states.plans, self._usual,
+            np.array(kinds, np.int64),
+        )  # fmt: skip
         by_slot = dict(zip(slots[lost["row"]].tolist(), lost, strict=True))
         for slot in slots.tolist():
             if slot in by_slot or slot in self._open:
@@ -144,6 +155,7 @@ class LossFinder:
         if loss is None:
             loss = self._open[slot] = self._begin(slot, lost, robots)
         loss.until_s, loss.lost_s = float(lost["until_s"]), loss.lost_s + float(lost["lost_s"])
+        loss.over_usual_s += float(lost["over_s"])
         loss.is_sure &= bool(lost["is_on_way"])
         if loss.until_s - loss.from_s >= PART_S:
             self._end(slot)
@@ -185,6 +197,7 @@ class LossFinder:
                 from_s=loss.from_s,
                 until_s=loss.until_s,
                 lost_s=round(loss.lost_s, 3),
+                over_usual_s=round(max(loss.over_usual_s, 0.0), 3),
                 is_sure=loss.is_sure,
                 floor=loss.floor,
                 x_m=round(loss.x_m, 2),

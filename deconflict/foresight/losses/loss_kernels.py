@@ -23,6 +23,7 @@ from deconflict.foresight.losses.blockers import (
 )
 from deconflict.foresight.losses.loss import NOBODY
 from deconflict.foresight.losses.planned_times import TURN_M, beside_s, planned_s
+from deconflict.foresight.losses.usual_times import USUAL, UsualTimes, learn_pass, usual_s
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Floats, Ints
 from ingest.frames.angles import turn_between
@@ -44,6 +45,8 @@ BEFORE_S = 2.5
 """What a robot lost this long before its blocker was seen is because of it, too."""
 APART_S = 6.0
 """Reports further apart do not tell how much time was lost."""
+AGAIN_USUAL_S = 5.0
+"""A robot drives as usual again this long after it last lost time."""
 FASTEST_MPS, FADES = 2.0, 0.999
 """Greatest usual speed, and how much of it is left after a report of a slower robot."""
 RESTS, WAITS, GOES = range(3)
@@ -69,6 +72,8 @@ LOSING = np.dtype(
         ("usual_mps", np.float64),  # speed at which it drives if nothing is in its way
         ("pending_s", np.float64),  # lost since `pending_from_s`, before a blocker was seen
         ("pending_from_s", np.float64),
+        ("pending_over_s", np.float64),  # the same against the usual time
+        ("lost_at_s", np.float64),  # when it last lost time
     ],
     align=True,
 )
@@ -79,6 +84,7 @@ LOST = np.dtype(
         ("from_s", np.float64),
         ("until_s", np.float64),
         ("lost_s", np.float64),
+        ("over_s", np.float64),  # what it needed longer than usual
         ("is_on_way", np.bool_),  # the blocker was on the way, and did not only cross it
     ],
     align=True,
@@ -240,17 +246,43 @@ def _look_for_blocker(robots: KnownRobots, state: Any, slot: int, plans: int) ->
 
 
 @inner
-def _with_pending(state: Any, from_s: float, now_s: float, lost_s: float) -> tuple[float, float]:
-    """From when on a robot has lost how much, with what it lost shortly before its blocker was seen."""
+def _with_pending(state: Any, from_s: float, now_s: float, lost_s: float, over_s: float) -> tuple[float, float, float]:
+    """From when on a robot has lost how much, by its plan and against the usual time, with what it lost shortly before
+    its blocker was seen."""
     if state.blocker == NOBODY:
         if now_s - state.pending_from_s > BEFORE_S:
-            state.pending_s, state.pending_from_s = 0.0, from_s
+            state.pending_s, state.pending_over_s, state.pending_from_s = 0.0, 0.0, from_s
         state.pending_s += lost_s
+        state.pending_over_s += over_s
     elif state.pending_s > 0.0:
         pending_s, state.pending_s = state.pending_s, 0.0
         if from_s - state.pending_from_s <= BEFORE_S:
-            return state.pending_from_s, lost_s + pending_s
-    return from_s, lost_s
+            return state.pending_from_s, lost_s + pending_s, over_s + state.pending_over_s
+    return from_s, lost_s, over_s
+
+
+@inner
+def _over_usual_s(
+    usual: UsualTimes, robots: KnownRobots, state: Any, slot: int, kind: int, goes: int, lost_s: float
+) -> float:
+    """What a robot needed longer than usual since the report before its newest one; what it lost by its plan where the
+    usual time is not known. Learns from a robot that loses nothing."""
+    newest = robots.newest[slot]
+    now_s, before = robots.t_s[slot, newest], robots.tracks[slot, (newest - 1) % robots.t_s.shape[1], 0]
+    now, floor, lasted_s = robots.tracks[slot, newest, 0], robots.floor[slot, newest], now_s - state.heard_s
+    if lost_s > 0.0:
+        state.lost_at_s = now_s
+        needed_s = usual_s(usual, kind, floor, before, now)
+        return lasted_s - needed_s if needed_s >= 0.0 else lost_s
+    is_heard = state.known and robots.reports[slot] > 1 and lasted_s <= APART_S
+    if (
+        is_heard
+        and goes == GOES
+        and _speeds_mps(robots, slot)[0] > MOVES_MPS
+        and now_s > state.lost_at_s + AGAIN_USUAL_S
+    ):
+        learn_pass(usual, kind, floor, before, now, lasted_s)
+    return 0.0
 
 
 @kernel(
@@ -262,6 +294,8 @@ def _with_pending(state: Any, from_s: float, now_s: float, lost_s: float) -> tup
         _READ_ONLY,
         numba.int64[::1],
         numba.int64[::1],
+        USUAL,
+        numba.int64[::1],
     )
 )
 def lost_times(
@@ -272,11 +306,13 @@ def lost_times(
     event_s: Floats,
     goes: Ints,
     plans: Ints,
+    usual: UsualTimes,
+    kinds: Ints,
 ) -> LostTimes:
     """The times that robots `slots` (n,) have lost until their reports of `event_s` (n,), which `robots` has.
 
     `goes` (n,) is what they say of themselves, and `plans` (n,) what their forecasts tell. `references` (slots,
-    REFERENCES, k, 3) are forecasts from before.
+    REFERENCES, k, 3) are forecasts from before. `usual` learns from these reports, by the models `kinds` (n,).
     """
     found, n = np.empty(len(slots), LOST), 0
     for row in range(len(slots)):
@@ -287,6 +323,7 @@ def lost_times(
         if plans[row] > NO_WAY and _is_moving(robots.tracks[slot, newest]):
             robots.ways[slot], robots.has_way[slot] = robots.tracks[slot, newest], True
         lost_s = _lost_s(robots, state, references, slot, goes[row], plans[row])
+        over_s = _over_usual_s(usual, robots, state, slot, kinds[row], goes[row], lost_s)
         from_s, state.known, state.heard_s, state.went = state.heard_s, True, now_s, goes[row]
         if lost_s <= 0.0:
             _drives_on(state)
@@ -296,7 +333,8 @@ def lost_times(
                 state.loses = True
             _look_for_blocker(robots, state, slot, plans[row])
             found[n].row, found[n].blocker, found[n].until_s = row, state.blocker, now_s
-            found[n].from_s, found[n].lost_s = _with_pending(state, from_s, now_s, lost_s)
+            from_s, lost_s, over_s = _with_pending(state, from_s, now_s, lost_s, over_s)
+            found[n].from_s, found[n].lost_s, found[n].over_s = from_s, lost_s, over_s
             found[n].is_on_way = state.is_on_way
             n += 1
     return found[:n].copy()

@@ -16,6 +16,10 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
         "ALTER TABLE losses ADD COLUMN advised_s REAL NOT NULL DEFAULT 0.0",
         "ALTER TABLE losses ADD COLUMN heeded_s REAL NOT NULL DEFAULT 0.0",
     ),
+    (
+        "ALTER TABLE losses ADD COLUMN over_usual_s REAL NOT NULL DEFAULT 0.0",
+        "UPDATE losses SET over_usual_s = lost_s",
+    ),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1. The first
 ledgers have version 0."""

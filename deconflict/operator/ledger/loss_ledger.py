@@ -67,6 +67,7 @@ class LedgerEntry(NamedTuple):
     x_m: float
     y_m: float
     lost_s: float
+    over_usual_s: float
     is_sure: bool
     is_warned: bool = False
     is_advised: bool = False
@@ -77,7 +78,7 @@ def ledger_entries(losses: Iterable[PlacedLoss]) -> list[LedgerEntry]:
     return [
         LedgerEntry(
             loss.from_s, loss.vendor, loss.model, loss.by_vendor, loss.root_vendor, loss.kind.value, datum, place,
-            loss.x_m, loss.y_m, loss.lost_s, loss.is_sure, *notice,
+            loss.x_m, loss.y_m, loss.lost_s, loss.over_usual_s, loss.is_sure, *notice,
         )
         for loss, datum, place, notice in losses
     ]  # fmt: skip
@@ -163,10 +164,10 @@ class LossLedger:
 
 
 def _row_of(entry: LedgerEntry) -> tuple[object, ...]:
-    from_s, *names, x_m, y_m, lost_s, is_sure, is_warned, is_advised, is_heeded = entry
+    from_s, *names, x_m, y_m, lost_s, over_usual_s, is_sure, is_warned, is_advised, is_heeded = entry
     cell = int(x_m // CELL_M), int(y_m // CELL_M)
     parts = (lost_s if counts else 0.0 for counts in (is_sure, is_warned, is_advised, is_heeded))
-    return int(from_s // HOUR_S * HOUR_S), *names, *cell, 1, lost_s, *parts
+    return int(from_s // HOUR_S * HOUR_S), *names, *cell, 1, lost_s, over_usual_s, *parts
 
 
 def _values(question: LossQuestion, values: Sequence[object]) -> tuple[object, ...]:

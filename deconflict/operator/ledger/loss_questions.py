@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 LossKey = Literal["vendor", "model", "by", "root", "kind", "floor", "place", "cell", "hour", "day"]
 HOUR_S, DAY_S = 3600, 86400
 CELL_M = 2.0
-SUMS = "losses", "lost_s", "sure_s", "warned_s", "advised_s", "heeded_s"
+SUMS = "losses", "lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s"
 """What the ledger sums."""
 
 
@@ -40,6 +40,10 @@ class LossRow(BaseModel, extra="allow"):
     """The sum of some losses. Further fields are the keys that were asked for."""
 
     lost_s: float = Field(description="seconds that robots lost")
+    over_usual_s: float = Field(
+        description="how much longer these robots needed than their models usually do there; where that is not known, "
+        "than planned"
+    )
     sure_s: float = Field(description="the part whose cause is sure")
     warned_s: float = Field(description="the part of which an advisory warned at least 2 s before")
     advised_s: float = Field(description="the part of these for which one of the two robots was advised to wait")

@@ -60,7 +60,7 @@ def as_csv(question: LossQuestion, found: LossList) -> str:
     """The rows with a header. Texts that a spreadsheet would take for a formula begin with an apostrophe."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    figures = ("lost_s", "sure_s", "warned_s", "advised_s", "heeded_s", "losses", "cost")
+    figures = ("lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s", "losses", "cost")
     writer.writerow([*question.keys, *figures])
     for row in found.rows:
         values = row.model_dump()

@@ -22,7 +22,7 @@ HEEDED = LossNotice(is_warned=True, is_advised=True, is_heeded=True)
 
 def loss(from_s: float, until_s: float = RAISED_S + 50.0, **fields: Any) -> Loss:
     known = Loss(
-        A, B, B, "Acme", "", "Borealis", "Borealis", LossKind.CROSSING, from_s, until_s, 4.0,
+        A, B, B, "Acme", "", "Borealis", "Borealis", LossKind.CROSSING, from_s, until_s, 4.0, 4.0,
         is_sure=True, floor=0, x_m=0.0, y_m=0.0,
     )  # fmt: skip
     return known._replace(**fields)

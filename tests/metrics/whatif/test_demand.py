@@ -14,7 +14,7 @@ WAY = [((0.0, 0.0), 10.0), ((20.0, 0.0), 15.0), ((20.0, 10.0), 8.0)]
 def loss(robot: str, from_s: float, until_s: float) -> Loss:
     vendors = "Alder", "", "Birch", "Birch"
     place = 0, 0.0, 0.0
-    return Loss(robot, "B", "B", *vendors, LossKind.CROSSING, from_s, until_s, until_s - from_s, True, *place)
+    return Loss(robot, "B", "B", *vendors, LossKind.CROSSING, from_s, until_s, until_s - from_s, 0.0, True, *place)
 
 
 def test_what_a_robot_drives_between_two_stops_is_a_trip() -> None:

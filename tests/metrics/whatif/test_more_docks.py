@@ -28,7 +28,7 @@ def queue(robots: int = 4) -> Demand:
         if number:
             by = f"R{number - 1}"
             vendors, place = ("Alder", "", "Alder", "Alder"), (0, 26.0, 0.0)
-            times = from_s, from_s + QUEUE_S, QUEUE_S
+            times = from_s, from_s + QUEUE_S, QUEUE_S, QUEUE_S
             losses.append(Loss(f"R{number}", by, by, *vendors, LossKind.BLOCKAGE, *times, True, *place))
     floor = recorded(*tracks)
     return demand_of(RecordedFloor(floor.tracks, losses, floor.floors, floor.span_s))

@@ -16,6 +16,7 @@ def test_a_robot_loses_the_time_that_it_stands_behind_another() -> None:
     assert (loss.robot, loss.by, loss.root) == ("0", "1", "1")
     assert (loss.vendor, loss.by_vendor) == ("Alder", "Basalt")
     assert loss.lost_s == pytest.approx(8.0, abs=0.5)
+    assert loss.over_usual_s == pytest.approx(loss.lost_s, abs=0.5)
     assert loss.is_sure
 
 

@@ -34,7 +34,7 @@ def test_losses_are_summed_by_any_key(ledger: LossLedger) -> None:
     assert lost(ledger.ask(question("hour")).rows, "hour") == {START_S: 11.0, START_S + HOUR_S: 5.0}
     assert lost(ledger.ask(question("cell")).rows, "cell") == {(5.0, 7.0): 16.0}
     total = ledger.ask(question()).total
-    assert (total.lost_s, total.sure_s, total.losses) == (16.0, 13.0, 3)
+    assert (total.lost_s, total.over_usual_s, total.sure_s, total.losses) == (16.0, 14.5, 13.0, 3)
     assert (total.warned_s, total.advised_s, total.heeded_s) == (16.0, 13.0, 5.0)
 
 
@@ -94,7 +94,7 @@ def test_a_ledger_of_the_first_format_is_upgraded(tmp_path: Path) -> None:
     with closing(LossLedger(tmp_path, LossSettings())) as opened:
         opened.add("engine", 1, [QUEUED])
         total = opened.ask(question()).total
-    assert (total.lost_s, total.sure_s, total.warned_s, total.losses) == (17.0, 12.0, 8.0, 2)
+    assert (total.lost_s, total.over_usual_s, total.warned_s, total.losses) == (17.0, 15.0, 8.0, 2)
 
 
 def test_a_ledger_of_a_newer_release_is_refused_and_left_alone(tmp_path: Path) -> None:

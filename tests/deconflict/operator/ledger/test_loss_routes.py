@@ -29,9 +29,9 @@ async def test_the_rows_have_the_keys_that_were_asked_for(client: httpx.AsyncCli
     document = (await client.get("/losses", params=SPAN | {"group": "vendor,kind", "vendor": "Alder"})).json()
     assert document["rows"] == [
         {"lost_s": 8.0, "sure_s": 8.0, "losses": 1, "cost": 0.08, "vendor": "Alder", "kind": "queue"}
-        | {"warned_s": 8.0, "advised_s": 8.0, "heeded_s": 0.0},
+        | {"over_usual_s": 6.0, "warned_s": 8.0, "advised_s": 8.0, "heeded_s": 0.0},
         {"lost_s": 3.0, "sure_s": 0.0, "losses": 1, "cost": 0.03, "vendor": "Alder", "kind": "crossing"}
-        | {"warned_s": 3.0, "advised_s": 0.0, "heeded_s": 0.0},
+        | {"over_usual_s": 2.5, "warned_s": 3.0, "advised_s": 0.0, "heeded_s": 0.0},
     ]
     assert (document["currency"], document["total"]["lost_s"], document["more"]) == ("EUR", 11.0, False)
 
@@ -50,5 +50,5 @@ async def test_an_unknown_key_is_refused_with_those_that_there_are(client: httpx
 
 async def test_csv_has_no_text_that_a_spreadsheet_takes_for_a_formula(client: httpx.AsyncClient) -> None:
     text = (await client.get("/losses", params=SPAN | {"group": "vendor", "format": "csv"})).text
-    assert text.splitlines()[0] == "vendor,lost_s,sure_s,warned_s,advised_s,heeded_s,losses,cost"
-    assert "'=1+1,8.0,8.0,8.0,8.0,0.0,1," in text.splitlines()
+    assert text.splitlines()[0] == "vendor,lost_s,over_usual_s,sure_s,warned_s,advised_s,heeded_s,losses,cost"
+    assert "'=1+1,8.0,6.0,8.0,8.0,8.0,0.0,1," in text.splitlines()

@@ -73,7 +73,7 @@ async def test_losses_of_a_pass_reach_the_ledger(tmp_path: Path) -> None:
         running_delivery = Delivery(Path(runtime))
         running_delivery.start()
         loss = LedgerEntry(
-            60.0, "Alder", "A100", "Corvid", "Basalt", "queue", "hall", "Dock", 4.1, 7.9, 8.0, is_sure=True
+            60.0, "Alder", "A100", "Corvid", "Basalt", "queue", "hall", "Dock", 4.1, 7.9, 8.0, 8.0, is_sure=True
         )
         for _ in range(2):
             running_delivery.add_pass([], {}, Measures(), losses=[loss])
