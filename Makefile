@@ -58,7 +58,7 @@ lock:
 	echo hatchling | $(LOCK) - --output-file locks/build.txt
 LOCK := build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--no-header --constraint constraints.txt
-EXTRAS := dev dask cluster plot fuzz
+EXTRAS := dev dask cluster export plot fuzz
 
 # What a release consists of, in build/release: the wheel, its lock, and a bill of materials of both as installed.
 artefacts:

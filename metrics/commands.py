@@ -1,16 +1,14 @@
-"""The commands that look at what the service has recorded: `replay`, `whatif`, `conform`, `blackbox` and `losses`."""
+"""The commands that look at what the service has recorded: `replay`, `whatif`, `conform`, `blackbox`, `losses`
+and `export`."""
 
 import argparse
 import json
 import logging
 import os
 import re
-import sqlite3
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
-from datetime import datetime
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -20,16 +18,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from deconflict.operator.blackbox.start_state import StartState, head_of, site_of, start_of
-from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
-from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
-from deconflict.operator.ledger.loss_routes import as_csv
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
+from metrics.export.ledger_commands import add_ledger_commands
 from metrics.replay import blackbox_verify, conformance_counts
 from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outputs, create_directory, write_text
-from metrics.report import loss_report, replay_summary
+from metrics.report import replay_summary
 from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
 from metrics.whatif.question_options import add_whatif
@@ -63,28 +59,7 @@ def add_log_commands(commands: Commands) -> None:
     )
     conform_command.set_defaults(run=_conform)
     blackbox_verify.add(commands)
-    _add_losses(commands)
-
-
-def _add_losses(commands: Commands) -> None:
-    command = add_command(
-        commands,
-        "losses",
-        "report how much time robots lost to each other, from the ledger of the service",
-        "deconflict losses --data data --site SITE.toml --html week.html --csv week.csv",
-        "deconflict losses --days 1 --html day.html",
-    )
-    command.add_argument(
-        "--data", type=Path, default=Path("data"), help="data directory of the service (default: data)"
-    )
-    command.add_argument("--site", type=Path, metavar="SITE.toml", help="site file, for costs and the names of floors")
-    command.add_argument("--days", type=float, default=7.0, metavar="N", help="length of the span (default: 7)")
-    command.add_argument(
-        "--until", type=datetime.fromisoformat, metavar="TIME", help="its end, such as 2026-11-23; now if absent"
-    )
-    command.add_argument("--html", type=Path, metavar="OUT.html", help="write the report to this file")
-    command.add_argument("--csv", type=Path, metavar="OUT.csv", help="write the sums of each day to this file")
-    command.set_defaults(run=_losses)
+    add_ledger_commands(commands)
 
 
 def _add_replay(commands: Commands) -> None:
@@ -330,21 +305,3 @@ def _with_progress(reader: LogReader, files: Sequence[Path]) -> Iterator[Iterato
                 yield event
 
         yield events()
-
-
-def _losses(args: argparse.Namespace) -> int:
-    used = site_file.load(args.site) if args.site else site.DEFAULT
-    if not (args.data / FILE_NAME).is_file():
-        raise LogError(f"{args.data}: has no {FILE_NAME}; expected the data directory of a service that has run")
-    until_s = args.until.timestamp() if args.until else time.time()
-    try:
-        with closing(LossLedger(args.data, used.losses)) as ledger:
-            tables = loss_report.loss_tables(ledger, until_s - args.days * DAY_S, until_s)
-    except sqlite3.Error as error:
-        raise LogError(f"{args.data / FILE_NAME}: {error}") from error
-    if args.html:
-        write_text(args.html, loss_report.loss_page(tables, used))
-    if args.csv:
-        write_text(args.csv, as_csv(LossQuestion(0.0, 0.0, loss_report.CSV_KEYS), tables.every))
-    sys.stdout.write(f"{loss_report.loss_sentence(tables)}\n")
-    return 0

@@ -1,0 +1,1 @@
+"""The ledger of lost time as files: reports, CSV and Parquet."""

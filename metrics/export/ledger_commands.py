@@ -1,0 +1,87 @@
+"""The commands `losses` and `export`, which read the ledger of lost time. Both may run beside the service."""
+
+import argparse
+import sqlite3
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from datetime import datetime
+from pathlib import Path
+
+from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
+from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
+from deconflict.operator.ledger.loss_routes import as_csv
+from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.settings import site, site_file
+from deconflict.settings.site import Site
+from metrics.export.day_files import write_days
+from metrics.replay_files import LogError, create_directory, write_text
+from metrics.report import loss_report
+
+
+def add_ledger_commands(commands: Commands) -> None:
+    losses = add_command(
+        commands,
+        "losses",
+        "report how much time robots lost to each other, from the ledger of the service",
+        "deconflict losses --data data --site SITE.toml --html week.html --csv week.csv",
+        "deconflict losses --days 1 --html day.html",
+    )
+    _add_ledger(losses)
+    losses.add_argument("--days", type=float, default=7.0, metavar="N", help="length of the span (default: 7)")
+    losses.add_argument(
+        "--until", type=datetime.fromisoformat, metavar="TIME", help="its end, such as 2026-11-23; now if absent"
+    )
+    losses.add_argument("--html", type=Path, metavar="OUT.html", help="write the report to this file")
+    losses.add_argument("--csv", type=Path, metavar="OUT.csv", help="write the sums of each day to this file")
+    losses.set_defaults(run=_losses)
+    export = add_command(
+        commands,
+        "export",
+        "write the ledger of lost time as Parquet files by day, for DuckDB or pandas",
+        "deconflict export --data data --site SITE.toml --out export",
+    )
+    _add_ledger(export)
+    export.add_argument("--out", type=Path, default=Path("export"), metavar="DIR", help="directory (default: export)")
+    export.set_defaults(run=_export)
+
+
+def _add_ledger(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--data", type=Path, default=Path("data"), help="data directory of the service (default: data)"
+    )
+    command.add_argument("--site", type=Path, metavar="SITE.toml", help="site file, for costs and the names of floors")
+
+
+@contextmanager
+def _opened(args: argparse.Namespace) -> Iterator[tuple[LossLedger, Site]]:
+    """Raises `LogError` if the ledger can't be read, then and later."""
+    used = site_file.load(args.site) if args.site else site.DEFAULT
+    if not (args.data / FILE_NAME).is_file():
+        raise LogError(f"{args.data}: has no {FILE_NAME}; expected the data directory of a service that has run")
+    try:
+        with closing(LossLedger(args.data, used.losses)) as ledger:
+            yield ledger, used
+    except sqlite3.Error as error:
+        raise LogError(f"{args.data / FILE_NAME}: {error}") from error
+
+
+def _losses(args: argparse.Namespace) -> int:
+    until_s = args.until.timestamp() if args.until else time.time()
+    with _opened(args) as (ledger, used):
+        tables = loss_report.loss_tables(ledger, until_s - args.days * DAY_S, until_s)
+    if args.html:
+        write_text(args.html, loss_report.loss_page(tables, used))
+    if args.csv:
+        write_text(args.csv, as_csv(LossQuestion(0.0, 0.0, loss_report.CSV_KEYS), tables.every))
+    sys.stdout.write(f"{loss_report.loss_sentence(tables)}\n")
+    return 0
+
+
+def _export(args: argparse.Namespace) -> int:
+    with _opened(args) as (ledger, used):
+        create_directory(args.out)
+        for day in write_days(ledger, args.out, {datum.id: datum.name for datum in used.datums}):
+            sys.stdout.write(f"{day}\n")
+    return 0
