@@ -4,7 +4,7 @@ Pure: the same revisions and losses give the same answers, live and in a replay.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from math import inf
 
@@ -95,9 +95,9 @@ class LossWarnings:
     def _note(self, revision: AnyAdvisory, from_s: float) -> None:
         now_s, published = revision.updated_at.timestamp(), self._published[revision.id]
         is_cleared = revision.state is AdvisoryState.CLEARED
-        waits_s = {} if is_cleared else waits_until_s((revision,))
-        _update(published.named, dict.fromkeys(() if is_cleared else revision.robots, inf), from_s, now_s)
-        _update(published.advised, waits_s, now_s, now_s)
+        advised = () if is_cleared else waits_until_s((revision,))
+        _update(published.named, () if is_cleared else revision.robots, from_s, now_s)
+        _update(published.advised, advised, now_s, now_s)
         for robot in revision.robots:
             self._ids[robot].add(revision.id)
 
@@ -116,13 +116,13 @@ class LossWarnings:
         self._notices = {robot: last for robot, last in self._notices.items() if last[0].until_s >= before_s}
 
 
-def _update(spans: dict[str, _Span], until_s: dict[str, float], from_s: float, now_s: float) -> None:
-    """Begin, continue and end spans by robot: those of `until_s` go on until then, the others end."""
+def _update(spans: dict[str, _Span], robots: Collection[str], from_s: float, now_s: float) -> None:
+    """Begin, continue and end spans by robot: those of `robots` are open from now on, and no others."""
     for robot, span in spans.items():
-        if robot not in until_s:
+        if robot not in robots:
             span.until_s = min(span.until_s, now_s)
-    for robot, end_s in until_s.items():
+    for robot in robots:
         if robot in spans and spans[robot].until_s >= now_s:
-            spans[robot].until_s = end_s
+            spans[robot].until_s = inf
         else:
-            spans[robot] = _Span(from_s, end_s)
+            spans[robot] = _Span(from_s)

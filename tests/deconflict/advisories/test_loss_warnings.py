@@ -85,8 +85,8 @@ def test_advice_to_either_robot_counts_and_is_heeded_if_that_robot_waited_since(
     assert before.notice_of(loss(RAISED_S + 5.0)) == ADVISED
 
 
-def test_advice_that_had_ended_or_was_withdrawn_when_the_loss_began_does_not_count() -> None:
-    assert warnings(advises(A, 3.0)).notice_of(loss(RAISED_S + 5.0)) == WARNED
+def test_advice_that_was_withdrawn_when_the_loss_began_does_not_count() -> None:
+    assert warnings(advises(A, 3.0)).notice_of(loss(RAISED_S + 5.0)) == ADVISED
     assert warnings(advises(A, 9.0), made(0, revision=4)).notice_of(loss(RAISED_S + 5.0)) == WARNED
 
 
