@@ -20,8 +20,10 @@ from uuid import uuid4
 from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.global_engine import GlobalEngine
+from deconflict.cluster.judging.loss_writer import LossWriter
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
+from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
@@ -33,6 +35,8 @@ from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import PassPace
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
+from deconflict.foresight.losses.loss_places import PlacedLoss
+from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import CurrentSite
@@ -61,6 +65,8 @@ class EngineMember:
         self._adviser = ThreadPoolExecutor(1, "adviser")
         self._shard = self._shard_of(self._engine())
         self._shard_lock = Lock()
+        self._losses = ShardLosses(site, self._last_advised_wait_s)
+        self._loss_writer = LossWriter(self._bus.losses, self.measures)
         self._parcels: list[bytes] = []
         self._records: list[StreamRecord] = []
         self._needed: set[str] = set()
@@ -92,6 +98,7 @@ class EngineMember:
                 stop,
                 beat_repeatedly(self._bus, self._beat),
                 self._outbox.run(),
+                self._loss_writer.run(),
                 self._global_engine.outbox.run(),
                 self._writer.keep_complete(),
                 self._judge(),
@@ -112,6 +119,9 @@ class EngineMember:
 
     def _shard_of(self, engine: Engine) -> Shard:
         return Shard(engine, Grid(self._settings.tile_m), reach_m(self._settings.fastest_mps, engine.site.conflict))
+
+    def _last_advised_wait_s(self, uuid: str) -> float:
+        return self._shard.engine.foresight.last_advised_wait_s(uuid)
 
     async def _restore_learned(self) -> None:
         """Resume with the learned state of earlier engines."""
@@ -173,7 +183,8 @@ class EngineMember:
                 self._writer.note(record)
             self._global_engine.add_records(records)
             tiles = self._table.of(self.name)
-            revisions, arrivals = await asyncio.to_thread(self._run_pass, tiles, parcels, records, overruled)
+            revisions, arrivals, losses = await asyncio.to_thread(self._run_pass, tiles, parcels, records, overruled)
+            self._loss_writer.add(ledger_entries(losses))
             self._outbox.add_pass(revisions, partial(self._observe_latency, arrivals))
             self._needed = self._shard.channels()
             if began_s - counted_s >= 1.0:
@@ -194,6 +205,7 @@ class EngineMember:
             "loads": {str(tile): loads[tile] / interval_s for tile in sorted(tiles)},
             "measures": [
                 *self._shard.measures(),
+                self._losses.measures.as_document(),
                 self.measures.as_document(),
                 *self._global_engine.measures,
             ],
@@ -205,6 +217,7 @@ class EngineMember:
         self._site = self._global_engine.site = site
         engine = self._shard.engine.renewed(conflicts_only_site(site))
         self._shard.renew(engine, reach_m(self._settings.fastest_mps, site.conflict))
+        self._losses.renew(site)
         self._requested = -1
         log.info("%s uses the changed site file", self.name)
 
@@ -214,8 +227,8 @@ class EngineMember:
         parcels: Sequence[bytes],
         records: Sequence[StreamRecord],
         overruled: Sequence[StreamRecord],
-    ) -> tuple[list[ShardRevision], dict[str, Floats]]:
-        """The revisions of one pass, and by vendor the arrival times of the messages that it reflects."""
+    ) -> tuple[list[ShardRevision], dict[str, Floats], list[PlacedLoss]]:
+        """The revisions of one pass, by vendor the arrival times of the messages that it reflects, and its losses."""
         with self._shard_lock:
             shard, began_s = self._shard, time.perf_counter()
             for group, is_overruled in ((records, False), (overruled, True)):
@@ -225,9 +238,12 @@ class EngineMember:
             if tiles != shard.area.tiles:
                 shard.set_tiles(tiles)
             own = shard.receive([Batch.from_bytes(parcel) for parcel in parcels])
-            due = shard.step(time.time())
+            now_s = time.time()
+            due = shard.step(now_s)
+            self._losses.note(now_s, [record.advisory for record in records if record.advisory])
+            losses = self._losses.own(shard.engine.losses, shard.area)
             shard.engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
-            return due, arrivals_s(own, time.time()) if own else {}
+            return due, arrivals_s(own, time.time()) if own else {}, losses
 
     async def _listen(self) -> None:
         """Subscribe to the channels that are needed, and request their robots; leave the other channels."""

@@ -14,6 +14,7 @@ from deconflict.advisory import Acknowledgement
 from deconflict.cluster.ingest_calls import IngestCalls
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.loss_stream import LossRecord
 from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
@@ -45,6 +46,7 @@ class StoreFollower:
         self._operator = AsyncCaller(runtime, "operator")
         self._ingests = IngestCalls(self._bus)
         self._records: asyncio.Queue[StreamRecord] = asyncio.Queue()
+        self._losses: asyncio.Queue[LossRecord] = asyncio.Queue()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Follow until `stop` is set."""
@@ -54,7 +56,8 @@ class StoreFollower:
             calls = {"answer": self._answer, "presence": self._presence, **self._ingests.handlers()}
             async with listening(socket_path(self._runtime, "follower"), calls):
                 reporting = beat_repeatedly(self._bus, self._report_engines)
-                await run_until(stop, self._follow(), self._check_stream_repeatedly(), reporting, self._ingests.run())
+                following = self._follow(), self._follow_losses(), self._check_stream_repeatedly()
+                await run_until(stop, *following, reporting, self._ingests.run())
         except AnotherStreamError as error:
             log.error("%s", error)
             await run_until(stop, self._begin_anew())
@@ -74,6 +77,14 @@ class StoreFollower:
             parcel = json.dumps({"queued_s": queued_s, "lines": [_document(record) for record in records]}).encode()
             while await self._call_operator("store_lines", parcel) == REFUSED:
                 await asyncio.sleep(RETRY_S)
+
+    async def _follow_losses(self) -> None:
+        """Add the losses of all engines to the ledger of the operator face."""
+        sender, number = json.loads(await self._call_operator("last_losses"))
+        await self._bus.losses.follow(self._losses.put_nowait, sender, number)
+        while True:
+            record = await self._losses.get()
+            await self._call_operator("add_losses", json.dumps(record._asdict()).encode())
 
     async def _check_stream_repeatedly(self) -> None:
         """Raises `AnotherStreamError` as soon as the stream is another one, even while it has no new record."""

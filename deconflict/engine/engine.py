@@ -17,7 +17,7 @@ from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
 from deconflict.engine.engine_advice import EngineAdvice
-from deconflict.engine.engine_metrics import EngineMetrics
+from deconflict.engine.engine_metrics import EngineMetrics, count_losses
 from deconflict.engine.live_scene import LiveScene
 from deconflict.engine.load_shedding import Effort
 from deconflict.engine.map_drift import MapDrift
@@ -49,7 +49,8 @@ class Engine:
     near_misses: list[Pair]
     """Pairs that came within the clearance in the last pass while one of them moved."""
     losses: list[PlacedLoss]
-    """Losses that ended before the last pass. None with `conflicts_only`: robots near a tile would count twice."""
+    """Losses that ended before the last pass. With `conflicts_only` without what was published before: others publish
+    too."""
 
     def __init__(
         self,
@@ -183,19 +184,16 @@ class Engine:
             self.foresight.note_advice(now_s, waits_until_s(revisions))
         self.losses = self._placed_losses(now_s, revisions)
         self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.budget.deferred)
-        self._metrics.count_losses(self.losses)
+        count_losses(self.measures, self.losses)
         return revisions
 
     def _placed_losses(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[PlacedLoss]:
         """The losses that ended, with their places and what had been published when they began."""
-        losses = self.foresight.losses.take()
+        losses = self._loss_places.placed(self.foresight.losses.take(), self.floors.names)
         if self._conflicts_only:
-            return []
+            return losses
         self._loss_warnings.note(now_s, revisions)
-        return [
-            placed._replace(notice=self._loss_warnings.notice_of(placed.loss))
-            for placed in self._loss_places.placed(losses, self.floors.names)
-        ]
+        return [placed._replace(notice=self._loss_warnings.notice_of(placed.loss)) for placed in losses]
 
     def _update_presence(self, now_s: float) -> set[str]:
         """Update how likely silent robots are still present; those that have fallen silent since the last pass."""

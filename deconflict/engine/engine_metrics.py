@@ -12,6 +12,14 @@ from ingest.batch import Pair
 from ingest.measures import clock_changes
 from ingest.measures.measures import Measures
 
+LOST_SECONDS = "deconflict_lost_seconds_total"
+
+
+def count_losses(measures: Measures, losses: Iterable[PlacedLoss]) -> None:
+    for placed in losses:
+        loss = placed.loss
+        measures.count(LOST_SECONDS, loss.vendor, loss.by_vendor, loss.kind.value, placed.place, by=loss.lost_s)
+
 
 class EngineMetrics:
     """Counts what each pass does; works out levels when somebody asks for the measures."""
@@ -44,12 +52,6 @@ class EngineMetrics:
             self._measures.count("deconflict_revisions_deferred_total", vendor, by=conflicts_left)
         self._measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self._measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
-
-    def count_losses(self, losses: Iterable[PlacedLoss]) -> None:
-        for placed in losses:
-            loss = placed.loss
-            labels = loss.vendor, loss.by_vendor, loss.kind.value, placed.place
-            self._measures.count("deconflict_lost_seconds_total", *labels, by=loss.lost_s)
 
     def _set_levels(self) -> None:
         set_open_count(self._measures, count_by_severity(self._open_advisories()))

@@ -67,6 +67,8 @@ class OperatorCalls:
             "publish": self._publish,
             "last_stored": self._last_stored,
             "store_lines": self._store_lines,
+            "last_losses": self._last_losses,
+            "add_losses": self._add_stream_losses,
             "begin_anew": self._begin_anew,
             "measures": self._measures,
             "health": self._health,
@@ -139,6 +141,14 @@ class OperatorCalls:
         except sqlite3.Error as error:
             self._publisher.measures.count("deconflict_losses_dropped_total", by=len(entries))
             log.warning("%d losses are missing in the ledger: %s", len(entries), error)
+
+    async def _last_losses(self, _: bytes) -> bytes:
+        """The last parcel of losses that the ledger has: its sender and its number."""
+        return json.dumps(await asyncio.to_thread(self._ledger.last_parcel)).encode()
+
+    async def _add_stream_losses(self, payload: bytes) -> bytes:
+        await asyncio.to_thread(self._add_losses, **json.loads(payload))
+        return STORED
 
     async def _last_stored(self, _: bytes) -> bytes:
         """The last stored line of the stream that is followed: a `StreamPosition`."""

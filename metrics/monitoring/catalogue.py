@@ -263,7 +263,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_lost_seconds_total": counter(
         "Seconds that robots of `vendor` lost because a robot of `by` was in their way, by how it was in the way, and "
         "by the zone, resource or area of the site where they began to lose time (empty outside all). Its error is in "
-        "docs/losses.md. Not in a cluster.",
+        "docs/losses.md.",
         "vendor",
         "by",
         "kind",

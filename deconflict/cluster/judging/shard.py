@@ -25,6 +25,7 @@ from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles.tile_channels import GONE, RobotExtents, channel, outdated, wide_channel
 from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.engine.engine import Engine
+from deconflict.engine.engine_metrics import LOST_SECONDS
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
 from deconflict.settings.site import Site
 from ingest.batch import Batch, Bools, FloorPoint, Ints, Pair
@@ -147,10 +148,10 @@ class Shard:
     def measures(self) -> list[dict[str, Any]]:
         """`Measures.as_document()` of its engine and of its own advisories.
 
-        Leaves out silences, which the global judge counts.
+        Leaves out silences, which the global judge counts, and losses, which `ShardLosses` counts.
         """
         engine = self.engine.measures.as_document()
-        by_others = (*ADVISORY_METRICS, NEAR_MISSES, SILENCES, PROBABLY_LEFT_ROBOTS)
+        by_others = (*ADVISORY_METRICS, NEAR_MISSES, SILENCES, PROBABLY_LEFT_ROBOTS, LOST_SECONDS)
         values = {name: rows for name, rows in engine["values"].items() if name not in by_others}
         return [engine | {"values": values}, self._measures.as_document()]
 

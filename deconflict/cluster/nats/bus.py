@@ -1,7 +1,7 @@
 """The cluster's use of NATS. Only this folder imports its client.
 
 Parcels of robots are on `NAME.rows.CHANNEL`, in a stream in memory that keeps them for half a minute. The other parts
-of the bus are in `revision_stream`, `shared_state` and `ingest_requests`.
+of the bus are in `revision_stream`, `loss_stream`, `shared_state` and `ingest_requests`.
 """
 
 from collections.abc import Awaitable, Callable
@@ -10,6 +10,7 @@ from nats.aio.msg import Msg
 from nats.js import api
 
 from deconflict.cluster.nats.ingest_requests import IngestRequests
+from deconflict.cluster.nats.loss_stream import LossStream
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.revision_stream import SAME_S, RevisionStream
 from deconflict.cluster.nats.shared_state import SharedState
@@ -28,6 +29,7 @@ class Bus:
         self.name = settings.name
         self.connection = NatsConnection(settings)
         self.revisions = RevisionStream(self.connection, keep_days)
+        self.losses = LossStream(self.connection)
         self.state = SharedState(self.connection)
         self.requests = IngestRequests(self.connection, self.state)
 
@@ -54,11 +56,13 @@ class Bus:
         """Create again what a restarted server has lost, and check that the revisions are still the same."""
         await self._ensure()
         await self.revisions.check()
+        await self.losses.check()
 
     async def _ensure(self) -> None:
         subjects = [f"{self.name}.rows.>"]
         await self.connection.ensure_stream("rows", subjects, api.StorageType.MEMORY, KEPT_S, SAME_S / 10)
         await self.revisions.ensure()
+        await self.losses.ensure()
         await self.state.ensure()
 
     async def send_parcel(self, channel: str, parcel: bytes) -> None:

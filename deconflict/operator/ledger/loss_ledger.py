@@ -115,6 +115,11 @@ class LossLedger:
             db.execute("INSERT INTO parcels VALUES (?, ?)", (sender, number))
             db.executemany(ADD, (_row_of(entry) for entry in entries))
 
+    def last_parcel(self) -> tuple[str, int]:
+        """The sender and the number of the last parcel; "" and 0 before the first. Raises `sqlite3.Error`."""
+        with self._transaction() as db:
+            return db.execute("SELECT sender, number FROM parcels").fetchone() or ("", 0)
+
     def ask(self, question: LossQuestion) -> LossList:
         """Raises `sqlite3.Error`."""
         columns = ", ".join(COLUMNS[key] for key in (*question.keys, "vendor", "model"))

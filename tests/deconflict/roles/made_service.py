@@ -154,3 +154,19 @@ async def drive(url: str, courses: dict[str, Course], seconds: float, start_s: f
                 path = points(*((now_s + i, *course(t + i)) for i in range(1, 11)))
                 await socket.send(status(name, now_s, x, y, yaw, path=path))
             await asyncio.sleep(0.5)
+
+
+async def wait_behind_another(url: str, from_x_m: float = 0.0) -> None:
+    """A robot drives from here for 4 s and stops behind another one for 3 s, although by its path it goes on. Then both
+    go on, until this is cancelled."""
+    stops_s, goes_s, start_s = 4.0, 7.0, time.time()
+    async with connect(url) as socket:
+        while (now_s := time.time()) < start_s + PATIENCE_S:
+            t = now_s - start_s
+            gone_m, waits_s = max(t - goes_s, 0.0), max(goes_s - t, 0.0)
+            robots = ("A-1", min(t, stops_s) + gone_m, 0.0), ("B-1", stops_s + 2.0 + gone_m, waits_s)
+            for name, x, stays_s in robots:
+                ways_m = ((i, from_x_m + x + max(i - stays_s, 0.0)) for i in range(1, 11))
+                path = points(*((now_s + i, way_m, 0.0, 0.0) for i, way_m in ways_m))
+                await socket.send(status(name, now_s, from_x_m + x, path=path))
+            await asyncio.sleep(0.5)

@@ -24,10 +24,10 @@ from deconflict.settings.site import EngineSettings
 from ingest.recording.log_reader import LogReader, Tick
 from ingest.settings import Vendor
 from metrics.monitoring.exposition import combine, render
-from tests.deconflict.roles.made_service import CROSSING, SITE, Course, Running, drive, running
+from tests.deconflict.roles.made_service import CROSSING, SITE, Course, Running, drive, running, wait_behind_another
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.replayed import replayed, replayed_losses
-from tests.helpers.saying import HALL, identity, points, status
+from tests.helpers.saying import HALL, identity, status
 
 
 def stream_of(service: Running) -> str:
@@ -184,19 +184,6 @@ async def test_the_recording_replays_to_the_same_ledger_of_lost_time(tmp_path: P
         again = ledger.ask(LossQuestion(live["from_s"], live["until_s"], keys)).model_dump(mode="json")
     assert again["rows"] == live["rows"]
     assert again["total"]["lost_s"] > 1.0
-
-
-async def wait_behind_another(url: str) -> None:
-    """A robot stops behind another one although by its path it goes on; then both go on."""
-    stops_s, goes_s, start_s = 4.0, 7.0, time.time()
-    async with connect(url) as socket:
-        while (now_s := time.time()) < start_s + PATIENCE_S:
-            t = now_s - start_s
-            gone_m = min(t, stops_s) + max(t - goes_s, 0.0)
-            for name, x, leaves_s in (("A-1", gone_m, 0.0), ("B-1", stops_s + 2.0 + max(t - goes_s, 0.0), goes_s)):
-                path = points(*((now_s + i, x + max(i - max(leaves_s - t, 0.0), 0.0), 0.0, 0.0) for i in range(1, 11)))
-                await socket.send(status(name, now_s, x, path=path))
-            await asyncio.sleep(0.5)
 
 
 async def test_an_overloaded_service_shows_it_still_warns_and_replays_to_the_same_advisories(tmp_path: Path) -> None:
