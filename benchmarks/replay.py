@@ -22,13 +22,13 @@ from typing import Any, TextIO
 import numpy as np
 
 from benchmarks.offer import Circling
-from deconflict.__main__ import GC_THRESHOLDS
 from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
+from deconflict.runtime.command_parsers import GC_THRESHOLDS
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site

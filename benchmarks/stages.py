@@ -25,12 +25,12 @@ import numpy as np
 from benchmarks.endtoend import benchmark_site
 from benchmarks.offer import DATUM, MARGIN_M, ROBOTS, ROBOTS_A_CONNECTION, SPACING_M, VENDORS, Circling, vendor_of
 from benchmarks.replay import timed
-from deconflict.__main__ import GC_THRESHOLDS
 from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
+from deconflict.runtime.command_parsers import GC_THRESHOLDS
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Floats

@@ -8,11 +8,12 @@ import select
 import sys
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from deconflict.operator.blackbox.start_state import BoxError
-from deconflict.operator.http import access, api_descriptions, json_schemas
+from deconflict.operator.http import json_schemas
 from deconflict.roles.service_commands import add_service_commands, add_site_new
-from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, Commands, add_command
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
@@ -30,13 +31,22 @@ from metrics.monitoring import dashboards
 from metrics.monitoring.exposition import render
 from metrics.replay_files import LogError
 
-MISUSED = 2
-"""Exit code if arguments, the site file, a log or credentials can't be used: the same for every command."""
-GC_THRESHOLDS = (50_000, 20, 100)
-"""Thresholds of Python's cyclic garbage collector. Reference cycles are rare here. A high threshold avoids scans of
-millions of objects."""
-DESCRIBED = json_schemas.SCHEMAS | {"openapi": api_descriptions.openapi, "asyncapi": api_descriptions.asyncapi}
 SHELLS = ("bash", "zsh", "tcsh")
+
+
+def _openapi() -> dict[str, Any]:
+    from deconflict.operator.http import api_descriptions  # noqa: PLC0415 - loads the web server
+
+    return api_descriptions.openapi()
+
+
+def _asyncapi() -> dict[str, Any]:
+    from deconflict.operator.http import api_descriptions  # noqa: PLC0415 - loads the web server
+
+    return api_descriptions.asyncapi()
+
+
+DESCRIBED = json_schemas.SCHEMAS | {"openapi": _openapi, "asyncapi": _asyncapi}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -56,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
     )
     commands = root.add_subparsers(dest="command", required=True, metavar="COMMAND")
     add_simulation_commands(commands, render)
-    add_service_commands(commands, render)
+    add_service_commands(commands)
     _add_check(commands)
     _add_site(commands)
     add_log_commands(commands)
@@ -72,7 +82,7 @@ def _add_check(commands: Commands) -> None:
         "deconflict check SITE.toml",
     )
     check_parser.add_argument("site", type=Path, metavar="SITE.toml", help="the site file")
-    check_parser.set_defaults(run=lambda args: check(args.site, sys.stdout, access.verify_credentials))
+    check_parser.set_defaults(run=_check)
 
 
 def _add_site(commands: Commands) -> None:
@@ -141,6 +151,12 @@ def _add_descriptions(commands: Commands) -> None:
     )
     completion_parser.add_argument("shell", choices=SHELLS, help="the shell")
     completion_parser.set_defaults(run=_completion)
+
+
+def _check(args: argparse.Namespace) -> int:
+    from deconflict.operator.http import access  # noqa: PLC0415 - loads the web server
+
+    return check(args.site, sys.stdout, access.verify_credentials)
 
 
 def _site_import(args: argparse.Namespace) -> int:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.__main__ import MISUSED, parser
+from deconflict.__main__ import parser
+from deconflict.runtime.command_parsers import MISUSED
 
 
 def commands(root: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:

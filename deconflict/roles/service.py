@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Protocol
 
 from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.operator.http.api_sources import Exposition
-from deconflict.roles.operator_role import OperatorRole
-from deconflict.roles.receiver_role import ReceiverRole
 from deconflict.roles.role_files import PreparationProgress, restarts
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, Heartbeat
 from deconflict.runtime.kernel_preparation import compile_kernels
@@ -26,6 +24,8 @@ from deconflict.settings.site import Site
 
 if TYPE_CHECKING:
     from deconflict.roles.engine_role import EngineRole
+    from deconflict.roles.operator_role import OperatorRole
+    from deconflict.roles.receiver_role import ReceiverRole
 
 log = logging.getLogger(__name__)
 
@@ -38,8 +38,11 @@ def runtime_directory() -> tempfile.TemporaryDirectory[str]:
 @asynccontextmanager
 async def run_in_one_process(
     site: Site, data: Path, exposition: Exposition, wall: Callable[[], float] = time.time
-) -> AsyncIterator[tuple[ReceiverRole, OperatorRole]]:
+) -> AsyncIterator[tuple["ReceiverRole", "OperatorRole"]]:
     """Run the three roles on one event loop, the engine on a thread of its own: for tests and small runs."""
+    from deconflict.roles.operator_role import OperatorRole  # noqa: PLC0415 - each role loads only itself
+    from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - each role loads only itself
+
     with runtime_directory() as name:
         runtime, stop, stop_engine = Path(name), asyncio.Event(), threading.Event()
         data.mkdir(parents=True, exist_ok=True)
@@ -100,8 +103,8 @@ async def _run_async_role(
     heartbeat.at_end(partial(loop.call_soon_threadsafe, stop.set))
     running = _async_role(role, site, runtime, data, exposition)
     tasks = [asyncio.create_task(heartbeat.keep_beating())]
-    if isinstance(running, ReceiverRole | OperatorRole):
-        tasks.append(asyncio.create_task(_report_port_open(running.ready, heartbeat)))
+    if ready := getattr(running, "ready", None):  # it has a port
+        tasks.append(asyncio.create_task(_report_port_open(ready, heartbeat)))
     try:
         await running.run(stop)
     finally:
@@ -116,8 +119,12 @@ async def _report_port_open(ready: asyncio.Event, heartbeat: Heartbeat) -> None:
 
 def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> "Role":
     if role == "receiver":
+        from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - each role loads only itself
+
         return ReceiverRole(site, runtime, data / "log")
     if role == "operator" or not site.cluster:
+        from deconflict.roles.operator_role import OperatorRole  # noqa: PLC0415 - each role loads only itself
+
         return OperatorRole(site, runtime, data, exposition)
     return _cluster_role(role, site, site.cluster, runtime)
 

@@ -1,4 +1,4 @@
-"""The commands that run the service: `serve`, `prepare`, and `role`, which the supervisor uses."""
+"""The commands that run the service: `serve` and `prepare`; and `site new`, which listens like it."""
 
 import argparse
 import asyncio
@@ -8,15 +8,11 @@ import signal
 import sys
 import threading
 import time
-from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from deconflict.operator.http import access
-from deconflict.operator.http.api_sources import Exposition
-from deconflict.roles.receiver_role import ReceiverRole
-from deconflict.roles.service import cluster_problems, run_role, runtime_directory
+from deconflict.roles.service import cluster_problems, runtime_directory
 from deconflict.roles.supervisor import PARTS, Supervisor
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import create_data_directory, locked
@@ -25,12 +21,11 @@ from deconflict.runtime.systemd import Notifier
 from deconflict.settings import site, site_file
 from deconflict.settings.importers.heard_robots import HeardRobots, proposed_site
 from deconflict.settings.importers.site_questions import SiteAnswers, asked
-from ingest.fleet import fleet_report
 from ingest.settings import ReceiverSettings
 
 
-def add_service_commands(commands: Commands, exposition: Exposition) -> None:
-    """Add the commands to the command line. `exposition` writes the metrics."""
+def add_service_commands(commands: Commands) -> None:
+    """Add the commands to the command line."""
     serve_parser = add_command(
         commands,
         "serve",
@@ -56,17 +51,6 @@ def add_service_commands(commands: Commands, exposition: Exposition) -> None:
         "deconflict prepare      # in the build of an image, or after an update",
     )
     prepare_parser.set_defaults(run=_prepare)
-
-    role_parser = add_command(
-        commands,
-        "role",
-        "run one process of the service; the supervisor uses this command",
-        "deconflict role engine /run/deconflict data",
-    )
-    role_parser.add_argument("name", help="receiver, engine or operator; in a cluster also feed or follower")
-    role_parser.add_argument("runtime", type=Path, help="directory of the sockets and settings of the running service")
-    role_parser.add_argument("data", type=Path, help="directory for recordings and advisories")
-    role_parser.set_defaults(run=partial(_role, exposition))
 
 
 def add_ports(command: argparse.ArgumentParser) -> None:
@@ -102,6 +86,8 @@ def _given(values: dict[str, object]) -> dict[str, object]:
 
 def check_access(settings: site.Site, allow_open: bool) -> None:
     """Raises if credentials can't be used, or a port is open to a network without credentials and without --open."""
+    from deconflict.operator.http import access  # noqa: PLC0415 - `serve` and its supervisor run on without it
+
     access.verify_credentials(settings)
     problems = access.exposed_ports(settings)
     if problems and not allow_open:
@@ -196,6 +182,9 @@ def _ask(question: str, default: str) -> str:
 
 async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:
     """The robots that reported within a time."""
+    from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - the supervisor needs no role
+    from ingest.fleet import fleet_report  # noqa: PLC0415 - the supervisor needs no fleet
+
     with runtime_directory() as name:
         role, stop = ReceiverRole(settings, Path(name), Path(name) / "log"), asyncio.Event()
         running = asyncio.create_task(role.run(stop))
@@ -212,8 +201,3 @@ async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:
         robots = sorted(role.fleet.robots.values(), key=attrgetter("uuid"))
         sys.stderr.write("1 robot was heard\n" if len(robots) == 1 else f"{len(robots)} robots were heard\n")
         return [fleet_report.robot_document(role.fleet, robot, time.time()) for robot in robots]
-
-
-def _role(exposition: Exposition, args: argparse.Namespace) -> int:
-    run_role(args.name, args.runtime, args.data, exposition)
-    return 0

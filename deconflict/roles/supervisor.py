@@ -124,7 +124,7 @@ class Supervisor:
         self._runtime, self._written_s = runtime, float("-inf")
         self.reloader = Reloader(site, read or (lambda: site), runtime)
         self.roles = [
-            RoleProcess(role, [sys.executable, "-m", "deconflict", "role", role, str(runtime), str(data)])
+            RoleProcess(role, [sys.executable, "-m", "deconflict.roles", role, str(runtime), str(data)])
             for role in roles
         ]
 

@@ -1,9 +1,14 @@
-"""Adds commands to the command line, each with examples."""
+"""What all commands share: their parsers with examples, the exit code, and the garbage collector's thresholds."""
 
 import argparse
 from typing import TypeAlias
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+MISUSED = 2
+"""Exit code if arguments, the site file, a log or credentials can't be used: the same for every command."""
+GC_THRESHOLDS = (50_000, 20, 100)
+"""Thresholds of Python's cyclic garbage collector. Reference cycles are rare here. A high threshold avoids scans of
+millions of objects."""
 
 
 def add_command(commands: Commands, name: str, purpose: str, *examples: str) -> argparse.ArgumentParser:

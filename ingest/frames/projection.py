@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from math import pi
 
 import numpy as np
-from pyproj import Transformer
 
 from ingest.batch import Floats
 from ingest.settings import Datum
@@ -20,6 +19,8 @@ class Projection:
     def __init__(self, datum: Datum) -> None:
         if datum.reference_location is None:
             raise ValueError(f"datum {datum.name!r} is in degrees and needs a reference_location")
+        from pyproj import Transformer  # noqa: PLC0415 - takes 18 MB, and most floors are in metres
+
         latitude, longitude = datum.reference_location
         self._base = (latitude, longitude) if datum.coordinates == "latlon-relative" else (0.0, 0.0)
         local = f"+proj=aeqd +lat_0={latitude} +lon_0={longitude} +datum=WGS84 +units=m"

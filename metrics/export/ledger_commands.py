@@ -9,9 +9,9 @@ from contextlib import closing, contextmanager
 from datetime import datetime
 from pathlib import Path
 
+from deconflict.operator.ledger.loss_csv import as_csv
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
-from deconflict.operator.ledger.loss_routes import as_csv
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.settings import site, site_file
 from deconflict.settings.site import Site

@@ -1,7 +1,5 @@
 """`GET /losses`: how much time robots lost, by any of the keys, over any span."""
 
-import csv
-import io
 import time
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Literal, cast, get_args
@@ -10,6 +8,7 @@ from fastapi import FastAPI, HTTPException, Query, Response
 from pydantic_core import to_json
 
 from deconflict.foresight.losses.loss import LossKind
+from deconflict.operator.ledger.loss_csv import as_csv
 from deconflict.operator.ledger.loss_questions import DAY_S, LossKey, LossList, LossQuestion
 
 KEYS = get_args(LossKey)
@@ -54,21 +53,3 @@ def loss_keys(text: str) -> tuple[LossKey, ...]:
     if unknown := [key for key in keys if key not in KEYS]:
         raise HTTPException(422, f"group: {unknown[0]!r} is no key; expected any of {', '.join(KEYS)}")
     return cast(tuple[LossKey, ...], keys)
-
-
-def as_csv(question: LossQuestion, found: LossList) -> str:
-    """The rows with a header. Texts that a spreadsheet would take for a formula begin with an apostrophe."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    figures = ("lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s", "losses", "cost")
-    writer.writerow([*question.keys, *figures])
-    for row in found.rows:
-        values = row.model_dump()
-        writer.writerow([_safe(values[key]) for key in (*question.keys, *figures)])
-    return text.getvalue()
-
-
-def _safe(value: object) -> object:
-    if isinstance(value, tuple):
-        return " ".join(map(str, value))
-    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value

@@ -148,7 +148,7 @@ async def test_a_service_that_is_killed_loses_no_stored_advisory_and_leaves_no_p
 
 def _is_role(pid: int) -> bool:
     try:
-        return b"role" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+        return b"deconflict.roles" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except FileNotFoundError:
         return False
 

@@ -1,0 +1,24 @@
+"""Lost time as a table for spreadsheets."""
+
+import csv
+import io
+
+from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+
+
+def as_csv(question: LossQuestion, found: LossList) -> str:
+    """The rows with a header. Texts that a spreadsheet would take for a formula begin with an apostrophe."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    figures = ("lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s", "losses", "cost")
+    writer.writerow([*question.keys, *figures])
+    for row in found.rows:
+        values = row.model_dump()
+        writer.writerow([_safe(values[key]) for key in (*question.keys, *figures)])
+    return text.getvalue()
+
+
+def _safe(value: object) -> object:
+    if isinstance(value, tuple):
+        return " ".join(map(str, value))
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
