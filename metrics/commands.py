@@ -7,7 +7,7 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from math import inf
@@ -25,6 +25,7 @@ from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from metrics.export.ledger_commands import add_ledger_commands
 from metrics.replay import blackbox_verify, conformance_counts
 from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outputs, create_directory, write_text
+from metrics.replay_processes import add_processes, chosen_replay
 from metrics.report import replay_summary
 from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
@@ -77,13 +78,7 @@ def _add_replay(commands: Commands) -> None:
         "--clearance", nargs="+", type=_clearance_m, metavar="M", help="in metres; by default the site's"
     )
     add_outputs(replay_command)
-    replay_command.add_argument(
-        "--scheduler",
-        nargs="?",
-        const="",
-        metavar="ADDRESS",
-        help="run on a Dask cluster; without an address, on the cores of this machine",
-    )
+    add_processes(replay_command)
     replay_command.add_argument(
         "--compare", nargs=2, type=Path, metavar=("A.json", "B.json"), help="compare two results"
     )
@@ -128,7 +123,7 @@ def _replay(args: argparse.Namespace) -> int:
     check_outputs(logs, outputs.paths())
 
     with _kernels_compiled():
-        from metrics.replay.replay import replay  # noqa: PLC0415 - brings kernels
+        from metrics.replay import parallel_replay  # noqa: F401, PLC0415 - brings kernels
         from metrics.report import html_report  # noqa: PLC0415 - brings kernels
 
     reader = LogReader()
@@ -136,8 +131,8 @@ def _replay(args: argparse.Namespace) -> int:
         sinks = outputs.sinks(files)
         events = files.enter_context(_with_progress(reader, logs))
         start = start_of(head) if (head := _head(args)) else StartState()
-        run = replay if args.scheduler is None else _on_cluster(args.scheduler, files)
-        result = run(reader, events, settings, clearances_m, start=start, **sinks)
+        replay = chosen_replay(args, files)
+        result = replay(reader, events, settings, clearances_m, start=start, **sinks)
     _check_order(reader, args.logs, result)
     _check_site(args, reader)
     if outputs.html:
@@ -177,18 +172,6 @@ def _whatif(args: argparse.Namespace) -> int:
         write_text(args.json, _text(found.document()))
     sys.stdout.writelines(f"{line}\n" for line in found.lines())
     return whatif_question.NO_ANSWER if found.problems else 0
-
-
-def _on_cluster(address: str, files: ExitStack) -> Callable[..., dict[str, Any]]:
-    """The replay on a Dask cluster. Closing `files` disconnects from it."""
-    try:
-        from metrics.replay import dask_replay  # noqa: PLC0415 - Dask is optional
-    except ImportError as error:
-        raise LogError(f"--scheduler needs Dask ({error}): pip install '.[dask]'") from error
-    try:
-        return partial(dask_replay.replay, files.enter_context(dask_replay.cluster(address)))
-    except dask_replay.ClusterError as error:
-        raise LogError(str(error)) from error
 
 
 def _conform(args: argparse.Namespace) -> int:

@@ -38,7 +38,14 @@ LEVELS = {
         "roles",
         "simulation",
     ],
-    "metrics": ["monitoring truth", "scoring", "replay report", "replay_files", "export whatif", "commands"],
+    "metrics": [
+        "monitoring truth",
+        "scoring",
+        "replay report",
+        "replay_files",
+        "export replay_processes whatif",
+        "commands",
+    ],
     "benchmarks/planned_floors": ["truth", "logs", "floors scoring", "comparison"],
 }
 """By folder, its entries from the ground up. An entry may import entries of earlier levels and of its own level."""

@@ -30,6 +30,7 @@ from ingest.security.origin_check import is_loopback
 from metrics.replay.engine_output import EngineOutput
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
+from metrics.replay.output_situations import OutputSituations
 from metrics.replay.recorded_passes import EnginePass, PassReader
 from metrics.replay.replay import AdvisorySink, BatchSink, SituationSink, advisory_rows, document
 
@@ -110,7 +111,8 @@ def replay(
     began = time.perf_counter()
     reading = PassReader(site)
     engines: list[Any] = [(pickle.dumps(EngineRun(site, clearance_m, start)), []) for clearance_m in clearances_m]
-    scored: Any = (pickle.dumps(LogScores(site, clearances_m)), WindowOutput([], []))
+    scoring = OutputSituations(site, len(clearances_m), start), LogScores(site, clearances_m)
+    scored: Any = (pickle.dumps(scoring), WindowOutput([], []))
     in_progress: deque[Future[Any]] = deque()
     for window, is_last in _windows(events, window_s):
         passes = [*chain(reading.passes_of(window), reading.last_passes() if is_last else ())]
@@ -125,7 +127,7 @@ def replay(
             _write(client, in_progress.popleft(), on_advisory, on_situation)
     for scored_window in in_progress:
         _write(client, scored_window, on_advisory, on_situation)
-    scores: LogScores = _unpickled(client.submit(itemgetter(0), scored, pure=False).result())
+    scores: LogScores = _unpickled(client.submit(itemgetter(0), scored, pure=False).result())[1]
     measures = client.submit(_measures, engines[0], pure=False).result()
     return document(scores.result(reading, measures), reader, time.perf_counter() - began)
 
@@ -174,14 +176,15 @@ def _measures(last: tuple[State, list[EngineOutput]]) -> dict[str, Any]:
 def _add_to_scores(
     before: tuple[State, WindowOutput], passes: list[EnginePass], *engines: tuple[State, list[EngineOutput]]
 ) -> tuple[State, WindowOutput]:
-    scores: LogScores = _unpickled(before[0])
+    situations, scores = _unpickled(before[0])
     published = WindowOutput([], [])
     clearances_m = [each.clearance_m for each in scores.by_clearance]
-    for engine_pass, *outputs in zip(passes, *(outputs for _, outputs in engines), strict=True):
+    for engine_pass, *of_engines in zip(passes, *(outputs for _, outputs in engines), strict=True):
+        outputs = situations.published(engine_pass.now_s, of_engines)
         scores.add(engine_pass, outputs)
         published.advisories.extend(advisory_rows(clearances_m, outputs))
         published.situations.extend(outputs[0].situations)
-    return pickle.dumps(scores), published
+    return pickle.dumps((situations, scores)), published
 
 
 def _unpickled(state: State) -> Any:

@@ -2,10 +2,7 @@
 
 from math import floor
 
-from deconflict.advisories.situations.situation import advisories_of, situations_of
-from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.engine.engine import Engine
-from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.settings.site import Site
@@ -28,33 +25,29 @@ class EngineRun:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
-        self._situations = SituationLifecycle(PlaceNames.of(site).describe)
-        self._situations.restore((), start.open)
         self._second = -1
         """The newest second whose probabilities were read."""
         self._place_slot = -1
         """The newest `EVERY_S` whose place forecast was read."""
 
     def advance(self, engine_pass: EnginePass) -> EngineOutput:
-        """Run one pass of the engine."""
+        """Run one pass of the engine. Its advisories are in no situations yet: see `OutputSituations`."""
         now_s, batch = engine_pass.now_s, engine_pass.batch
         bands_m = self._bands_m(batch)
         self.engine.receive(batch)
         advisories = self.engine.step(now_s, engine_pass.effort, engine_pass.pending, engine_pass.is_own_log)
-        published = self._situations.published(now_s, advisories)
         waiting = self.engine.foresight.robots_following_advice(now_s)
         measures = self.measures() if engine_pass.measures else None
         probabilities, contact_probabilities = self._probabilities(now_s)
         return EngineOutput(
-            advisories_of(published),
+            advisories,
             probabilities,
             contact_probabilities,
             bands_m,
             waiting,
             measures,
             self._place_forecast(now_s),
-            situations_of(published),
-            ledger_entries(self.engine.losses),
+            losses=ledger_entries(self.engine.losses),
         )
 
     def measures(self) -> dict[str, object]:

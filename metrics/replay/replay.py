@@ -1,8 +1,9 @@
 """A replay: log -> passes -> engines -> scores.
 
 `PassReader` turns the messages of a recorded log into the passes that the engine makes. An `EngineRun` for each
-clearance runs the engine of the live service over these passes. `LogScores` compares the output with what happened.
-Each of the three has its own state, so that `dask_replay` can move them between machines.
+clearance runs the engine of the live service over these passes. `OutputSituations` joins its advisories into
+situations, and `LogScores` compares the output with what happened. Each has its own state, so that `parallel_replay`
+can run them in several processes, and `dask_replay` can move them between machines.
 """
 
 import time
@@ -20,6 +21,7 @@ from metrics.replay import conformance_counts
 from metrics.replay.engine_output import EngineOutput
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
+from metrics.replay.output_situations import OutputSituations
 from metrics.replay.recorded_passes import PassReader
 
 AdvisorySink = Callable[[float, AnyAdvisory], None]
@@ -57,11 +59,11 @@ def replay(
     began = time.perf_counter()
     passes = PassReader(site)
     engines = [EngineRun(site, clearance_m, start) for clearance_m in clearances_m]
-    scores = LogScores(site, clearances_m)
+    situations, scores = OutputSituations(site, len(engines), start), LogScores(site, clearances_m)
     for engine_pass in chain(passes.passes_of(events), passes.last_passes()):
         if on_batch:
             on_batch(engine_pass.now_s, engine_pass.batch)
-        outputs = [engine.advance(engine_pass) for engine in engines]
+        outputs = situations.published(engine_pass.now_s, [engine.advance(engine_pass) for engine in engines])
         scores.add(engine_pass, outputs)
         if on_advisory:
             for revision in advisory_rows(clearances_m, outputs):
