@@ -51,12 +51,12 @@ class LossWarnings:
         """By losing robot, its last loss."""
         self._forgot_s = -inf
         for advisory in advisories:
-            self._note(advisory, advisory.raised_at.timestamp())
+            self._note(advisory)
 
     def note(self, now_s: float, revisions: Iterable[AnyAdvisory]) -> None:
         """Add the revisions of a pass."""
         for revision in revisions:
-            self._note(revision, revision.updated_at.timestamp())
+            self._note(revision)
         if now_s - self._forgot_s >= FORGETS_EVERY_S:
             self._forgot_s = now_s
             self._forget(now_s - KEPT_S)
@@ -92,8 +92,10 @@ class LossWarnings:
                     yield self._published[advisory_id]
                     break
 
-    def _note(self, revision: AnyAdvisory, from_s: float) -> None:
-        now_s, published = revision.updated_at.timestamp(), self._published[revision.id]
+    def _note(self, revision: AnyAdvisory) -> None:
+        """An advisory that is new here named its robots since it was raised."""
+        now_s, is_known = revision.updated_at.timestamp(), revision.id in self._published
+        from_s, published = now_s if is_known else revision.raised_at.timestamp(), self._published[revision.id]
         is_cleared = revision.state is AdvisoryState.CLEARED
         advised = () if is_cleared else waits_until_s((revision,))
         _update(published.named, () if is_cleared else revision.robots, from_s, now_s)

@@ -98,8 +98,9 @@ def test_the_parts_of_a_long_loss_have_what_its_first_part_had() -> None:
 
 
 def test_advisories_that_were_open_before_a_restart_count_from_when_they_were_raised() -> None:
-    known = LossWarnings([made(0, updated_at=START + timedelta(seconds=30))], never)
-    assert known.notice_of(loss(RAISED_S + 20.0)) == WARNED
+    later = made(0, revision=31)
+    for known in (LossWarnings([later], never), warnings(later)):
+        assert known.notice_of(loss(RAISED_S + 20.0)) == WARNED
 
 
 def test_what_ended_long_ago_is_forgotten() -> None:
