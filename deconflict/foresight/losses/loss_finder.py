@@ -3,7 +3,9 @@
 Pure: the same reports give the same losses, live and in a replay.
 """
 
+from collections import defaultdict
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from deconflict.foresight.losses.blockers import KnownRobots
 from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
 from deconflict.foresight.losses.loss_kernels import LOSING, ORDER, REFERENCES, lost_times
 from deconflict.foresight.losses.travel_states import travel_states
-from deconflict.foresight.losses.usual_times import no_usual_times
+from deconflict.foresight.losses.usual_times import MOST_KINDS, no_usual_times
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Batch, Floats, Ints
@@ -64,7 +66,7 @@ class LossFinder:
         self._names: dict[int, tuple[str, str, str]] = {}
         """By slot, the UUID of the robot, its vendor and its model."""
         self._usual = no_usual_times()
-        self._kinds: dict[tuple[str, str], int] = {}
+        self._kinds: defaultdict[tuple[str, str], int] = defaultdict(count().__next__)
         """By vendor and model, their number in `_usual`."""
         self._open: dict[int, _OpenLoss] = {}
         """By slot of the losing robot."""
@@ -109,9 +111,9 @@ class LossFinder:
             zip(slots.tolist(), zip(batch.robots, batch.vendors, batch.models, strict=True), strict=True)
         )
         robots = self._known(half_m, levels_m, vendor)
-        kinds = [
-            self._kinds.setdefault(kind, len(self._kinds)) for kind in zip(batch.vendors, batch.models, strict=True)
-        ]
+        if len(self._kinds) > MOST_KINDS:
+            self._usual, self._kinds = no_usual_times(), defaultdict(count().__next__)
+        kinds = list(map(self._kinds.__getitem__, zip(batch.vendors, batch.models, strict=True)))
         lost = lost_times(
             self._states, self._references, robots, slots, reports.event_s, states.goes, states.plans, self._usual,
             np.array(kinds, np.int64),

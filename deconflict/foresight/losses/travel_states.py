@@ -1,5 +1,6 @@
 """What robots say of themselves: whether they are on their way, and whether their forecasts show where they go."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -34,8 +35,8 @@ def travel_states(batch: Batch, track: Floats, names_destinations: Bools, report
     same way, robots that have ever reported a path (`reports_paths`) report one as long as they can drive.
     """
     has_destination = np.diff(batch.destinations.start) > 0
-    goes = np.array([_of_state(state) for state in batch.states], np.int64)
-    navigates = np.array([state == NAVIGATING for state in batch.states], np.bool_)
+    goes = np.array(list(map(_of_state, batch.states)), np.int64)
+    navigates = goes == GOES
     goes[(goes == WAITS) & has_destination] = GOES
     goes[(goes == WAITS) & names_destinations] = RESTS
     plans = PLANS[batch.basis]
@@ -46,6 +47,7 @@ def travel_states(batch: Batch, track: Floats, names_destinations: Bools, report
     return TravelStates(goes, plans, has_destination)
 
 
+@lru_cache(maxsize=64)
 def _of_state(state: str) -> int:
     if state == NAVIGATING:
         return GOES

@@ -27,6 +27,7 @@ MOST_M = 60.0
 STANDS_M = 0.05
 """A robot that came less far stands, for which no time is usual."""
 MOST_FLOORS, MOST_CELLS, MOST_KINDS = 1 << 8, 1 << 16, 1 << 12
+"""Floors, cells along each side and models that have a key of their own."""
 
 
 class UsualTimes(NamedTuple):
