@@ -84,7 +84,7 @@ def _advised(
 
 def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str, RobotView], now_s: float) -> Finding:
     """Chargers that will probably be full, for robots that have not announced that they come."""
-    first, label = pool.chargers[0], _joined([geometry.label(charger) for charger in pool.chargers])
+    first, chargers = pool.chargers[0], _shortened([geometry.label(charger) for charger in pool.chargers])
     expected = [need.robot for need in pool.needs]
     demand = len(pool.announced) + len(expected)
     levels = ", ".join(f"{robots[need.robot].name} {need.level_pct:.0f} %" for need in pool.needs[:4])
@@ -96,12 +96,12 @@ def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str
         predicted_s=pool.from_s,
         location=geometry.location(first),
         summary=lambda: (
-            f"{label} will probably be full {_when(pool.from_s - now_s)}: {_names(robots, expected)} will need to be"
+            f"{chargers} will probably be full {_when(pool.from_s - now_s)}: {_names(robots, expected)} will need to be"
             f" charged by then, by the level of their batteries ({levels})"
         ),
         evidence={
             "resource": first,
-            "resource_name": label,
+            "resource_name": chargers if len(pool.chargers) == 1 else f"one of {len(pool.chargers)} chargers",
             "capacity": pool.capacity,
             "demand": demand,
             "queue_length": max(demand - pool.capacity, 1),
@@ -209,11 +209,12 @@ def blockage(
 
 
 def _names(robots: Mapping[str, RobotView], uuids: Sequence[str]) -> str:
-    """At most four names, and how many more."""
-    shown = [robots[uuid].name for uuid in uuids[:4]]
-    if len(uuids) > 4:
-        shown = [*shown[:3], f"{len(uuids) - 3} others"]
-    return listed(shown)
+    return _shortened([robots[uuid].name for uuid in uuids])
+
+
+def _shortened(names: Sequence[str]) -> str:
+    """At most four names, or three and how many more."""
+    return listed(names if len(names) <= 4 else [*names[:3], f"{len(names) - 3} others"])
 
 
 def _joined(labels: Sequence[str]) -> str:

@@ -11,6 +11,8 @@ from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import RingLink
 
+CHEAPER = "so they lose the least time in all"
+"""Why of the robots of a ring this one makes way."""
 LEAST_SAVING_S = 1.0
 """An order of a queue that saves less needs no action: the robots wait there by themselves."""
 
@@ -61,9 +63,13 @@ def _ring_actions(
         yield _elsewhere(away, "first", geometry, robots)
         return
     if _is_too_late_to_wait(robots[last.robot], last.resource, now_s):
-        yield _action(last, robots, "back_out", where=f"of {geometry.label(last.resource)}")
+        reason = next(
+            (f"{robots[robot].name} pulls trailers and can't" for robot in waiters if robots[robot].pulls_trailers),
+            CHEAPER,
+        )
+        yield _action(last, robots, "back_out", where=f"of {geometry.label(last.resource)}", reason=reason)
     else:
-        yield _wait(last, geometry, robots)
+        yield _wait(last, geometry, robots).model_copy(update={"reason": CHEAPER})
     yield from (_go_first(robot, robots) for robot in waiters if robot != last.robot)
 
 
@@ -111,6 +117,7 @@ def _action(
     *,
     seconds: float | None = None,
     where: str,
+    reason: str = "",
 ) -> Action:
     return Action(
         robot=slot.robot,
@@ -118,6 +125,7 @@ def _action(
         action=action,
         seconds=seconds,
         where=where,
+        reason=reason,
         resource=slot.resource,
         start_at=slot.start_at,
         end_at=slot.end_at,

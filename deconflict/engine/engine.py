@@ -6,6 +6,7 @@ the same calls give the same advisories.
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
+from typing import Any
 
 from deconflict.advice.deferred_answers import Submit, answer_at_once
 from deconflict.advisories.conflict_lifecycle import CROWDED, DORMANT, ConflictLifecycle
@@ -28,7 +29,7 @@ from deconflict.engine.shared_advisories import SharedAdvisories
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
-from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.presence.presence import MOST_SHOWN, Presence
 from deconflict.foresight.probability.advice_followers import waits_until_s
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
@@ -92,6 +93,10 @@ class Engine:
         self._updated: set[str] = set()
         """Robots with a new forecast since the last pass."""
         self._metrics = EngineMetrics(self.measures, self.open, self.foresight, self._map_drift)
+
+    def presence_document(self, now_s: float) -> dict[str, Any]:
+        """The JSON document for people: silent robots, exits, and robots whose motion contradicts their forecasts."""
+        return self.presence.document(now_s) | {"distrusted": self.foresight.distrusted()[:MOST_SHOWN]}
 
     def renewed(self, site: Site) -> "Engine":
         """An engine for a changed site that continues what is open and learned; it has to receive all robots again."""

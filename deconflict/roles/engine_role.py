@@ -163,7 +163,7 @@ class EngineRole:
         engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
-        presence = partial(engine.presence.document, batch.now_s)
+        presence = partial(engine.presence_document, batch.now_s)
         self._delivery.add_pass(published, arrived_s, engine.measures, near, presence, ledger_entries(engine.losses))
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()

@@ -37,7 +37,7 @@ RELOAD_TIMEOUT_S = 10.0
 
 
 def _no_silent_robots() -> dict[str, Any]:
-    return {"fading": {}, "taken_off": {}, "exits": []}
+    return {"fading": {}, "taken_off": {}, "exits": [], "distrusted": []}
 
 
 @dataclass(slots=True, eq=False)
@@ -146,7 +146,7 @@ class OperatorSources:
         return unpacked_batch(await self._receiver.call("follow", str(number).encode()))
 
     async def live_status(self) -> dict[str, Any]:
-        """Roles, vendors, unidentified robots (none if the receiver does not answer), and silent robots.
+        """Roles, vendors, unidentified robots (none if the receiver does not answer), silent and distrusted robots.
 
         `fading` has the probability that each silent robot is still there, `taken_off` when each robot that is
         no longer there was heard last.
@@ -171,6 +171,7 @@ class OperatorSources:
             "unidentified": unidentified,
             "fading": presence["fading"],
             "taken_off": {uuid: removal["heard_s"] for uuid, removal in presence["taken_off"].items()},
+            "distrusted": presence.get("distrusted", []),
         }
 
     async def losses(self, question: LossQuestion) -> LossList:

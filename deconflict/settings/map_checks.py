@@ -55,14 +55,15 @@ def map_problems(vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
         key, cause = likely_cause(vendor_map, datum) or ("", str(error))
         yield f"readings{key}: {cause}"
         return
+    names = tuple(_names(vendor_map, datum))
     mistaken, misfit = fit.affine.mirrored != vendor_map.mirrored, _misses(fit, vendor_map) or _stretches(fit)
     slip = likely_cause(vendor_map, datum) if mistaken or misfit else None
     if mistaken and not (misfit and slip):
         yield _mirroring(fit.affine.mirrored, slip)
     if misfit:
-        yield from _misfits(fit, vendor_map, slip)
+        yield from _misfits(fit, vendor_map, names, slip)
     if not slip:
-        yield from _bends(fit, vendor_map)
+        yield from _bends(fit, names)
 
 
 def _mirroring(mirrored: bool, slip: tuple[str, str] | None) -> str:
@@ -84,12 +85,12 @@ def _stretches(fit: Fit) -> bool:
     return fit.method is Method.AFFINE and fit.affine.distortion > MAX_DISTORTION
 
 
-def _misfits(fit: Fit, vendor_map: VendorMap, slip: tuple[str, str] | None) -> Iterator[str]:
+def _misfits(fit: Fit, vendor_map: VendorMap, names: tuple[str, ...], slip: tuple[str, str] | None) -> Iterator[str]:
     worst = int(fit.residuals_m.argmax())
     if _misses(fit, vendor_map):
         key, why = slip or ("", "no single wrong reading, unit or exchange explains it: read all points again")
         yield (
-            f"readings{key}: {why}; the fit of all misses {tuple(vendor_map.readings)[worst]} by "
+            f"readings{key}: {why}; the fit of all misses {names[worst]} by "
             f"{fit.residuals_m[worst]:.3f} m, expected at most tolerance_m = {vendor_map.tolerance_m}"
         )
     if _stretches(fit):
@@ -103,14 +104,13 @@ def _misfits(fit: Fit, vendor_map: VendorMap, slip: tuple[str, str] | None) -> I
         )
 
 
-def _bends(fit: Fit, vendor_map: VendorMap) -> Iterator[str]:
+def _bends(fit: Fit, names: tuple[str, ...]) -> Iterator[str]:
     if not isinstance(fit.transform, Adjusted):
         return
     bend, rows = fit.transform.bend()
     if bend > MAX_BEND:
-        points = tuple(vendor_map.readings)
         yield (
-            f"readings: between {', '.join(points[row] for row in rows)} the correction bends the map by "
+            f"readings: between {', '.join(names[row] for row in rows)} the correction bends the map by "
             f"{100 * bend:.0f} %; these points are close together and their readings disagree; "
             "correct or remove one"
         )
@@ -122,26 +122,26 @@ def likely_cause(vendor_map: VendorMap, datum: Datum) -> tuple[str, str] | None:
     A slip explains them if without it all points fit a map of one scale. None if none does, or more than one, but for
     exchanges: of four points in a rectangle, two explain the same readings.
     """
-    names = tuple(vendor_map.readings)
-    if not {point.id for point in datum.reference_points}.issuperset(names):
+    ids, names = tuple(vendor_map.readings), tuple(_names(vendor_map, datum))
+    if not {point.id for point in datum.reference_points}.issuperset(ids):
         return None
     readings = np.array(list(vendor_map.readings.values()))
-    reference = _reference(datum, names)
+    reference = _reference(datum, ids)
     units = _units(readings, reference, datum)
     found = [
         cause
-        for causes in (_exchanges(names, readings), _slips(names, readings), _single(names, readings, reference))
+        for causes in (_exchanges(names, readings), _slips(ids, names, readings), _single(ids, names, readings))
         for cause, corrected, kept in causes
         if len(kept) > 2
         and _misfit_m(units * corrected[kept], reference[kept], vendor_map.mirrored) <= vendor_map.tolerance_m
     ]
-    exact = [cause for cause in found if cause[1] != WRONG] or found
+    exact = [cause for cause in found if not cause[1].endswith(WRONG)] or found
     if len(exact) > 1 and not any(key for key, _ in exact):
         return "", ", or ".join(text for _, text in exact)
     return exact[0] if len(exact) == 1 else None
 
 
-WRONG = "this reading is wrong, all others fit each other; read it again"
+WRONG = "is wrong, all others fit each other; read it again"
 _Trial = tuple[tuple[str, str], Floats, list[int]]
 """What would be wrong, the readings without it, and the rows that must then fit."""
 
@@ -153,17 +153,28 @@ def _exchanges(names: tuple[str, ...], readings: Floats) -> Iterator[_Trial]:
         yield ("", f"{names[a]} and {names[b]} are exchanged"), corrected, list(range(len(names)))
 
 
-def _slips(names: tuple[str, ...], readings: Floats) -> Iterator[_Trial]:
-    for row, name in enumerate(names):
+def _slips(ids: tuple[str, ...], names: tuple[str, ...], readings: Floats) -> Iterator[_Trial]:
+    for row, (point, name) in enumerate(zip(ids, names, strict=True)):
         for text, undo in SLIPS:
             corrected = readings.copy()
             corrected[row] = undo(readings[row])
-            yield (f".{name}", f"this reading {text}"), corrected, list(range(len(names)))
+            yield (f".{point}", f"{_this_reading(point, name)} {text}"), corrected, list(range(len(names)))
 
 
-def _single(names: tuple[str, ...], readings: Floats, reference: Floats) -> Iterator[_Trial]:
-    for row, name in enumerate(names):
-        yield (f".{name}", WRONG), readings, [other for other in range(len(reference)) if other != row]
+def _single(ids: tuple[str, ...], names: tuple[str, ...], readings: Floats) -> Iterator[_Trial]:
+    for row, (point, name) in enumerate(zip(ids, names, strict=True)):
+        cause = f".{point}", f"{_this_reading(point, name)} {WRONG}"
+        yield cause, readings, [other for other in range(len(ids)) if other != row]
+
+
+def _this_reading(point: str, name: str) -> str:
+    return "this reading" if name == point else f"this reading of {name}"
+
+
+def _names(vendor_map: VendorMap, datum: Datum) -> Iterator[str]:
+    """The names of the points that a map has readings of, for people."""
+    names = {point.id: point.name for point in datum.reference_points}
+    return (names.get(point) or point for point in vendor_map.readings)
 
 
 def _units(readings: Floats, reference: Floats, datum: Datum) -> Floats:

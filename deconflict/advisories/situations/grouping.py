@@ -1,9 +1,8 @@
 """Which open advisories belong to one situation. Pure.
 
 An advisory joins a group on its floor that it fits, first of all one that shares a robot with it. A group has an extent
-of at most `MOST_EXTENT_M`; or of at most `NEAR_M`, at most `MOST_ROBOTS` robots, and each advisory shares robots with
-others. When a group outgrows this, its newest advisories split off. Two groups that fit well within the bounds join,
-and the oldest keeps its id.
+of at most `MOST_EXTENT_M`; or of at most `NEAR_M`, and at most `MOST_ROBOTS` robots. When a group outgrows this, its
+newest advisories split off. Two groups that fit well within the bounds join, and the oldest keeps its id.
 """
 
 from collections import defaultdict
@@ -20,7 +19,7 @@ MOST_EXTENT_M, JOINED_EXTENT_M = 10.0, 8.0
 MOST_ROBOTS, JOINED_ROBOTS = 8, 7
 """Most robots of a group with a larger extent; and when two groups join."""
 NEAR_M = 20.0
-"""Largest extent of a group of few robots, whose advisories share them."""
+"""Largest extent of a group of few robots."""
 UNBOUNDED = frozenset(("contention", "double_occupancy", "crowd"))
 """Kinds of advisories whose robots do not count: their place bounds them."""
 LEAST_OPEN_S = 5.0
@@ -111,8 +110,6 @@ class Group:
     """The robots of its advisories, or of the last ones."""
     counted: set[str] = field(default_factory=set)
     """Those that count for `MOST_ROBOTS`."""
-    parties: list[set[str]] = field(default_factory=list)
-    """Its robots: advisories that share robots, directly or over others, are of one party."""
 
     def add(self, advisory_id: str, member: Member) -> None:
         was_empty = not self.members
@@ -125,7 +122,7 @@ class Group:
     def update(self) -> None:
         """Work out anew what follows from its members."""
         if self.members:
-            self.box, self.robots, self.counted, self.parties = Box(), set(), set(), []
+            self.box, self.robots, self.counted = Box(), set(), set()
             self.datum = next(iter(self.members.values())).datum
             self._include(self.members.values())
 
@@ -135,9 +132,6 @@ class Group:
             self.robots |= member.robots
             if member.is_bounded:
                 self.counted |= member.robots
-            touching = [party for party in self.parties if not party.isdisjoint(member.robots)]
-            self.parties = [party for party in self.parties if party.isdisjoint(member.robots)]
-            self.parties.append(set(member.robots).union(*touching))
 
     def takes(self, other: "Group", most_extent_m: float = MOST_EXTENT_M, most_robots: int = MOST_ROBOTS) -> bool:
         """Whether it and another group are one within these bounds."""
@@ -146,19 +140,12 @@ class Group:
         extent_m = self.box.extent_with_m(other.box)
         if extent_m <= most_extent_m:
             return True
-        is_linked = self.is_linked and other.is_linked and not self.robots.isdisjoint(other.robots)
-        return is_linked and extent_m <= NEAR_M and len(self.counted | other.counted) <= most_robots
+        return extent_m <= NEAR_M and len(self.counted | other.counted) <= most_robots
 
     @property
     def has_outgrown(self) -> bool:
         extent_m, is_large = self.box.extent_m, len(self.counted) > MOST_ROBOTS
-        is_loose = extent_m > MOST_EXTENT_M and (is_large or not self.is_linked)
-        return is_loose or extent_m > NEAR_M or self._is_on_two_floors
-
-    @property
-    def is_linked(self) -> bool:
-        """Whether one can go from each advisory to each other one over robots that two of them share."""
-        return len(self.parties) <= 1
+        return extent_m > NEAR_M or (extent_m > MOST_EXTENT_M and is_large) or self._is_on_two_floors
 
     @property
     def _is_on_two_floors(self) -> bool:

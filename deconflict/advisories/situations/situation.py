@@ -9,7 +9,7 @@ from pydantic import Field, TypeAdapter
 from deconflict.advice.document_limits import MOST_ACTIONS, MOST_ROBOTS
 from deconflict.advisory import Action, Advisory, AnyAdvisory, Published, Robot
 
-MOST_CORNERS = 16
+MOST_CORNERS = 32
 MOST_ADVISORIES = 40
 
 SituationKind = Literal[

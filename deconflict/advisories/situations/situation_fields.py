@@ -3,8 +3,6 @@
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
-import shapely
-
 from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_ROBOTS, short_text
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.advice.action_sets import Proposal, key_of, proposal_of
@@ -13,12 +11,12 @@ from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation import (
     MOST_ADVISORIES,
-    MOST_CORNERS,
     Situation,
     SituationAdvice,
     SituationKind,
 )
 from deconflict.advisories.situations.situation_kinds import Matter, matter_of
+from deconflict.advisories.situations.situation_outline import outline
 from deconflict.advisories.situations.situation_wording import ending, names_of, past_sentence, sentence
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity, moment
 
@@ -29,8 +27,6 @@ MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_rob
 """What does not end by itself, or nobody knows when."""
 SENTENCE_FIELDS = ("situation_kind", "location", "culprit", "summary", "ends")
 """What a situation's sentence is about, and the sentence."""
-MARGIN_M = 1.5
-"""The outline keeps this distance from the places of the advisories."""
 
 
 def emptied(before: Situation, place: str, now_s: float) -> Situation:
@@ -149,14 +145,3 @@ def _fields(group: Group, assessment: Assessment, place: str, now_s: float) -> d
         "advisories": tuple(members[:MOST_ADVISORIES]),
         "more_advisories": max(len(group.members) - MOST_ADVISORIES, 0),
     }
-
-
-def outline(group: Group) -> tuple[tuple[float, float], ...]:
-    """Corners of the area around the places of its advisories, in metres; empty without a place."""
-    if not group.datum:
-        return ()
-    places = shapely.MultiPoint([(member.x_m, member.y_m) for member in group.members.values()])
-    area = places.convex_hull.buffer(MARGIN_M, quad_segs=2)
-    if len(area.exterior.coords) > MOST_CORNERS + 1:
-        area = places.envelope.buffer(MARGIN_M, quad_segs=2)
-    return tuple((round(x, 2), round(y, 2)) for x, y in area.exterior.coords[:-1])

@@ -8,11 +8,13 @@ from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
 from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S, Recurrence
 from deconflict.advisories.situations.situation import Situation, SituationKind
 from deconflict.advisories.situations.situation_kinds import Matter
+from deconflict.advisories.situations.situation_outline import spots
 from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory, DeadlockAdvisory
 
 MOST_NAMED = 4
 """Robots that a sentence names."""
-ORDINALS = {3: "third", 4: "fourth", 5: "fifth", 6: "sixth", 7: "seventh", 8: "eighth", 9: "ninth", 10: "tenth"}
+ORDINALS = dict(enumerate(["second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth"], 2))
+TWICE = 2
 LONG_S = 100.0
 """From here on times are given in minutes."""
 STOOD_S = (10, 20, 30, 60, 120, 300, 600, 1800, 3600)
@@ -50,7 +52,8 @@ def _again(recurrence: Recurrence) -> str:
     times = f"{ORDINALS.get(recurrence.times, f'{recurrence.times}th')} time in {WITHIN_S / 60:.0f} min"
     if recurrence.longest_s > BY_ITSELF_S:
         return times
-    return f"{times}, ended by itself within {max(ceil(recurrence.longest_s), 1)} s each time before"
+    before = "each time before" if recurrence.times > TWICE else "the first time"
+    return f"{times}, ended by itself within {max(ceil(recurrence.longest_s), 1)} s {before}"
 
 
 def ending(matter: Matter, names: Mapping[str, str]) -> str:
@@ -87,7 +90,7 @@ def _sentence(matter: Matter, now_s: float, place: str) -> str:
     left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
     match principal:
         case ConflictAdvisory():
-            return f"{_conflict(matter, principal, _when(left_s))}, {place}"
+            return f"{_conflict(matter, principal, _when(left_s))}, {'the worst ' * (_spots(matter) > 1)}{place}"
         case BlockageAdvisory():
             names = names_of([principal])
             held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
@@ -107,7 +110,8 @@ def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
     culprit = names.get(matter.culprit or "", "")
     match matter.kind:
         case "knot":
-            return f"{len(names)} robots get in each other's way {when}: {others}"
+            at = f" at {count} places" if (count := _spots(matter)) > 1 else ""
+            return f"{len(names)} robots get in each other's way{at} {when}: {others}"
         case "obstacle":
             return f"{culprit} stands in the way of {others} {when}"
         case "silent_robot":
@@ -115,11 +119,23 @@ def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
     return f"{others} {ENCOUNTER_VERBS[principal.encounter_class]} {when}"
 
 
+def _spots(matter: Matter) -> int:
+    """At how many places robots get in each other's way."""
+    if matter.kind != "knot":
+        return 1
+    locations = [advisory.location for advisory in matter.advisories if advisory.location]
+    return len(spots((location.x, location.y) for location in locations))
+
+
 def _queue(contention: ContentionAdvisory, left_s: float) -> str:
     label, count = contention.resource_name, contention.queue_length
-    waiting = "1 robot has to wait" if count == 1 else f"{count} robots have to wait"
-    up_to = f"up to {contention.wait_s:.0f} s"
-    return f"{waiting} for {label} {_when(left_s)}, {up_to}; {len(contention.robots)} robots need it"
+    robots = "1 robot" if count == 1 else f"{count} robots"
+    if contention.resources:
+        wait = f"{robots} will probably have to wait for {label} {_when(left_s)}"
+    else:
+        wait = f"{robots} {'has' if count == 1 else 'have'} to wait for {label} {_when(left_s)}"
+    needed = "one" if contention.resources else "it"
+    return f"{wait}, up to {contention.wait_s:.0f} s; {len(contention.robots)} robots need {needed}"
 
 
 def _stood(stood_s: float) -> str:

@@ -250,8 +250,7 @@ class ProbabilityEstimator:
             pairs[name][rows] = column * present
 
     def probabilities(self) -> list[tuple[Pair, float]]:
-        """The probability of every watched pair that is in no encounter and of which both robots are heard, as of the
-        last look."""
+        """The probability of every watched pair in no encounter of which both robots are heard, as of the last look."""
         pairs, since_s, rank = self._pairs, self._looked_s - JOINED_S, self._robots.rank
         heard = pairs[open_rows(pairs, self._pending.newest, since_s)]
         a, b = slots_of(heard["code"])
@@ -287,6 +286,10 @@ class ProbabilityEstimator:
         """Whether a robot's forecasts contradict its own motion. False for an unknown robot."""
         return bool(self._contradicts(self._robots.slots_of((uuid,))).any())
 
+    def distrusted(self) -> list[str]:
+        """UUIDs of the robots whose forecasts contradict their motion, in ascending order."""
+        return sorted(self._robots.uuids[slot] for slot in np.flatnonzero(self._contradicts(slice(None))).tolist())
+
     def _contradicts(self, slots: Ints | slice) -> Bools:
         """Which robots of `slots` contradict their forecasts by their motion."""
         surprise, contradiction = self._robots.records["surprise"], self._stated_ways["contradiction"]
@@ -316,8 +319,7 @@ class ProbabilityEstimator:
             self._pairs["gives_way"][is_theirs], self._pairs["gave_way_s"][is_theirs] = False, -np.inf
 
     def resolve_absent(self, uuids: Collection[str]) -> None:
-        """Silent robots turned out to be absent. The open questions about their pairs are answered: they did not
-        meet."""
+        """Silent robots turned out to be absent. The open questions about their pairs are answered: none met."""
         if uuids:
             self._resolve_left(uuids, were_present=False)
 
@@ -337,8 +339,7 @@ class ProbabilityEstimator:
                 table.grow(slots)
 
     def _forget(self, uuids: Collection[str]) -> None:
-        slots = self._robots.remove(uuids)
-        if not len(slots):
+        if not len(slots := self._robots.remove(uuids)):
             return
         self._stated_ways[slots] = blank_records(len(slots))
         self._pending.forget(slots)

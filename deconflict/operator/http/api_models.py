@@ -159,3 +159,4 @@ class StillThere(BaseModel):
     fading: dict[str, float]
     taken_off: dict[str, Removed]
     exits: list[Exit]
+    distrusted: list[str] = Field([], description="robots whose motion contradicts their forecasts")

@@ -14,7 +14,7 @@ import { statusOf } from "./floor/status.js";
 import { Shift } from "./dialogs/shift.js";
 import { RobotBox, fillTable } from "./list/robots.js";
 import { Vendors } from "./list/vendors.js";
-import { KINDS, clock, isOver, leftOf, needsSomebody, plural, seconds, severityOf, toDo, urgency, what } from "./texts.js";
+import { KINDS, clock, isOver, leftOf, needsSomebody, plural, seconds, severityOf, short, toDo, urgency, what } from "./texts.js";
 
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
@@ -95,7 +95,7 @@ function scene() {
     const actions = advice?.for_people || picked.has(id) ? advice?.actions ?? [] : [];
     if (actions.length) first.add(actions[0].robot);
     for (const each of actions) advised.set(each.robot, leftOf(each, advice, listedS));
-    for (const advisory of grouped.get(id) ?? []) if (advisory.resource) contended.set(advisory.resource, { ...advisory, severity });
+    for (const advisory of grouped.get(id) ?? []) for (const place of placesOf(advisory)) contended.set(place, { ...advisory, severity });
   }
   const known = floors().find((each) => each.id === floor);
   return {
@@ -107,6 +107,9 @@ function scene() {
     poseS: () => atS,
   };
 }
+
+// The places that an advisory is about. How many wait for one of several is not known of each.
+function placesOf({ resource, resources }) { return resources?.length ? resources : resource ? [resource] : []; }
 
 function bounds(shown) {
   const points = [...shown.marks.map((mark) => [mark.x, mark.y]), ...[...shown.places, ...shown.areas, ...shown.obstacles].flatMap((each) => each.polygon), ...shown.robots.map((robot) => robot.knots.slice(1, 3))];
@@ -189,7 +192,7 @@ function list() {
   tabs();
   cards.show(listed, ended(), {
     nowS: listedS, chosen, visited: viewBefore?.of, flashed, floorName, floorShown: floor, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
-    colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
+    colour: (vendor) => vendors.colour(vendor, root.dataset.theme), isPerson: (vendor) => vendors.people.has(vendor),
   });
   const over = listed.length - lasting.length + ended().length;
   setText($("count"), lasting.length || over ? `(${[lasting.length, ...(over ? [`${over} over`] : [])].join(", ")})` : "");
@@ -209,14 +212,19 @@ function list() {
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
-  vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health);
+  vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health, distrusted);
   if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, nowS(), isTakenOff);
   showBox();
 }
 
+// The names of a vendor's robots that drive otherwise than they announce.
+function distrusted(vendor) {
+  return (live.health.distrusted ?? []).map((uuid) => live.robots.get(uuid)).filter((robot) => robot?.vendor === vendor).map(({ name }) => short(name, vendor));
+}
+
 function showBox() {
   const robot = robotShown && robots().get(robotShown);
-  box.show(robot || null, robot && { nowS: nowS(), isTakenOff: isTakenOff(robot), standards: vendors.standards(robot.vendor) });
+  box.show(robot || null, robot && { nowS: nowS(), isTakenOff: isTakenOff(robot), isDistrusted: (live.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor) });
 }
 
 // New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.

@@ -14,6 +14,7 @@ export function order({ action, seconds: forS, speed_mps: speed, where }) {
   return `${ACTIONS[action]}${amount}${where && ["wait", "back_out"].includes(action) ? ` ${where}` : ""}`;
 }
 
+const BEGUN_S = 4; // what began longer ago has the time since then
 const CHANGED_S = 15; // advice is new for so long
 const COST_STEP_S = 15;
 const LONG_S = 120; // what is open for longer has the time of day since when it is
@@ -34,7 +35,7 @@ export function ago(s) {
 export function countdown(situation, nowS) {
   if (isOver(situation)) return "";
   const left = seconds(situation.predicted_at) - nowS;
-  return left < 0.5 ? "now" : `in ${span(Math.ceil(left))}`;
+  return left < -BEGUN_S ? `for ${span(-left)}` : left < 0.5 ? "now" : `in ${span(Math.ceil(left))}`;
 }
 
 export function seconds(at) { return Date.parse(at) / 1000; }
@@ -72,6 +73,16 @@ export function toDo({ advice, ends }, nowS) {
   const found = ENDINGS.find(([start]) => ends.startsWith(start));
   const programs = advice ? ` Programs that move robots are advised: ${steps(advice, nowS).join("; ")}.` : "";
   return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.${programs}` };
+}
+
+// Who has it done, and why by these robots. `isPerson(vendor)` is whether a vendor's robots are people.
+export function by({ advice, robots, vendors }, isPerson) {
+  if (!advice?.for_people) return "";
+  const asked = advice.actions.filter(({ action }) => !["go_first", "look"].includes(action)), vendorOf = new Map(robots.map((uuid, i) => [uuid, vendors[i]]));
+  const drivers = [...new Set(asked.map(({ robot }) => vendorOf.get(robot)))], controls = drivers.filter((vendor) => vendor && !isPerson(vendor));
+  const who = [controls.length ? `by the fleet control of ${controls.join(" and ")}, or by hand at the robot` : "", ...drivers.filter((vendor) => vendor && isPerson(vendor)).map((vendor) => `tell ${vendor}`)];
+  const why = asked.filter(({ reason }) => reason).map(({ name, robot, reason }) => `Why ${short(name, vendorOf.get(robot) ?? "")}: ${reason}.`);
+  return [...who.filter(Boolean).map((text) => `${sentence(text)}.`), ...why].join(" ");
 }
 
 // An action as far as it is still to do: of a time that runs since it was advised, what is left.

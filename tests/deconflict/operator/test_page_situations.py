@@ -1,6 +1,7 @@
 """The cards of situations on the operator's page, in a real Chromium, for situations that the test publishes."""
 
 import asyncio
+import re
 import shutil
 import time
 from collections.abc import AsyncIterator
@@ -12,6 +13,7 @@ import pytest
 
 from deconflict.advisories.situations.situation import Situation, SituationAdvice
 from deconflict.advisory import Acknowledgement, Action, ConflictAdvisory, Location, Severity, moment
+from deconflict.operator.vendor_models import VendorHealth
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -227,6 +229,46 @@ async def test_the_time_of_advice_that_is_shown_is_what_is_left_of_it(browser: "
     async with opened(browser, face) as page:
         shown_s = int((await text(page, "#situations .first")).split()[-2])
         assert 30 <= shown_s <= 40
+
+
+async def test_a_card_says_who_has_the_advice_done_and_why_by_this_robot(browser: "Browser", face: Served) -> None:
+    backs = Action(robot=robot("A-0"), name=name(0), action="back_out", reason="so they lose the least time in all")
+    orders = advice(0).model_copy(update={"actions": (backs,), "text": f"{name(0)} should back out"})
+    await face.publish(shown(1, 0, 1, advice=orders))
+    async with opened(browser, face) as page:
+        expected = (
+            "By the fleet control of Alder, or by hand at the robot. Why A-0: so they lose the least time in all."
+        )
+        assert await text(page, "#situations .by") == expected
+
+
+async def test_what_has_begun_says_for_how_long_it_has_been_going_on(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, left_s=-20.0), shown(2, 4, 5, left_s=-1.0))
+    async with opened(browser, face) as page:
+        times = await page.evaluate(f"{CARDS}.map((card) => card.querySelector('.when').textContent)")
+        assert sorted(re.sub(r"\d+", "N", time_text) for time_text in times)[0] == "for N s"
+
+
+async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announced(
+    browser: "Browser", face: Served
+) -> None:
+    script = """async (vendor) => {
+        const { Vendors } = await import("/page/list/vendors.js");
+        const [words, figures] = ["tbody", "tbody"].map((tag) => document.createElement(tag));
+        const table = new Vendors();
+        return [["A-3"], ["A-3", "A-5", "A-6", "A-7"], []].map((names, i) => {
+            const health = { at_s: i, vendors: { Alder: { ...vendor, messages: i, distrusted: names.length || 2 } } };
+            table.tables(words, figures, health, () => names);
+            return words.textContent.match(/nown(.*) may be wrong/)[1];
+        });
+    }"""
+    health = VendorHealth(name="Alder", robots=ROBOTS).model_dump(mode="json")
+    async with opened(browser, face) as page:
+        assert await page.evaluate(script, health) == [
+            "A-3 drives otherwise than it announces: warnings of it",
+            "A-3, A-5, A-6 and 1 more drive otherwise than they announce: warnings of them",
+            "2 robots drive otherwise than they announce: warnings of them",
+        ]
 
 
 async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:

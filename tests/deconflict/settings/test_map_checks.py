@@ -43,6 +43,17 @@ def test_the_residual_of_the_global_fit_counts_though_adjust_would_hide_it() -> 
     assert told(readings, tolerance_m=0.6) == []
 
 
+def test_points_have_the_names_that_people_know() -> None:
+    points = tuple(point.model_copy(update={"name": f"Pillar {point.id}"}) for point in DATUM.reference_points)
+    datum = DATUM.model_copy(update={"reference_points": points})
+    readings = turned(4)
+    readings["gate"] = readings["gate"][::-1]
+    (problem,) = map_problems(VendorMap(datum="own", site_datum=HALL, readings=readings), datum)
+    assert problem.startswith(
+        "readings.gate: this reading of Pillar gate has x and y exchanged; the fit of all misses Pi"
+    )
+
+
 def test_a_stretch_by_three_points_is_a_wrong_reading_until_a_fourth_confirms_it() -> None:
     stretched = {name: (1.05 * x, y) for name, (x, y) in MARKS.items()}
     three = dict(list(stretched.items())[:3])

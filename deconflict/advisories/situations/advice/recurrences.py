@@ -14,7 +14,7 @@ from deconflict.advisory import AdvisoryState, AnyAdvisory, BlockageAdvisory, Co
 WITHIN_S = 600.0
 """Earlier times count if they ended within this time."""
 OFTEN = 3
-"""From this time on, the present one included, something recurs."""
+"""From this time on, the present one included, what ended by itself is taken to do so again."""
 NEAR_M = 5.0
 """What is nearer is at the same place."""
 PAUSE_S = 15.0
@@ -47,7 +47,7 @@ class Recurrence(NamedTuple):
     longest_s: float
     """The longest of the earlier times."""
     is_short: bool
-    """Whether it ended by itself each time, and may do so again."""
+    """Whether it ended by itself often enough, and may do so again."""
 
 
 class Recurrences:
@@ -102,10 +102,11 @@ class Recurrences:
         ]
         if times and began_s - times[-1].until_s < PAUSE_S:
             began_s = times.pop().from_s
-        if len(times) + 1 < OFTEN:
+        if not times:
             return None
         longest_s = max(time.until_s - time.from_s for time in times)
-        is_short = longest_s <= BY_ITSELF_S and now_s - began_s < LONGER_SHARE * longest_s + LONGER_S
+        is_often = len(times) + 1 >= OFTEN
+        is_short = is_often and longest_s <= BY_ITSELF_S and now_s - began_s < LONGER_SHARE * longest_s + LONGER_S
         return Recurrence(len(times) + 1, longest_s, is_short)
 
 

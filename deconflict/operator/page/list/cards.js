@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgency, what } from "../texts.js";
+import { KINDS, SIGNS, by, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgency, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -59,7 +59,7 @@ export class Cards {
   newCard(id) {
     const card = part("li", "card"), top = part("div", "top"), buttons = part("div", "acts"), behind = part("details", "behind"), { acts } = this;
     const parts = card.parts = Object.fromEntries([["span", "severity"], ["h3", "kind"], ["span", "when"], ["p", "what"], ["p", "advice"], ["strong", "first"], ["span", "then"],
-      ["p", "changed"], ["ul", "robots"], ["p", "since"], ["p", "answer"], ["button", "show"], ["button", "take"], ["summary", "count"], ["ul", "lines"]].map(([tag, kind]) => [kind, part(tag, kind)]));
+      ["p", "by"], ["p", "changed"], ["ul", "robots"], ["p", "since"], ["p", "answer"], ["button", "show"], ["button", "take"], ["summary", "count"], ["ul", "lines"]].map(([tag, kind]) => [kind, part(tag, kind)]));
     card.dataset.id = id;
     parts.behind = behind;
     parts.show.type = parts.take.type = "button";
@@ -76,12 +76,12 @@ export class Cards {
     parts.advice.append(parts.first, parts.then);
     buttons.append(parts.since, parts.show, parts.take);
     behind.append(parts.count, parts.lines);
-    card.append(top, parts.what, parts.advice, parts.changed, parts.robots, parts.answer, buttons, behind);
+    card.append(top, parts.what, parts.advice, parts.by, parts.changed, parts.robots, parts.answer, buttons, behind);
     this.cards.set(id, card);
     return card;
   }
 
-  fill(card, situation, { nowS, chosen, visited, flashed, floorName, floorShown, past, behind, situations, colour }) {
+  fill(card, situation, { nowS, chosen, visited, flashed, floorName, floorShown, past, behind, situations, colour, isPerson }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation, nowS), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
     const floor = situation.location ? floorName(situation.location.datum) : "", text = gist(situation);
     card.classList.remove("critical", "warning", "caution");
@@ -100,6 +100,7 @@ export class Cards {
     setText(parts.what, ended && isCalm(situation) ? `${text}: ${outcome(situation, situations)}` : text);
     setText(parts.first, ended ? "" : first);
     setText(parts.then, ended ? sentence(outcome(situation, situations)) : then);
+    showText(parts.by, ended ? "" : by(situation, isPerson));
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
     setText(parts.since, [situation.location && situation.location.datum !== floorShown && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));

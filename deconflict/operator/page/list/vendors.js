@@ -9,6 +9,7 @@ const COLOURS = {
 };
 const MARKS = 4;
 const RATE_SAMPLES = 6;
+const NAMED = 3; // robots that a sentence names
 const CLOCK_OFF_S = 0.5;
 // The largest error of a forecast three seconds ahead, in four of five cases.
 const ACCURACY = { A: "within 0.1 m", B: "within 0.25 m", C: "within 0.5 m", D: "within 1 m", E: "over 1 m off" };
@@ -61,10 +62,11 @@ export class Vendors {
   }
 
   // The table in words, and the table of figures.
-  tables(words, figures, health) {
+  // `distrusted(vendor)` are the names of the robots that drive otherwise than they announce.
+  tables(words, figures, health, distrusted) {
     if (!health.vendors || this.healths.at(-1)?.at_s === health.at_s) return;
     this.healths = [...this.healths.slice(1 - RATE_SAMPLES), health];
-    const vendors = Object.entries(health.vendors).map(([name, vendor]) => [name, vendor, this.rate(name)]);
+    const vendors = Object.entries(health.vendors).map(([name, vendor]) => [name, { ...vendor, doubts: distrust(vendor, distrusted(name)) }, this.rate(name)]);
     words.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inWords(vendor, rate))));
     figures.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inFigures(vendor, rate))));
   }
@@ -85,7 +87,7 @@ export class Vendors {
 
 // What a shift leader needs to know of a vendor, and what to pass on to the integrator.
 function inWords(vendor, rate) {
-  const notes = [...(rate === 0 ? ["no messages arrive: call the integrator"] : []), ...distrust(vendor)], passed = changes(vendor);
+  const notes = [...(rate === 0 ? ["no messages arrive: call the integrator"] : []), ...vendor.doubts], passed = changes(vendor);
   if (vendor.rejected) passed.push("some messages can't be read");
   if (clock(vendor) !== "right") passed.push(`clock ${clock(vendor)}`);
   const heard = vendor.silent ? `${vendor.robots - vendor.silent} heard, ${vendor.silent} silent` : `${vendor.robots}, all heard`;
@@ -99,7 +101,7 @@ function inFigures(vendor, rate) {
     [clock(vendor), clock(vendor) !== "right"],
     [vendor.forecast_age_s === null ? "–" : `${vendor.forecast_age_s.toFixed(1)} s`, vendor.forecast_age_s > 3],
     [vendor.grade === null ? "not yet known" : `${vendor.grade}: ${ACCURACY[vendor.grade]}`, vendor.grade >= "D"],
-    [[...changes(vendor), ...distrust(vendor)].join("; ") || "nothing", vendor.flags.length + vendor.distrusted > 0],
+    [[...changes(vendor), ...vendor.doubts].join("; ") || "nothing", vendor.flags.length + vendor.distrusted > 0],
   ];
 }
 
@@ -113,8 +115,11 @@ function changes(vendor) {
   return vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
 }
 
-function distrust({ distrusted: count }) {
-  return count ? [`${plural(count, "robot")} ${count === 1 ? "drives otherwise than it announces: warnings of it" : "drive otherwise than they announce: warnings of them"} may be wrong`] : [];
+// Which robots drive otherwise than they announce; `names` are those that are known.
+function distrust({ distrusted: count }, names) {
+  if (!count) return [];
+  const who = names.length ? [names.slice(0, NAMED).join(", "), ...(count > NAMED ? [`${count - NAMED} more`] : [])].join(" and ") : plural(count, "robot");
+  return [`${who} ${count === 1 ? "drives otherwise than it announces: warnings of it" : "drive otherwise than they announce: warnings of them"} may be wrong`];
 }
 
 function row(name, cells) {

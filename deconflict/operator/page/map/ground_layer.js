@@ -103,7 +103,7 @@ export class GroundLayer {
   placeNames(scene) {
     const { camera, ink } = this.map, tiny = camera.scale <= 3;
     for (const place of scene.places) {
-      const contended = scene.contended.get(place.id), queue = contended?.queue_length ? `, ${contended.queue_length} will queue` : "";
+      const contended = scene.contended.get(place.id), queue = contended?.queue_length && !contended.resources?.length ? `, ${contended.queue_length} will queue` : "";
       if (tiny && !contended) continue;
       this.beside(place.id, edges(place.polygon, camera), `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint, Boolean(contended));
     }

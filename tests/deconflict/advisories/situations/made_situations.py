@@ -66,7 +66,7 @@ def queue(robots: str, wait_s: float = 40.0, **fields: Any) -> ContentionAdvisor
     """Robots that wait for a dock."""
     place = {"resource": "dock-1", "resource_name": "Dock 1", "capacity": 1, "demand": len(robots)}
     lengths = {"queue_length": len(robots) - 1, "wait_s": wait_s}
-    return ContentionAdvisory(**finding("contention", robots, **place, **lengths, **fields))
+    return ContentionAdvisory(**finding("contention", robots, **(place | lengths | fields)))
 
 
 def blockage(robots: str, **fields: Any) -> BlockageAdvisory:

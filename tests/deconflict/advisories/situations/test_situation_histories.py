@@ -1,7 +1,6 @@
 """Drawn histories of advisories: whatever joins and splits, no id of a situation is lost, doubled or used again."""
 
 from collections import defaultdict
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from math import hypot
 from typing import Any
@@ -140,19 +139,7 @@ def check_bounds(history: History) -> None:
         robots = {robot for each in advisories for robot in each.robots}
         assert len({each.location.datum for each in advisories}) == 1
         extent_m = hypot(max(xs) - min(xs), max(ys) - min(ys))
-        is_linked = len(list(linked(advisories))) == 1
-        assert extent_m <= MOST_EXTENT_M or (extent_m <= NEAR_M and len(robots) <= MOST_ROBOTS and is_linked)
-
-
-def linked(advisories: list[ConflictAdvisory]) -> Iterator[set[str]]:
-    """The robots that advisories share with each other, one set for each separate part."""
-    left = [set(each.robots) for each in advisories]
-    while left:
-        part = left.pop()
-        while touching := next((robots for robots in left if robots & part), None):
-            left.remove(touching)
-            part |= touching
-        yield part
+        assert extent_m <= MOST_EXTENT_M or (extent_m <= NEAR_M and len(robots) <= MOST_ROBOTS)
 
 
 def check_chain(revisions: list[Situation]) -> None:

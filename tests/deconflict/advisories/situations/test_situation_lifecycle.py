@@ -25,20 +25,6 @@ def test_conflicts_that_share_a_robot_are_one_situation() -> None:
     assert set(situation.advisories) == {"conflict ab", "conflict bc"}
 
 
-def test_conflicts_of_other_robots_are_one_situation_only_side_by_side() -> None:
-    assert raised([conflict("ab"), conflict("cd", x_m=8.0)]).robots == tuple("abcd")
-    assert len(lifecycle().revise(NOW_S, [conflict("ab"), conflict("cd", x_m=15.0)])) == 2
-
-
-def test_what_shares_no_robot_any_more_splits_off() -> None:
-    situations = lifecycle()
-    middle = conflict("bc", x_m=8.0)
-    (whole,) = situations.revise(NOW_S, [conflict("ab"), middle, conflict("cd", x_m=15.0)])
-    revisions = situations.revise(NOW_S + UPDATE_GAP_S, [middle.cleared_revision(NOW_S + UPDATE_GAP_S, "they passed")])
-    (part,) = (revision for revision in revisions if revision.id != whole.id)
-    assert (part.split_from, part.robots) == (whole.id, ("c", "d"))
-
-
 def test_conflicts_far_apart_are_two_situations() -> None:
     assert len(lifecycle().revise(NOW_S, [conflict("ab"), conflict("cd", x_m=30.0)])) == 2
 

@@ -41,6 +41,7 @@ def test_a_robot_is_distrusted_while_it_contradicts_its_own_motion() -> None:
     for t_s in range(30, 36):
         stage.second(t_s)
     assert stage.foresight.is_distrusted("a")
+    assert stage.foresight.distrusted() == ["a"]
     stage.foresight.measures.as_document()
     values = stage.foresight.measures.values
     assert values["deconflict_robots_distrusted"] == {("Alder",): 1.0}

@@ -89,7 +89,7 @@ class GivenSources:
 
     async def live_status(self) -> dict[str, Any]:
         roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
-        return {"roles": roles, "vendors": {}, "unidentified": [], "fading": {}, "taken_off": {}}
+        return {"roles": roles, "vendors": {}, "unidentified": [], "fading": {}, "taken_off": {}, "distrusted": []}
 
     def presence(self) -> dict[str, Any]:
         off = {"vendor": "Alder", "name": "Alder A-7", "heard_s": 5.0, "at_s": 9.0, "by": "Corvid C-12"}

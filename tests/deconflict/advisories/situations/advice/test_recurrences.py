@@ -52,6 +52,13 @@ def test_what_ends_by_itself_each_time_asks_nobody_for_anything() -> None:
     assert (third.severity, third.advice) == (Severity.CAUTION, None), "programs can't look"
 
 
+def test_a_second_time_is_said_to_be_one_and_is_as_severe_as_the_first() -> None:
+    second = newest(*locked(OFTEN - 2))
+    assert second.summary.endswith("; second time in 10 min, ended by itself within 11 s the first time")
+    assert second.severity is Severity.CRITICAL
+    assert second.advice
+
+
 def test_a_conflict_within_it_asks_nobody_for_anything_either() -> None:
     situations, now_s = locked(OFTEN - 1)
     slow = advice(action("a", "slow_down", seconds=14.0, speed_mps=0.5), action("b", "go_first"))
@@ -88,8 +95,6 @@ def test_what_is_elsewhere_of_others_or_long_ago_has_not_come_back() -> None:
     assert "time in" not in newest(situations, now_s, vendors=("Acme", "Borealis")).summary
     situations, now_s = locked(OFTEN - 1)
     assert "time in" not in newest(situations, now_s + WITHIN_S).summary
-    situations, now_s = locked(OFTEN - 2)
-    assert "time in" not in newest(situations, now_s).summary
 
 
 def test_what_comes_back_at_once_has_not_been_away() -> None:

@@ -1,0 +1,28 @@
+"""The shape of a situation on the map, and the places that its sentence counts."""
+
+import shapely
+
+from deconflict.advisories.situations.situation import MOST_CORNERS
+from tests.deconflict.advisories.situations.made_situations import conflict, raised
+
+
+def test_places_near_each_other_are_one_spot() -> None:
+    situation = raised([conflict("ab"), conflict("bc", x_m=4.0)])
+    assert "3 robots get in each other's way in" in situation.summary
+    assert shapely.Polygon(situation.outline).covers(shapely.Point(2.0, 1.0))
+
+
+def test_places_apart_are_spots_with_a_thin_link() -> None:
+    situation = raised([conflict("ab"), conflict("bc", x_m=15.0)])
+    assert "3 robots get in each other's way at 2 places in" in situation.summary
+    assert situation.summary.endswith(", the worst in Aisle 3")
+    area = shapely.Polygon(situation.outline)
+    assert area.is_valid
+    assert all(area.covers(shapely.Point(x_m, 1.0)) for x_m in (0.0, 15.0))
+    assert area.covers(shapely.Point(8.0, 0.0))
+    assert not area.covers(shapely.Point(8.0, 0.5))
+
+
+def test_an_outline_of_many_spots_has_few_corners() -> None:
+    ring = [conflict(f"{a}{b}", x_m=6.5 * index) for index, (a, b) in enumerate(["ab", "bc", "cd", "de"])]
+    assert len(raised(ring).outline) <= MOST_CORNERS
