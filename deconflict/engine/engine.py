@@ -172,7 +172,8 @@ class Engine:
         updated, self._updated = self._updated, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
         dormant = self._sweep.grow_quiet(now_s)
-        self.foresight.let_sleep(dormant)
+        self.live.set_aside(dormant)
+        self.foresight.let_sleep(dormant, now_s)
         accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
         conflicts = self._sweep.sweeper.find_conflicts(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._moves(pair)]

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionReports
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
+from deconflict.foresight.interactions.recent_reports import InteractionReports
 from ingest.batch import Bools, Floats, Ints
 
 SHIFT_S = 60.0

@@ -7,8 +7,8 @@ import numpy as np
 from deconflict.foresight.forecast_errors import candidate_pairs, track_kernels
 from deconflict.foresight.forecast_errors.error_ledger import HORIZONS
 from deconflict.foresight.forecast_errors.track_kernels import LONG_AGO_S, Errors, ReportHistory, Robots
+from deconflict.foresight.history_rows import HistoryRows, with_rows
 from deconflict.sweep.geometry.pose import poses_at
-from deconflict.sweep.robot_slots import lengthened
 from ingest.batch import Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
@@ -17,6 +17,9 @@ KEPT = HORIZONS + 1
 TRACK_S = HORIZONS + 2
 """A forecast is sampled this far ahead of its report: the horizon, and the age of a report in use."""
 TRACK_LOOKS: Floats = np.arange(TRACK_S + 1.0)
+BY_SLOT = "newest", "previous", "track", "around"
+BY_ROW = "made_s", "stopped", "next_index", "kind", "forecast", "bands_m"
+"""Columns of the history by slot, and by the row of a robot that does not rest."""
 ROUNDING_M = 1e-6
 
 
@@ -47,15 +50,17 @@ class ReportedTracks(NamedTuple):
 
 
 class PendingForecasts:
-    """By slot: the newest report, and the last `KEPT` forecasts."""
+    """By slot: the newest report, and of a robot that does not rest the last `KEPT` forecasts."""
 
     def __init__(self) -> None:
         of_robot, of_kept = np.zeros((0, 5)), np.zeros((0, KEPT))
+        self._rows = HistoryRows()
         self._history = ReportHistory(
             newest=of_robot,
             previous=of_robot,
             track=np.zeros((0, TRACK_S + 1, 4)),
             around=of_robot,
+            row=self._rows.of_slot,
             made_s=of_kept,
             stopped=of_kept.astype(np.bool_),
             next_index=np.zeros(0, np.int64),
@@ -68,13 +73,26 @@ class PendingForecasts:
         """Make room for this many slots."""
         more = slots - len(self.newest)
         if more > 0:
-            self._history = ReportHistory(*(lengthened(column, more) for column in self._history))
+            self._rows.grow(slots)
+            longer = with_rows(self._history, BY_SLOT, slots)
+            self._history = self._history._replace(row=self._rows.of_slot, **longer)
             self.forget(np.arange(slots - more, slots))
 
     def forget(self, slots: Ints) -> None:
         """Other robots have these slots from now on."""
-        history = self._history
-        history.made_s[slots] = history.newest[slots, 0] = history.previous[slots, 0] = LONG_AGO_S
+        self.rest(slots)
+        self._history.newest[slots, 0] = self._history.previous[slots, 0] = LONG_AGO_S
+
+    def rest(self, slots: Ints) -> None:
+        """These robots have been silent for so long that their kept forecasts are of no use."""
+        self._history.made_s[self._rows.release(slots)] = LONG_AGO_S
+        self._fit()
+
+    def _fit(self) -> None:
+        rows, before = len(self._rows), len(self._history.made_s)
+        if rows != before:
+            self._history = self._history._replace(**with_rows(self._history, BY_ROW, rows))
+            self._history.made_s[before:] = LONG_AGO_S
 
     @property
     def newest(self) -> Floats:
@@ -109,7 +127,8 @@ class PendingForecasts:
 
     def drop_forecasts(self, slots: Ints) -> None:
         """Do not compare the forecasts that these robots made until now with later reports."""
-        self._history.made_s[slots] = LONG_AGO_S
+        rows = self._rows.of_slot[slots]
+        self._history.made_s[rows[rows >= 0]] = LONG_AGO_S
 
     def add_reports(
         self, robots: Robots, half_m: Floats, reports: ReportedTracks, bands_m: Floats
@@ -119,4 +138,6 @@ class PendingForecasts:
         Returns the errors of earlier forecasts, and (n,) whether each robot stands. `bands_m` (kinds, HORIZONS, 3) are
         the bands of the ledger.
         """
+        self._rows.assign(reports.slot)
+        self._fit()
         return track_kernels.add_reports(robots, half_m, self._history, *reports, bands_m)

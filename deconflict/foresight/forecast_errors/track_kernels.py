@@ -62,7 +62,7 @@ Errors = NDArray[Any]
 
 
 class ReportHistory(NamedTuple):
-    """The last two reports of each robot and the forecasts that are kept of it, by slot."""
+    """The last two reports of each robot, by slot, and the forecasts that are kept of it, by `row`."""
 
     newest: Floats
     """(slots, 5) the newest report."""
@@ -73,18 +73,20 @@ class ReportHistory(NamedTuple):
     around: Floats
     """(slots, 5) a box around the track: x_m and y_m of its centre, its half sides, and the longest distance that the
     robot goes in a second."""
+    row: Ints
+    """(slots,) the row of its kept forecasts; -1 for a robot that rests. A robot that reports has one."""
     made_s: Floats
-    """(slots, kept) when each kept forecast was made."""
+    """(rows, kept) when each kept forecast was made."""
     stopped: Bools
-    """(slots, kept) whether the robot has stood at a time when this forecast had it move."""
+    """(rows, kept) whether the robot has stood at a time when this forecast had it move."""
     next_index: Ints
-    """(slots,) the place of the next forecast among the kept ones."""
+    """(rows,) the place of the next forecast among the kept ones."""
     kind: Ints
-    """(slots, kept) the ledger row of each kept forecast."""
+    """(rows, kept) the ledger row of each kept forecast."""
     forecast: Floats
-    """(slots, kept, horizons, 4) x_m, y_m, yaw_rad and floor that were forecast."""
+    """(rows, kept, horizons, 4) x_m, y_m, yaw_rad and floor that were forecast."""
     bands_m: Floats
-    """(slots, kept, horizons, 3) radii of the bands when the forecast was made."""
+    """(rows, kept, horizons, 3) radii of the bands when the forecast was made."""
 
 
 class Looks(NamedTuple):
@@ -131,7 +133,9 @@ _HISTORY = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
     (
         *[_MATRIX] * 2,
         _CUBE,
-        *[_MATRIX] * 2,
+        _MATRIX,
+        _INTS,
+        _MATRIX,
         numba.boolean[:, ::1],
         _INTS,
         numba.int64[:, ::1],
@@ -282,31 +286,31 @@ def _store_report(history: ReportHistory, slot: int, event_s: float, tracks: Flo
 
 
 @inner
-def _reserve_index(history: ReportHistory, slot: int, event_s: float) -> int:
-    """Reserve the place of a robot's oldest forecast for a new one. Returns -1 if the last one was made less than
-    `SPACED_S` before."""
+def _reserve_index(history: ReportHistory, own: int, event_s: float) -> int:
+    """Reserve the place of the oldest forecast of row `own` for a new one. Returns -1 if the last one was made less
+    than `SPACED_S` before."""
     made_s, next_index = history.made_s, history.next_index
     last_s = -np.inf
     for made in range(made_s.shape[1]):
-        last_s = max(last_s, made_s[slot, made])
+        last_s = max(last_s, made_s[own, made])
     if not event_s - last_s >= SPACED_S:
         return -1
-    place = int(next_index[slot])
-    made_s[slot, place], next_index[slot] = event_s, (place + 1) % made_s.shape[1]
+    place = int(next_index[own])
+    made_s[own, place], next_index[own] = event_s, (place + 1) % made_s.shape[1]
     return place
 
 
 @inner
 def _store_forecast(
-    history: ReportHistory, slot: int, place: int, tracks: Floats, row: int, kind_bands_m: Floats, kind: int
+    history: ReportHistory, own: int, place: int, tracks: Floats, row: int, kind_bands_m: Floats, kind: int
 ) -> None:
     bands_m = history.bands_m
-    history.kind[slot, place] = kind
+    history.kind[own, place] = kind
     for second in range(history.forecast.shape[2]):
         for part in range(4):
-            history.forecast[slot, place, second, part] = tracks[row, second + 1, part]
+            history.forecast[own, place, second, part] = tracks[row, second + 1, part]
         for band in range(3):
-            bands_m[slot, place, second, band] = kind_bands_m[kind, second, band]
+            bands_m[own, place, second, band] = kind_bands_m[kind, second, band]
 
 
 @inner
@@ -351,15 +355,15 @@ def _stood_since_s(history: ReportHistory, slot: int, since_s: float, forecast_m
 @inner
 def _mark_stopped(history: ReportHistory, slot: int) -> None:
     """Mark the forecasts by which a robot moves now, although it stands."""
-    forecast = history.forecast
+    forecast, own = history.forecast, history.row[slot]
     for made in range(history.made_s.shape[1]):
-        after_s = history.newest[slot, 0] - history.made_s[slot, made]
+        after_s = history.newest[slot, 0] - history.made_s[own, made]
         last = forecast.shape[2] - 1
         second = min(max(int(after_s) - 1, 0), last - 1)
-        dx = forecast[slot, made, second + 1, 0] - forecast[slot, made, second, 0]
-        dy = forecast[slot, made, second + 1, 1] - forecast[slot, made, second, 1]
+        dx = forecast[own, made, second + 1, 0] - forecast[own, made, second, 0]
+        dy = forecast[own, made, second + 1, 1] - forecast[own, made, second, 1]
         if np.hypot(dx, dy) > GOES_MPS:
-            history.stopped[slot, made] = True
+            history.stopped[own, made] = True
 
 
 @inner
@@ -432,17 +436,17 @@ def add_reports(
         waits = robots[slot].stood_since_s < np.inf
         if waits:
             _mark_stopped(history, slot)
-        is_joined = previous_s > LONG_AGO_S and previous_s >= newest_s - JOINED_S
+        own, is_joined = history.row[slot], previous_s > LONG_AGO_S and previous_s >= newest_s - JOINED_S
         line = _line(history, slot)
         yaw, c, s = 0.0, 1.0, 0.0
         for made in range(kept if is_joined else 0):
-            first = max(int(previous_s - made_s[slot, made]) - 1, 0)
-            for second in range(first, min(int(newest_s - made_s[slot, made]) + 1, horizons)):
-                moment_s = made_s[slot, made] + (second + 1.0)
+            first = max(int(previous_s - made_s[own, made]) - 1, 0)
+            for second in range(first, min(int(newest_s - made_s[own, made]) + 1, horizons)):
+                moment_s = made_s[own, made] + (second + 1.0)
                 if not previous_s < moment_s <= newest_s:
                     continue
-                x, y = forecast[slot, made, second, 0], forecast[slot, made, second, 1]
-                turned, floor = forecast[slot, made, second, 2], forecast[slot, made, second, 3]
+                x, y = forecast[own, made, second, 0], forecast[own, made, second, 1]
+                turned, floor = forecast[own, made, second, 2], forecast[own, made, second, 3]
                 was_x, was_y, _, was_floor = _on(line, moment_s)
                 if floor != was_floor or floor < 0.0:
                     continue
@@ -450,14 +454,14 @@ def add_reports(
                     yaw, c, s = turned, cos(turned), sin(turned)
                 dx, dy = was_x - x, was_y - y
                 error = errors[found]
-                error.kind, error.robot, error.horizon_s = history.kind[slot, made], slot, second + 1
-                error.following = not history.stopped[slot, made]
+                error.kind, error.robot, error.horizon_s = history.kind[own, made], slot, second + 1
+                error.following = not history.stopped[own, made]
                 _set_error(error, c * dx + s * dy, c * dy - s * dx)
                 for band in range(3):
-                    error.bands_m[band] = history.bands_m[slot, made, second, band]
+                    error.bands_m[band] = history.bands_m[own, made, second, band]
                 found += 1
-        place = _reserve_index(history, slot, event_s[row])
+        place = _reserve_index(history, own, event_s[row])
         if place >= 0:
-            history.stopped[slot, place] = waits and robots[slot].leaves
-            _store_forecast(history, slot, place, tracks, row, kind_bands_m, kinds[row])
+            history.stopped[own, place] = waits and robots[slot].leaves
+            _store_forecast(history, own, place, tracks, row, kind_bands_m, kinds[row])
     return errors[:found].copy(), stands

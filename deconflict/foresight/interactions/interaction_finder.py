@@ -9,25 +9,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.foresight.interactions.forecast_ways import distance_along, gaps_to, shortest_way_left, way_from
 from deconflict.foresight.interactions.progress_kernels import (
-    AHEAD_S,
     BRAKED,
-    KEPT,
     RESUMED,
-    STATE,
     Findings,
-    add_reports,
 )
+from deconflict.foresight.interactions.recent_reports import InteractionReports, RecentReports
 from deconflict.foresight.motion_assumptions import BRAKES_MPS2
 from deconflict.sweep.geometry.heights import heights_overlap
-from deconflict.sweep.robot_slots import lengthen
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Floats, Ints
 
 BEYOND_M = 1.0
 """A robot is in the way of another one if it is on that one's way within its stopping distance plus this."""
@@ -100,50 +95,12 @@ class _OpenInteraction:
     """It continues the pair's last interaction."""
 
 
-class InteractionReports(NamedTuple):
-    """n robots of a batch, each of them once. Arrays are (n,) if not said otherwise."""
-
-    slot: Ints
-    event_s: Floats
-    track: Floats
-    """(n, k, 4) x_m, y_m, yaw_rad and floor: as reported, and as forecast for each whole second after that, at least
-    `AHEAD_S`; nan if unknown."""
-    explained: Bools
-    """Whether the robot says why it stands, such as that it charges or is driven by hand."""
-    usual_m: Floats
-    """(n, AHEAD_S) usual errors of forecasts of its kind, by whole seconds ahead."""
-
-
-class ReportedMotion(NamedTuple):
-    """The newest `KEPT` reports of each robot, by slot, as views that change with each report."""
-
-    states: NDArray[Any]
-    """(slots,) of `STATE`: which report is the newest, and how many are kept."""
-    t_s: Floats
-    """(slots, KEPT) time of each."""
-    tracks: Floats
-    """(slots, KEPT, AHEAD_S + 1, 3) x_m, y_m and yaw_rad, as reported and as forecast for each second after that."""
-    floor: Floats
-    """(slots, KEPT)"""
-    speed: Floats
-    """(slots, KEPT) speed from the report before."""
-
-
 class InteractionFinder:
-    """By slot: the newest reports of each robot, and whether it gives way to another one."""
+    """By slot: whether a robot gives way to another one."""
 
     def __init__(self) -> None:
-        self._states = np.zeros(0, STATE)
-        self._t_s = np.zeros((0, KEPT))
-        """(slots, KEPT) time of each kept report."""
-        self._tracks = np.zeros((0, KEPT, AHEAD_S + 1, 3))
-        """(slots, KEPT, AHEAD_S + 1, 3) x_m, y_m and yaw_rad of each kept report and of its forecast."""
-        self._floor = np.zeros((0, KEPT))
-        """(slots, KEPT) floor of each kept report."""
-        self._speed = np.zeros((0, KEPT))
-        """(slots, KEPT) speed from the report before."""
-        self._follows = np.zeros((0, KEPT))
-        """(slots, KEPT) share of the forecast way that the robot had come since the report before."""
+        self.recent = RecentReports()
+        """The reports that are kept."""
         self._open: dict[int, _OpenInteraction] = {}
         """By slot of the robot that gives way."""
         self._ended_s: dict[tuple[int, int], float] = {}
@@ -151,15 +108,12 @@ class InteractionFinder:
 
     def grow(self, slots: int) -> None:
         """Make room for this many slots."""
-        more = slots - len(self._states)
-        if more > 0:
-            lengthen(self, ("_states", "_t_s", "_tracks", "_floor", "_speed", "_follows"), more)
+        self.recent.grow(slots)
 
     def forget(self, slots: Iterable[int]) -> None:
         """Other robots have these slots from now on."""
         gone = set(slots)
-        for slot in gone:
-            self._states[slot] = np.zeros((), STATE)
+        self.recent.release(np.array([*gone], np.int64))
         self._open = {
             slot: interaction
             for slot, interaction in self._open.items()
@@ -167,16 +121,25 @@ class InteractionFinder:
         }
         self._ended_s = {pair: ended_s for pair, ended_s in self._ended_s.items() if gone.isdisjoint(pair)}
 
+    def rest(self, slots: Ints) -> list[Interaction]:
+        """These robots have been silent for long, and stand where their forecasts ended. Of their reports nothing else
+        is kept. Returns the interactions that end with that."""
+        ended = list[Interaction]()
+        slots, end_s = self.recent.rest(slots)
+        for slot, at_s in zip(slots.tolist(), end_s.tolist(), strict=True):
+            interaction = self._open.pop(slot, None)
+            if interaction and interaction.other >= 0:
+                outcome = InteractionOutcome.UNKNOWN if interaction.ordered else InteractionOutcome.YIELDED
+                ended.append(_interaction(slot, interaction, outcome, max(at_s, interaction.onset_s)))
+        return ended
+
     def receive(self, reports: InteractionReports, half_m: Floats, levels_m: Floats, vendor: Ints) -> list[Interaction]:
         """Add reports. Returns the interactions of which they show something new.
 
         By slot are the half sides `half_m` (2, slots), bottom and top `levels_m` (2, slots), and `vendor` (slots,).
         """
         slots = reports.slot
-        findings = add_reports(
-            self._states, self._t_s, self._tracks, self._floor, self._speed, self._follows, slots, reports.event_s,
-            reports.track, half_m[1, slots], reports.explained, reports.usual_m,
-        )  # fmt: skip
+        findings = self.recent.add(reports, half_m[1, slots])
         found = [self._finish(finding, slots, half_m) for finding in findings if finding["kind"] == RESUMED]
         for finding in findings:
             if finding["kind"] != RESUMED:
@@ -190,21 +153,17 @@ class InteractionFinder:
                     )
         return [interaction for interaction in found if interaction is not None]
 
-    @property
-    def history(self) -> ReportedMotion:
-        return ReportedMotion(self._states, self._t_s, self._tracks, self._floor, self._speed)
-
     def giving_way(self) -> dict[int, int]:
         """By slot of each robot that gives way, the slot of the robot to which it gives way."""
         return {slot: interaction.other for slot, interaction in self._open.items() if interaction.other >= 0}
 
     def _begin(self, finding: Findings, slot: int) -> None:
-        place, made = int(finding["onset_index"]), int(finding["forecast_index"])
-        x_m, y_m = self._tracks[slot, place, 0, :2]
-        way = way_from(self._tracks[slot, made], x_m, y_m)
+        place, made, row = int(finding["onset_index"]), int(finding["forecast_index"]), self.recent.rows.of_slot[slot]
+        tracks = self.recent.motion.tracks[row]
+        way = way_from(tracks[made], *tracks[place, 0, :2])
         onset_s, doubt_s = float(finding["onset_s"]), float(finding["doubt_s"])
         swerved = int(finding["kind"]) != BRAKED
-        floor = float(self._floor[slot, place])
+        floor = float(self.recent.motion.floor[row, place])
         self._open[slot] = _OpenInteraction(onset_s, doubt_s, float(finding["speed_mps"]), swerved, way, floor)
 
     def _update_open(
@@ -254,16 +213,12 @@ class InteractionFinder:
     ) -> tuple[int, float]:
         """The slot of the robot that is nearest on the way of another one, and the way to it; (-1, inf) if there is
         none."""
-        here = self._tracks[slot, self._states["newest"][slot], 0]
-        known = np.flatnonzero(self._states["reports"] > 0)
-        newest = self._states["newest"][known]
-        away_m = np.hypot(*(self._tracks[known, newest, 0, :2] - here[:2]).T)
+        known, place, speed_mps = self.recent.places()
+        away_m = np.hypot(*(place[:, :2] - place[known == slot, :2]).T)
         reach_m = interaction.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + interaction.speed_mps * EARLIER_S
         sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
-        moved_m = self._speed[known, newest] * (now_s - interaction.onset_s + EARLIER_S)
-        near = (
-            (away_m < reach_m + sizes_m + moved_m) & (self._floor[known, newest] == interaction.floor) & (known != slot)
-        )
+        moved_m = speed_mps * (now_s - interaction.onset_s + EARLIER_S)
+        near = (away_m < reach_m + sizes_m + moved_m) & (place[:, 2] == interaction.floor) & (known != slot)
         near &= heights_overlap(*levels_m[:, known], *levels_m[:, slot])
         others = known[near].tolist()
         if not others:
@@ -279,24 +234,14 @@ class InteractionFinder:
         """(n,) the shortest way that a robot has left to each of the robots `others`, at any of the times `looks_s`
         (k,); inf if it does not reach that robot within its stopping distance plus `BEYOND_M`."""
         way = interaction.way
-        along_m = distance_along(way, self._poses(slot, looks_s))
+        along_m = distance_along(way, self.recent.poses(slot, looks_s))
         speed_mps = np.gradient(along_m, looks_s).clip(0.0, interaction.speed_mps) if len(looks_s) > 1 else np.zeros(1)
         reach_m = speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M
         gaps_m = np.empty(len(others))
         for row, other in enumerate(others):
-            apart_m = gaps_to(self._poses(other, looks_s), way, half_m[:, other], half_m[:, slot])
+            apart_m = gaps_to(self.recent.poses(other, looks_s), way, half_m[:, other], half_m[:, slot])
             gaps_m[row] = shortest_way_left(apart_m, way[:, 3], along_m, reach_m)
         return gaps_m
-
-    def _poses(self, slot: int, looks_s: Floats) -> Floats:
-        """(n, 3) poses of a robot at these times: between its reports, and after the newest one by its forecast."""
-        state = self._states[slot]
-        places = (state["newest"] - np.arange(state["reports"])[::-1]) % KEPT
-        newest = self._tracks[slot, state["newest"]]
-        t_s = np.concatenate([self._t_s[slot, places], self._t_s[slot, state["newest"]] + np.arange(1, AHEAD_S + 1)])
-        poses = np.concatenate([self._tracks[slot, places, 0], newest[1:]])
-        columns = [np.interp(looks_s, t_s, poses[:, 0]), np.interp(looks_s, t_s, poses[:, 1])]
-        return np.column_stack([*columns, np.interp(looks_s, t_s, np.unwrap(poses[:, 2]))])
 
 
 def _interaction(

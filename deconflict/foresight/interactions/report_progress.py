@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from deconflict.foresight.interactions.interaction_finder import InteractionReports
+from deconflict.foresight.interactions.recent_reports import InteractionReports
 from ingest.batch import Batch, Floats, Ints
 from ingest.kernels import ready
 

@@ -57,28 +57,28 @@ _turn_between = inner(turn_between)
 
 
 class KnownRobots(NamedTuple):
-    """What is known of all robots, by slot."""
+    """What is known of all robots that do not rest, by row."""
 
     newest: Ints
-    """(slots,) place of the newest report in the history."""
+    """(rows,) place of the newest report in the history."""
     reports: Ints
-    """(slots,) number of kept reports."""
+    """(rows,) number of kept reports."""
     t_s: Floats
-    """(slots, kept) time of each kept report."""
+    """(rows, kept) time of each kept report."""
     tracks: Floats
-    """(slots, kept, k, 3) x_m, y_m, yaw_rad of each kept report, and of its forecast for each second after it."""
+    """(rows, kept, k, 3) x_m, y_m, yaw_rad of each kept report, and of its forecast for each second after it."""
     floor: Floats
-    """(slots, kept) floor of each kept report."""
+    """(rows, kept) floor of each kept report."""
     half_m: Floats
-    """(2, slots) half length and half width."""
+    """(2, rows) half length and half width."""
     levels_m: Floats
-    """(2, slots) bottom and top."""
+    """(2, rows) bottom and top."""
     vendor: Ints
-    """(slots,)"""
+    """(rows,)"""
     ways: Floats
-    """(slots, k, 3) the newest forecast by which the robot moves."""
+    """(rows, k, 3) the newest forecast by which the robot moves."""
     has_way: Bools
-    """(slots,)"""
+    """(rows,)"""
 
 
 _INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from deconflict.foresight.history_rows import with_rows
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
@@ -28,13 +29,14 @@ PART_S = 60.0
 """A loss that lasts longer is reported in parts of this length."""
 CONTINUES_S = 1.0
 """A loss ends if the robot loses nothing for longer than this."""
-COLUMNS = "_states", "_references", "_ways", "_has_way", "_names_destinations", "_reports_paths"
-"""Arrays by slot. All grow together."""
+BY_SLOT = "_names_destinations", "_reports_paths"
+BY_ROW = "_states", "_references", "_ways", "_has_way"
+"""Arrays by slot, and by the row of a robot that does not rest."""
 
 
 @dataclass(slots=True, eq=False)
 class _OpenLoss:
-    """A loss that lasts. Slots stand for robots."""
+    """A loss that lasts. Rows stand for robots."""
 
     by: int
     root: int
@@ -50,7 +52,7 @@ class _OpenLoss:
 
 
 class LossFinder:
-    """By slot, what is known of the time that each robot loses."""
+    """What is known of the time that each robot loses, by its row in the history of reports (see `HistoryRows`)."""
 
     def __init__(self) -> None:
         self._interactions = InteractionFinder()
@@ -64,33 +66,44 @@ class LossFinder:
         self._reports_paths = np.zeros(0, np.bool_)
         """Whether a robot has ever reported a path."""
         self._names: dict[int, tuple[str, str, str]] = {}
-        """By slot, the UUID of the robot, its vendor and its model."""
+        """By row, the UUID of the robot, its vendor and its model."""
         self._usual = no_usual_times()
         self._kinds: defaultdict[tuple[str, str], int] = defaultdict(count().__next__)
         """By vendor and model, their number in `_usual`."""
         self._open: dict[int, _OpenLoss] = {}
-        """By slot of the losing robot."""
+        """By row of the losing robot."""
         self._ended: list[Loss] = []
 
     def grow(self, slots: int) -> None:
         """Make room for this many slots."""
         self._interactions.grow(slots)
-        more = slots - len(self._states)
+        more = slots - len(self._reports_paths)
         if more > 0:
-            lengthen(self, COLUMNS, more)
-            self._states["blocker"][-more:] = NOBODY
+            lengthen(self, BY_SLOT, more)
 
-    def forget(self, slots: list[int]) -> None:
+    def forget(self, slots: Ints) -> None:
         """Other robots have these slots from now on. Losses of the robots that had them, and to these, end."""
-        self._interactions.forget(slots)
-        gone = set(slots)
-        for slot in [slot for slot, loss in self._open.items() if not gone.isdisjoint((slot, loss.by, loss.root))]:
-            self._end(slot)
-        self._states["blocker"][np.isin(self._states["blocker"], slots)] = NOBODY
-        self._states[slots] = np.zeros((), LOSING)
-        self._states["blocker"][slots] = NOBODY
-        for known in (self._has_way, self._names_destinations, self._reports_paths):
-            known[slots] = False
+        self._leave(slots)
+        self._interactions.forget(slots.tolist())
+        self._names_destinations[slots] = self._reports_paths[slots] = False
+
+    def rest(self, slots: Ints) -> list[Interaction]:
+        """These robots have been silent for long: losses of them, and to them, end. Returns the interactions that end
+        with that."""
+        self._leave(slots)
+        return self._interactions.rest(slots)
+
+    def _leave(self, slots: Ints) -> None:
+        rows = self._interactions.recent.rows.of_slot[slots]
+        rows = rows[rows >= 0]
+        gone = set(rows.tolist())
+        for row in [row for row, loss in self._open.items() if not gone.isdisjoint((row, loss.by, loss.root))]:
+            self._end(row)
+        for row in gone:
+            self._names.pop(row, None)
+        self._states["blocker"][np.isin(self._states["blocker"], rows)] = NOBODY
+        self._states[rows] = np.zeros((), LOSING)
+        self._states["blocker"][rows], self._has_way[rows] = NOBODY, False
 
     def receive(
         self, batch: Batch, slots: Ints, track: Floats, usual_m: Floats, half_m: Floats, levels_m: Floats, vendor: Ints
@@ -103,26 +116,34 @@ class LossFinder:
         """
         reports = interaction_reports(batch, slots, track, usual_m)
         interactions = self._interactions.receive(reports, half_m, levels_m, vendor)
+        rows = self._rows_of(slots)
         names_destinations, reports_paths = self._names_destinations[slots], self._reports_paths[slots]
         states = travel_states(batch, track[:, : AHEAD_S + 1], names_destinations, reports_paths)
         self._reports_paths[slots] |= states.plans >= ORDER
         self._names_destinations[slots] |= states.has_destination
-        self._names.update(
-            zip(slots.tolist(), zip(batch.robots, batch.vendors, batch.models, strict=True), strict=True)
-        )
+        self._names.update(zip(rows.tolist(), zip(batch.robots, batch.vendors, batch.models, strict=True), strict=True))
         robots = self._known(half_m, levels_m, vendor)
         if len(self._kinds) > MOST_KINDS:
             self._usual, self._kinds = no_usual_times(), defaultdict(count().__next__)
         kinds = list(map(self._kinds.__getitem__, zip(batch.vendors, batch.models, strict=True)))
         lost = lost_times(
-            self._states, self._references, robots, slots, reports.event_s, states.goes, states.plans, self._usual,
+            self._states, self._references, robots, rows, reports.event_s, states.goes, states.plans, self._usual,
             np.array(kinds, np.int64),
         )  # fmt: skip
-        by_slot = dict(zip(slots[lost["row"]].tolist(), lost, strict=True))
-        for slot in slots.tolist():
-            if slot in by_slot or slot in self._open:
-                self._update(slot, by_slot.get(slot), robots)
+        by_row = dict(zip(rows[lost["row"]].tolist(), lost, strict=True))
+        for row in rows.tolist():
+            if row in by_row or row in self._open:
+                self._update(row, by_row.get(row), robots)
         return interactions
+
+    def _rows_of(self, slots: Ints) -> Ints:
+        """(n,) the rows of robots that have reported, for which there is room then."""
+        rows, before = len(self._interactions.recent.rows), len(self._states)
+        if rows != before:
+            for name, column in with_rows(self, BY_ROW, rows).items():
+                setattr(self, name, column)
+            self._states["blocker"][before:] = NOBODY
+        return self._interactions.recent.rows.of_slot[slots]
 
     def take(self) -> list[Loss]:
         """The losses that have ended since the last call, in the order of time."""
@@ -130,61 +151,61 @@ class LossFinder:
         return sorted(ended, key=lambda loss: (loss.until_s, loss.robot))
 
     def _known(self, half_m: Floats, levels_m: Floats, vendor: Ints) -> KnownRobots:
-        history = self._interactions.history
+        history, slots = self._interactions.recent.motion, self._interactions.recent.rows.slots
         return KnownRobots(
             newest=np.ascontiguousarray(history.states["newest"]),
             reports=np.ascontiguousarray(history.states["reports"]),
             t_s=history.t_s,
             tracks=history.tracks,
             floor=history.floor,
-            half_m=half_m,
-            levels_m=levels_m,
-            vendor=vendor,
+            half_m=half_m.take(slots, axis=1),
+            levels_m=levels_m.take(slots, axis=1),
+            vendor=vendor[slots],
             ways=self._ways,
             has_way=self._has_way,
         )
 
-    def _update(self, slot: int, lost: Any, robots: KnownRobots) -> None:
+    def _update(self, row: int, lost: Any, robots: KnownRobots) -> None:
         """Continue, begin or end the loss of a robot of a batch. `lost` is of `LOST`, None if it lost nothing."""
-        loss = self._open.get(slot)
+        loss = self._open.get(row)
         if lost is None or lost["blocker"] == NOBODY:
-            if loss and not self._states["loses"][slot]:
-                self._end(slot)
+            if loss and not self._states["loses"][row]:
+                self._end(row)
             return
         if loss and (loss.by != lost["blocker"] or lost["from_s"] > loss.until_s + CONTINUES_S):
-            self._end(slot)
+            self._end(row)
             loss = None
         if loss is None:
-            loss = self._open[slot] = self._begin(slot, lost, robots)
+            loss = self._open[row] = self._begin(row, lost, robots)
         loss.until_s, loss.lost_s = float(lost["until_s"]), loss.lost_s + float(lost["lost_s"])
         loss.over_usual_s += float(lost["over_s"])
         loss.is_sure &= bool(lost["is_on_way"])
         if loss.until_s - loss.from_s >= PART_S:
-            self._end(slot)
+            self._end(row)
 
-    def _begin(self, slot: int, lost: Any, robots: KnownRobots) -> _OpenLoss:
+    def _begin(self, row: int, lost: Any, robots: KnownRobots) -> _OpenLoss:
         by, from_s = int(lost["blocker"]), float(lost["from_s"])
-        root, for_each_other = root_of(self._states["blocker"], slot)
-        here, other = robots.tracks[slot, robots.newest[slot], 0], robots.tracks[by, robots.newest[by], 0]
+        root, for_each_other = root_of(self._states["blocker"], row)
+        here, other = robots.tracks[row, robots.newest[row], 0], robots.tracks[by, robots.newest[by], 0]
         kind = kind_of(
             other[2] - here[2],
             stands=self._speed_mps(by) < MOVES_MPS,
             waits=self._states["blocker"][by] != NOBODY,
             for_each_other=for_each_other,
         )
-        floor = int(robots.floor[slot, robots.newest[slot]])
+        floor = int(robots.floor[row, robots.newest[row]])
         return _OpenLoss(by, root, kind, from_s, from_s, floor, float(here[0]), float(here[1]))
 
-    def _speed_mps(self, slot: int) -> float:
+    def _speed_mps(self, row: int) -> float:
         """Until the newest report."""
-        history = self._interactions.history
-        return float(history.speed[slot, history.states["newest"][slot]])
+        history = self._interactions.recent.motion
+        return float(history.speed[row, history.states["newest"][row]])
 
-    def _end(self, slot: int) -> None:
-        loss = self._open.pop(slot)
+    def _end(self, row: int) -> None:
+        loss = self._open.pop(row)
         if loss.lost_s < LEAST_LOST_S:
             return
-        robot, vendor, model = self._names[slot]
+        robot, vendor, model = self._names[row]
         (by, by_vendor, _), (root, root_vendor, _) = self._names[loss.by], self._names[loss.root]
         self._ended.append(
             Loss(

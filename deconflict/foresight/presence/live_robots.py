@@ -1,7 +1,7 @@
 """The robots on the floor: of each its newest batch and its row there."""
 
 from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import hypot, inf
 
 import numba
@@ -13,6 +13,8 @@ from ingest.batch import Basis, Batch, Bools, Floats, Forecasts, Ints
 from ingest.kernels import inner, kernel
 from ingest.shapes import shapes_of
 
+LOOSE, LOOSE_SHARE = 32, 8
+"""So many robots that were set aside wait until they are moved to one batch, and one more for each of these moved."""
 _BASES = tuple(Basis)
 _FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
 _heights_overlap = inner(heights_overlap)
@@ -116,6 +118,10 @@ class LiveRobots:
     _is_changed: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
     """(slots,) whether a robot has come or reported since the last `take_changed`."""
     _slots: RobotSlots = field(default_factory=RobotSlots)
+    _aside: set[str] = field(default_factory=set)
+    """Robots that were set aside and have not reported since."""
+    _loose: int = 0
+    """How many of them may still be in the batch of their last report."""
     _vendor_numbers: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -126,6 +132,7 @@ class LiveRobots:
     def update(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch. Returns the UUIDs of new robots."""
         self.floors, forecasts = batch.floors, batch.forecasts
+        self._aside.difference_update(batch.robots)
         slots, new_rows = self._slots.assign(batch.robots)
         self._grow(len(self._slots) - len(self.at))
         for row in new_rows:
@@ -150,6 +157,26 @@ class LiveRobots:
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
             lengthen(self, ("event_s", "sizes_m", "vendor", "_is_changed"), more)
 
+    def set_aside(self, uuids: Iterable[str]) -> None:
+        """These robots will not report for long: move them to a batch of their own, so that their last batches need not
+        be kept with all the other robots in them."""
+        new = self.robots.keys() & uuids
+        self._aside |= new
+        self._loose += len(new)
+        if self._loose < LOOSE + len(self._aside) // LOOSE_SHARE:
+            return
+        self._loose, aside = 0, [self.robots[uuid] for uuid in sorted(self._aside)]
+        rows_of: dict[int, list[LiveRobot]] = {}
+        for robot in aside:
+            rows_of.setdefault(id(robot.batch), []).append(robot)
+        parts = [
+            replace(robots[0].batch.take(np.array([robot.row for robot in robots])), floors=self.floors, claims=())
+            for robots in rows_of.values()
+        ]
+        batch = Batch.joined(parts)
+        for row, robot in enumerate(robot for robots in rows_of.values() for robot in robots):
+            robot.batch, robot.row = batch, row
+
     def take_changed(self) -> Ints:
         """(n,) the slots of the robots that have come or reported since the last call."""
         changed = np.flatnonzero(self._is_changed)
@@ -159,6 +186,7 @@ class LiveRobots:
     def remove(self, uuids: Iterable[str]) -> None:
         """Forget robots. Unknown ones are ignored."""
         uuids = list(uuids)
+        self._aside.difference_update(uuids)
         for uuid in uuids:
             self.robots.pop(uuid, None)
         self.at[self._slots.release(uuids)] = np.nan

@@ -307,9 +307,12 @@ class ProbabilityEstimator:
         """Set the probability that a robot is present."""
         self._robots.absence[self._robots.slots_of((uuid,))] = 1.0 - probability
 
-    def let_sleep(self, uuids: Collection[str]) -> None:
-        """These robots stand until they report: no pair of two such robots is watched."""
-        self._robots.is_dormant[self._robots.slots_of(uuids)] = True
+    def let_sleep(self, uuids: Collection[str], now_s: float) -> None:
+        """These robots stand until they report: no pair of two such robots is watched, and later they rest."""
+        resting = self._robots.let_sleep(uuids, now_s, self._pending.heard_s)
+        self._pending.rest(resting)
+        for interaction in self.losses.rest(resting):
+            self._note_interaction(interaction)
 
     def mark_silent(self, uuids: Collection[str]) -> None:
         """Robots have fallen silent. Whether one of them still gives way, or another robot to it, is not known."""
@@ -342,9 +345,7 @@ class ProbabilityEstimator:
         if not len(slots := self._robots.remove(uuids)):
             return
         self._stated_ways[slots] = blank_records(len(slots))
-        self._pending.forget(slots)
-        self._rollouts.forget(slots)
-        self.losses.forget(slots.tolist())
-        self._followers.forget(slots)
+        for table in (self._pending, self._rollouts, self.losses, self._followers):
+            table.forget(slots)
         a, b = slots_of(self._pairs["code"])
         self._pairs = self._pairs[self._robots.is_used[a] & self._robots.is_used[b]]

@@ -1,6 +1,7 @@
 """The robots that the estimator knows: a slot for each, and what is known of it, in columns."""
 
-from collections.abc import Iterable, Mapping
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +48,8 @@ def separations_m(poses: RelativePoses, sizes: Sizes, a: Ints, b: Ints) -> Float
     return apart_m
 
 
+RESTS_AFTER_S = 60.0
+"""A dormant robot that was silent for this long rests. No figure looks further back than half of it."""
 COLUMNS = (
     "is_used",
     "has_news",
@@ -71,6 +74,8 @@ class TrackedRobots:
         self._slots, self._crowds = RobotSlots(), crowds
         self.trailers = TrailerTracks()
         self.vendor_numbers: dict[str, int] = {}
+        self._sleeping: deque[tuple[float, Collection[str]]] = deque()
+        """When robots fell asleep."""
         self.is_used = np.zeros(0, np.bool_)
         """Whether a robot has the slot."""
         self.has_news = np.zeros(0, np.bool_)
@@ -111,7 +116,7 @@ class TrackedRobots:
         """(n,) the slots of the robots of a batch. Robots that are not known get one."""
         slots, new = self._slots.assign(batch.robots)
         if len(self._slots) > len(self):
-            self._grow(max(2 * len(self._slots), 16))
+            self._grow(len(self._slots) + len(self._slots) // 8 + 16)
         for row in new:
             self.is_used[slots[row]], self.key[slots[row]] = True, key_of(batch.robots[row])
         if new:
@@ -135,6 +140,18 @@ class TrackedRobots:
         self.records["surprise"][slots] = self.absence[slots] = 0.0
         self.records["stood_since_s"][slots] = np.inf
         return slots
+
+    def let_sleep(self, uuids: Collection[str], now_s: float, heard_s: Floats) -> Ints:
+        """Let robots sleep that stand in silence; `heard_s` (slots,) is when each was last heard. (n,) the slots of
+        those that rest from now on: they sleep, and were not heard for `RESTS_AFTER_S`."""
+        self.is_dormant[self.slots_of(uuids)] = True
+        if uuids:
+            self._sleeping.append((now_s, uuids))
+        resting: list[str] = []
+        while self._sleeping and self._sleeping[0][0] <= now_s - RESTS_AFTER_S:
+            resting += self._sleeping.popleft()[1]
+        slots = self.slots_of(sorted(resting))
+        return slots[self.is_dormant[slots] & (heard_s[slots] <= now_s - RESTS_AFTER_S)]
 
     def slots_of(self, uuids: Iterable[str]) -> Ints:
         """(n,) the slots of those of `uuids` that are known."""

@@ -181,3 +181,14 @@ def test_robots_on_different_floors_do_not_come_near() -> None:
     assert pending.candidate_pairs(*args).tolist() == []
     add_report(pending, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
     assert sorted(pending.candidate_pairs(*args)[0].tolist()) == [0, 1]
+
+
+def test_of_robots_that_rest_no_forecasts_are_kept_and_a_robot_that_is_back_begins_anew() -> None:
+    pending = PendingForecasts()
+    for slot in range(60):
+        add_report(pending, straight(NOW_S, float(slot), 0.0, 1.0), slot)
+        pending.rest(np.array([slot]))
+    assert len(pending.history.forecast) < 20
+    assert pending.newest[:, 1].tolist() == list(range(60))
+    assert len(add_report(pending, straight(NOW_S + 1, 9.0, 0.0, 1.0), 3)) == 0
+    assert len(add_report(pending, straight(NOW_S + 2, 9.5, 0.0, 1.0), 3)) == 1

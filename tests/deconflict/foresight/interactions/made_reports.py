@@ -1,15 +1,18 @@
 """Robots that report once a second with their paths, as reports for `InteractionFinder`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
-from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionReports
+from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
+from deconflict.foresight.interactions.recent_reports import InteractionReports
 from ingest.batch import Floats
 
 NOW_S = 1_790_000_000.0
 HALF_M = np.array([0.5, 0.3])
+NO_REST: Mapping[int, float] = MappingProxyType({})
 
 Place = Callable[[float], tuple[float, float, float]]
 """x_m, y_m and yaw_rad of a robot so many seconds after the start, or of its plan."""
@@ -33,17 +36,20 @@ def found(
     levels_m: Floats | None = None,
     explained: Sequence[int] = (),
     usual_m: float = 0.0,
+    rests_s: Mapping[int, float] = NO_REST,
 ) -> list[Interaction]:
-    """The interactions that reports of these robots show."""
+    """The interactions that reports of these robots show. Robots rest from `rests_s` on, and report no more."""
     finder, n, interactions = InteractionFinder(), len(robots), list[Interaction]()
     finder.grow(n)
     half_m, vendor = np.tile(HALF_M[:, None], (1, n)), np.array([robot.vendor for robot in robots])
     levels_m = np.tile(np.array([[0.0], [1.0]]), (1, n)) if levels_m is None else levels_m
     for t_s in np.arange(0.0, until_s, every_s).tolist():
-        tracks = np.array([robot.track(t_s) for robot in robots])
-        says_why = np.isin(np.arange(n), explained)
-        usual = np.full((n, AHEAD_S), usual_m)
-        reports = InteractionReports(np.arange(n), np.full(n, NOW_S + t_s), tracks, says_why, usual)
+        interactions += finder.rest(np.array([slot for slot, at_s in rests_s.items() if at_s <= t_s], np.int64))
+        slots = np.array([slot for slot in range(n) if rests_s.get(slot, np.inf) > t_s])
+        tracks = np.array([robots[slot].track(t_s) for slot in slots])
+        says_why = np.isin(slots, explained)
+        usual = np.full((len(slots), AHEAD_S), usual_m)
+        reports = InteractionReports(slots, np.full(len(slots), NOW_S + t_s), tracks, says_why, usual)
         interactions += finder.receive(reports, half_m, levels_m, vendor)
     return interactions
 

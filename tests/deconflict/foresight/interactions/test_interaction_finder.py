@@ -28,6 +28,15 @@ def test_a_robot_beside_the_way_is_not_in_it() -> None:
     assert found([blind(stops(0.0, 1.0, 9.2), 1.0), beside], 16.0) == []
 
 
+def test_a_robot_that_rests_is_still_in_the_way_and_one_that_rests_itself_gives_way_no_longer() -> None:
+    robots = [blind(stops(0.0, 1.0, 9.2), 1.0), Robot(drives(10.7, 0.0), vendor=1)]
+    assert found(robots, 16.0)
+    assert found(robots, 16.0, rests_s={1: 2.0}) == found(robots, 16.0)
+    *before, last = found(robots, 16.0, rests_s={0: 12.0})
+    assert before == found(robots, 12.0)
+    assert last == before[-1]._replace(end_s=NOW_S + 11.0)
+
+
 def test_a_planned_stop_is_no_interaction() -> None:
     does = stops(0.0, 1.0, 9.2)
     assert found([Robot(does), Robot(drives(10.7, 0.0), vendor=1)], 16.0) == []

@@ -65,7 +65,7 @@ def losses(robots: Sequence[Robot], until_s: int) -> list[Loss]:
         usual_m = np.zeros((n, AHEAD_S))
         finder.receive(_batch(robots, float(t_s)), np.arange(n), track, usual_m, half_m, levels_m, vendor)
         found += finder.take()
-    finder.forget(list(range(n)))
+    finder.forget(np.arange(n))
     return found + finder.take()
 
 

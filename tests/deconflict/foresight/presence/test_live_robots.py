@@ -63,6 +63,22 @@ def test_a_removed_robot_is_near_nobody_and_its_slot_is_reused() -> None:
     assert live.robots.keys() == {robot(name) for name in there}
 
 
+def test_robots_that_are_set_aside_keep_their_reports_but_not_the_batches_of_others() -> None:
+    live, fleet, names = LiveRobots(), new_fleet(), [f"R{n}" for n in range(50)]
+    for number, name in enumerate(names):
+        live.update(batch(fleet, [name, "R55"], NOW_S + number))
+    before = {name: live.robots[robot(name)] for name in names}
+    expected = {name: (known.name, known.event_s, float(known.forecast.x_m[0])) for name, known in before.items()}
+    live.update(batch(fleet, ["R7"], NOW_S + 60))
+    live.set_aside([robot(name) for name in names if name != "R7"])
+    assert len({id(live.robots[robot(name)].batch) for name in names if name != "R7"}) == 1
+    assert robot("R55") not in live.robots[robot("R3")].batch.robots
+    found = {name: (known.name, known.event_s, float(known.forecast.x_m[0])) for name, known in before.items()}
+    assert found.pop("R7")[1] == NOW_S + 60
+    del expected["R7"]
+    assert found == expected
+
+
 def test_forecasts_of_several_batches_are_each_robots_newest() -> None:
     live, fleet = LiveRobots(), new_fleet()
     for now_s, names in ((NOW_S, ["R1", "R2", "R3"]), (NOW_S + 1, ["R2", "R4"])):
