@@ -105,8 +105,7 @@ class ProbabilityEstimator:
         return self.learning.contact
 
     def learned(self) -> dict[str, Part]:
-        """What is kept over a restart. Probabilities hold for the clearance and the horizon that they were learned
-        with."""
+        """What is kept over a restart. Probabilities hold for the clearance and horizon with which they were learned."""
         bounds = {"clearance_m": self._bounds.clearance_m, "horizon_s": self._bounds.horizon_s}
         vendors = {"vendor_names": list(self._robots.vendor_numbers)}
         return {
