@@ -42,7 +42,9 @@ def compile_kernels(packages: Iterable[str], report: Report) -> None:
 
 
 def report_on_terminal(done: int, total: int) -> None:
-    """A `Report` for people."""
+    """A `Report` for people; in a file only the beginning and the end."""
+    if not sys.stderr.isatty() and 0 < done < total:
+        return
     sys.stderr.write(f"\rcompiling kernels, once on this machine: {done} of {total}" + "\n" * (done == total))
     sys.stderr.flush()
 

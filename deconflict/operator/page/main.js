@@ -22,6 +22,7 @@ const FRAME_MS = 30;
 const FLASH_MS = 3000;
 const LEAST_SHOWN_M = 5;
 const EXTENT_STEP_M = 2;
+const MARKED_S = 90; // the robots and places of what begins later are marked only if somebody picks it
 const NEWS_S = 5; // an older revision is not announced: the stream sends it again after a gap
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -90,7 +91,8 @@ function scene() {
   const situations = [...open().sort(urgency), ...ended()].filter((situation) => situation.location?.datum === floor);
   const picked = new Set([chosen, pointed.situation]), highlighted = new Set(situations.filter(({ id }) => picked.has(id)).flatMap((situation) => situation.robots));
   const involved = new Map(), first = new Set(), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
-  for (const { id, severity, robots, advice } of situations.filter(({ endedMs }) => !endedMs).reverse()) {
+  for (const { id, severity, robots, advice, predicted_at: begins } of situations.filter((situation) => !situation.endedMs && !isOver(situation)).reverse()) {
+    if (seconds(begins) - atS > MARKED_S && !picked.has(id)) continue;
     for (const uuid of robots) involved.set(uuid, severity);
     const actions = advice?.for_people || picked.has(id) ? advice?.actions ?? [] : [];
     if (actions.length) first.add(actions[0].robot);

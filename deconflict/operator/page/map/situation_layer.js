@@ -6,6 +6,7 @@ import { leader } from "./labels.js";
 import { KINDS, SIGNS, countdown, isOver } from "../texts.js";
 
 const ANSWERED = 0.65; // opacity of what somebody takes care of
+const OVER = 0.25; // opacity of what is over but may come back
 const FONT = (unit) => `700 ${13 * unit}px system-ui, sans-serif`;
 const SMALLEST_PX = 22; // an outline that would be smaller is drawn as a circle
 
@@ -115,5 +116,5 @@ export class SituationLayer {
 function strengthOf(situation) {
   const { endedMs, acknowledgement } = situation;
   if (endedMs) return Math.max(0, 0.7 * (1 - (Date.now() - endedMs) / FADE_MS));
-  return acknowledgement || isOver(situation) ? ANSWERED : 1;
+  return isOver(situation) ? OVER : acknowledgement ? ANSWERED : 1;
 }
