@@ -24,5 +24,5 @@ def test_places_apart_are_spots_with_a_thin_link() -> None:
 
 
 def test_an_outline_of_many_spots_has_few_corners() -> None:
-    ring = [conflict(f"{a}{b}", x_m=6.5 * index) for index, (a, b) in enumerate(["ab", "bc", "cd", "de"])]
+    ring = [conflict(pair, x_m=6.5 * index) for index, pair in enumerate(["ab", "bc", "cd", "de"])]
     assert len(raised(ring).outline) <= MOST_CORNERS

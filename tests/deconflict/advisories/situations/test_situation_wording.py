@@ -1,5 +1,7 @@
 """What situations say: about what, in which tense, and where."""
 
+from typing import Any
+
 import pytest
 
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
@@ -53,7 +55,11 @@ def test_how_long_a_robot_has_stood_stays_true() -> None:
 
 
 def test_a_queue_for_one_of_several_places_is_likely_and_names_none() -> None:
-    chargers = {"resource_name": "one of 8 chargers", "resources": ("charger-1", "charger-2"), "probability": 0.8}
+    chargers: dict[str, Any] = {
+        "resource_name": "one of 8 chargers",
+        "resources": ("charger-1", "charger-2"),
+        "probability": 0.8,
+    }
     summary = raised([queue("abc", **chargers)]).summary
     assert summary.startswith("2 robots will probably have to wait for one of 8 chargers in")
     assert summary.endswith("; 3 robots need one")
