@@ -18,6 +18,10 @@ if (!globalThis.WebSocket) {
 }
 
 const [url, place] = process.argv.slice(2);
+if (!/^https?:/.test(url ?? "") || !place) {
+  console.error("usage: node follow_stream.mjs http://HOST:PORT FILE, where FILE keeps the position");
+  process.exit(2);
+}
 const token = process.env.DECONFLICT_TOKEN;
 const headers = token ? { authorization: `Bearer ${token}` } : {};
 let seq = existsSync(place) ? JSON.parse(readFileSync(place, "utf8")).seq : await newest();

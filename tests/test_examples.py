@@ -175,6 +175,13 @@ async def test_the_javascript_client_says_why_the_stream_refuses_its_position(tm
     assert (client.returncode, "4416: after is beyond the last seq 0" in errors) == (1, True)
 
 
+@pytest.mark.skipif(not node_has_websockets(), reason="needs node 22, or 20.10")
+def test_the_javascript_client_says_what_it_needs(tmp_path: Path) -> None:
+    command = [*NODE, str(EXAMPLES / "follow_stream.mjs"), "http://127.0.0.1:1"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr.startswith("usage: "), list(tmp_path.iterdir())) == (2, True, [])
+
+
 async def test_the_board_shows_the_open_situations_after_each_change(tmp_path: Path) -> None:
     async with served(tmp_path) as service:
         await service.publish(situation(1), made(1))
