@@ -105,7 +105,7 @@ class ProbabilityEstimator:
         return self.learning.contact
 
     def learned(self) -> dict[str, Part]:
-        """What is kept over a restart. Probabilities hold for the clearance and horizon with which they were learned."""
+        """What is kept over a restart. Probabilities hold for the clearance and horizon they were learned with."""
         bounds = {"clearance_m": self._bounds.clearance_m, "horizon_s": self._bounds.horizon_s}
         vendors = {"vendor_names": list(self._robots.vendor_numbers)}
         return {
