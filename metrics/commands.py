@@ -166,7 +166,7 @@ def _whatif(args: argparse.Namespace) -> int:
     else:
         reader = LogReader()
         with _with_progress(reader, logs) as events:
-            found = whatif_question.answered(events, settings, args)
+            found = whatif_question.answered(events, logs, settings, args)
         _check_site(args, reader)
     if args.json:
         write_text(args.json, _text(found.document()))

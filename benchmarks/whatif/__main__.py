@@ -1,8 +1,8 @@
 """How right `deconflict whatif` is: `python -m benchmarks.whatif --log-seeds 31 32 --truth-seeds 18`.
 
-Logs of the demo's halls, of a yard with a dock, and of floors with another planner, as they are, are asked about
-changes. Beside each answer is what the change truly does: the mean over many seeds of the floor with the change really
-made, less that of the floor as it is.
+Logs of the demo's halls, of yards with a dock or a lane, and of floors with another planner, as they are, are asked
+about changes. Beside each answer is what the change truly does: the mean over many seeds of the floor with the change
+really made, less that of the floor as it is.
 """
 
 import argparse
@@ -19,13 +19,15 @@ from benchmarks.whatif.changed_halls import (
     standard_error,
     true_figures,
 )
-from benchmarks.whatif.dock_yard import DOCK, recorded_yard, yard_figures
+from benchmarks.whatif.dock_yard import DOCK, dock_yard
+from benchmarks.whatif.lane_yard import LANE, LaneChange, lane_yard
 from benchmarks.whatif.one_way_cells import AISLE, KINDS, cell_figures, recorded_cells
+from benchmarks.whatif.yards import recorded_yard, yard_figures
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site
 from metrics.whatif.answer import FigureAnswer, WhatIfAnswer, WhatIfModel
-from metrics.whatif.change import Change, named_outlines, one_way, priority, slow_zone
+from metrics.whatif.change import Change, named_outlines, one_way, priority, slow_zone, wider
 from metrics.whatif.demand import Demand, demand_of
 from metrics.whatif.more_docks import more_docks
 from metrics.whatif.simulated.model_runs import FloorFigures
@@ -41,6 +43,12 @@ CHANGES = (
 )
 AS_IT_IS = HallChange("as it is")
 YARD_ROBOTS = (5, 6)
+LANE_ROBOTS, WIDER_M = 3, 2.0
+LANE_CHANGES = {
+    "lane one-way": LaneChange(one_way=True),
+    "lane 2 m wider": LaneChange(wider_m=WIDER_M),
+    "lane 2 m wider, robots keep right": LaneChange(wider_m=WIDER_M, two_lanes=True),
+}
 SIGN_CLEAR = 2.0
 """The true change has a sign if it is this many of its standard errors."""
 
@@ -124,12 +132,33 @@ def _yard(args: argparse.Namespace) -> Iterator[ComparedFigure]:
     """The answers about one more dock of a yard."""
     seconds, seeds = 60 * args.minutes, range(1, args.truth_seeds + 1)
     for robots in YARD_ROBOTS:
-        before, after = ([yard_figures(robots, docks, seed, seconds) for seed in seeds] for docks in (1, 2))
+        before, after = ([yard_figures(dock_yard(robots, docks), seed, seconds) for seed in seeds] for docks in (1, 2))
         for seed in args.log_seeds:
-            recorded = recorded_yard(robots, seed, seconds)
+            recorded = recorded_yard(dock_yard(robots, 1), seed, seconds)
             demand = demand_of(recorded)
             answer = WhatIfModel(recorded, demand, args.runs, args.jobs).ask(more_docks([DOCK], demand))
             yield from _shown(seed, f"one more dock, {robots} robots", answer, before, after)
+
+
+def _lanes(args: argparse.Namespace) -> Iterator[ComparedFigure]:
+    """The answers about a narrow lane that is one-way or wider."""
+    seconds, seeds = 60 * args.minutes, range(1, args.truth_seeds + 1)
+
+    def truth(change: LaneChange) -> list[FloorFigures]:
+        return [yard_figures(lane_yard(LANE_ROBOTS, change), seed, seconds) for seed in seeds]
+
+    before, truths = truth(LaneChange()), {name: truth(change) for name, change in LANE_CHANGES.items()}
+    for seed in args.log_seeds:
+        recorded = recorded_yard(lane_yard(LANE_ROBOTS), seed, seconds)
+        demand = demand_of(recorded)
+        model = WhatIfModel(recorded, demand, args.runs, args.jobs)
+        for name, change in LANE_CHANGES.items():
+            if change.one_way:
+                asked = one_way(LANE, demand)
+                asked = asked if "larger" in asked.text else one_way(LANE, demand, reverse=True)
+            else:
+                asked = wider([LANE], demand, recorded.losses, change.wider_m)
+            yield from _shown(seed, name, model.ask(asked), before, truths[name])
 
 
 def _cells(args: argparse.Namespace) -> Iterator[ComparedFigure]:
@@ -181,7 +210,7 @@ def _row(row: ComparedFigure) -> dict[str, Any]:
     }
 
 
-FLOORS = {"halls": _halls, "yard": _yard, "cells": _cells}
+FLOORS = {"halls": _halls, "yard": _yard, "lane": _lanes, "cells": _cells}
 
 if __name__ == "__main__":
     main()

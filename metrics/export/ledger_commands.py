@@ -70,7 +70,7 @@ def _opened(args: argparse.Namespace) -> Iterator[tuple[LossLedger, Site]]:
 def _losses(args: argparse.Namespace) -> int:
     until_s = args.until.timestamp() if args.until else time.time()
     with _opened(args) as (ledger, used):
-        tables = loss_report.loss_tables(ledger, until_s - args.days * DAY_S, until_s)
+        tables = loss_report.loss_tables(ledger, used, until_s - args.days * DAY_S, until_s)
     if args.html:
         write_text(args.html, loss_report.loss_page(tables, used))
     if args.csv:

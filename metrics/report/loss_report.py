@@ -8,6 +8,10 @@ from typing import NamedTuple
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossKey, LossList, LossQuestion, LossRow
+from deconflict.operator.suggestions.evidence import evidence_of
+from deconflict.operator.suggestions.found_suggestions import evidence_questions, suggestion_list
+from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
+from deconflict.operator.suggestions.suggestion import SuggestionList
 from deconflict.settings import site
 from metrics.report.html_cells import linked_table
 
@@ -17,6 +21,11 @@ EXPLANATION = (
     "A robot loses time while another robot is in its way and it needs longer than by its own plan. The figures come "
     "from what the robots report. On simulated floors, where the truth is known, sums by vendor, place and day are "
     "right within a tenth; sums by kind within a fifth. People without a device, doors and faults are in no figure."
+)
+
+SUGGESTED = (
+    "Each is derived from the losses above, and its saving is estimated from simulated floors: simulate it before you "
+    "change anything."
 )
 
 
@@ -31,9 +40,10 @@ class LossTables(NamedTuple):
     days: LossList
     every: LossList
     """The rows of the CSV."""
+    suggested: SuggestionList
 
 
-def loss_tables(ledger: LossLedger, from_s: float, until_s: float) -> LossTables:
+def loss_tables(ledger: LossLedger, used: site.Site, from_s: float, until_s: float) -> LossTables:
     def ask(*keys: LossKey, limit: int = WORST) -> LossList:
         return ledger.ask(LossQuestion(from_s, until_s, keys, limit=limit))
 
@@ -44,7 +54,14 @@ def loss_tables(ledger: LossLedger, from_s: float, until_s: float) -> LossTables
         kinds=ask("kind"),
         days=ask("day", limit=1000),
         every=ask(*CSV_KEYS, limit=1_000_000),
+        suggested=_suggested(ledger, used, from_s, until_s),
     )
+
+
+def _suggested(ledger: LossLedger, used: site.Site, from_s: float, until_s: float) -> SuggestionList:
+    """What the ledger alone says: it knows nothing of forecasts and warnings."""
+    answers = [ledger.ask(question) for question in evidence_questions(from_s, until_s)]
+    return suggestion_list(evidence_of(answers), SuggestedPlaces.of(used), answers[0])
 
 
 def loss_page(tables: LossTables, used: site.Site) -> str:
@@ -61,6 +78,7 @@ def loss_page(tables: LossTables, used: site.Site) -> str:
     parts = [
         f"<p class=lead>{escape(loss_sentence(tables))}</p><p>{escape(EXPLANATION)}</p>",
         _section("Worst places", ("Place", "Floor"), places, tables.places.rows, tables),
+        _suggestions(tables.suggested),
         _section("Worst pairs", ("Whose robots lost time", "Whose were in the way"), pairs, tables.pairs.rows, tables),
         _section("How they were in the way", ("Kind",), kinds, tables.kinds.rows, tables),
         _section("Day by day", ("Day",), dates, days, tables),
@@ -72,6 +90,17 @@ def loss_page(tables: LossTables, used: site.Site) -> str:
         + "\n".join(parts)
         + "\n</body>\n</html>\n"
     )
+
+
+def _suggestions(suggested: SuggestionList) -> str:
+    """What to change, each with the command that simulates it; or why there is nothing."""
+    items = [
+        f"<li>{escape(found.text)}" + (f"<br>Simulate it: <code>{escape(found.check)}</code>" if found.check else "")
+        for found in suggested.suggestions
+    ]
+    reason = f"<p>Nothing: {escape(suggested.none_because)}.</p>"
+    body = f"<p>{escape(SUGGESTED)}</p><ol>{''.join(items)}</ol>" if items else reason
+    return f"<h2>What to change</h2>{body}"
 
 
 def _section(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import SEED, interval
-from metrics.whatif.change import Change
+from metrics.whatif.change import NO_CHANGE, Change
 from metrics.whatif.demand import Demand
 from metrics.whatif.recorded_tracks import RecordedFloor
 from metrics.whatif.simulated.model_runs import COUNTED_SHARE, FloorFigures, log_figures, model_figures
@@ -94,11 +94,8 @@ class WhatIfModel:
     def ask(self, change: Change) -> WhatIfAnswer:
         """What a change would change."""
         plan = Planner(change.demand(self._demand)).plan(change)
-        if self._before is None:
-            self._before, after = self._driven([Planner(self._demand).plan(), plan])
-        else:
-            [after] = self._driven([plan])
-        figures = self._figures(self._before, after)
+        before, after = self._compared(change, plan)
+        figures = self._figures(before, after)
         return WhatIfAnswer(
             change=change.text,
             span_s=round(self._span_s, 1),
@@ -109,6 +106,15 @@ class WhatIfModel:
             figures=figures,
             problems=tuple(_problems(figures, plan)),
         )
+
+    def _compared(self, change: Change, plan: SimulatedPlan) -> tuple[Floats, Floats]:
+        """(seeds, n, 3) without and with a change."""
+        if change.before is None and self._before is not None:
+            return self._before, self._driven([plan])[0]
+        before, after = self._driven([Planner(self._demand).plan(change.before or NO_CHANGE), plan])
+        if change.before is None:
+            self._before = before
+        return before, after
 
     def _driven(self, plans: Sequence[SimulatedPlan]) -> list[Floats]:
         """(seeds, n, 3) for each plan."""

@@ -7,8 +7,10 @@ from math import hypot
 import numpy as np
 import shapely
 
+from deconflict.foresight.losses.loss import Loss, LossKind
 from deconflict.settings.shared_places import Point, outlines
 from deconflict.settings.site import Site
+from deconflict.simulation.driving.passing import GAP_M
 from deconflict.simulation.driving.routes import SpeedShare
 from ingest.batch import Bools, Floats
 from metrics.replay_files import LogError
@@ -17,6 +19,11 @@ from metrics.whatif.roads import IsForbidden, sampled_way
 
 AGAINST_COS = -0.5
 """Driving against an aisle's direction: the cosine of the angle to it is less."""
+ROOM_M = 1.2
+"""Robots may leave their way by this much to pass others."""
+LEAST_WIDER_M = 0.5
+LEAST_JAM_S, LEAST_JAMS = 4.0, 3
+"""Shorter ones are no jams, and fewer say nothing."""
 
 
 class ChangeError(LogError):
@@ -38,6 +45,17 @@ class NamedOutline:
         return inside
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class WiderPlace:
+    """A place with more room than now."""
+
+    outline: NamedOutline
+    beside_m: float
+    """Further room to either side of each way through it."""
+    jam_s: float
+    """So long robots that meet there wait for each other before somebody clears the jam; 0 if the log does not say."""
+
+
 def _unchanged(demand: Demand) -> Demand:
     return demand
 
@@ -51,8 +69,11 @@ class Change:
     """By floor, the greatest speed at each point as a share of the robot's own."""
     forbidden: Mapping[int, IsForbidden] = field(default_factory=dict)
     """By floor, where and in which direction nobody may drive."""
+    wider: tuple[WiderPlace, ...] = ()
     first_vendor: str = ""
     """All others let the robots of this vendor go first."""
+    before: "Change | None" = None
+    """What is compared with; the floor as the model drives it if None."""
     advised_by: Site | None = None
     """Robots follow the advice of the service with this site file."""
     demand: Callable[[Demand], Demand] = _unchanged
@@ -83,6 +104,18 @@ def one_way(aisle: NamedOutline, demand: Demand, *, reverse: bool = False) -> Ch
         return against
 
     return Change(f"{aisle.name} is one-way {_compass(unit)}", forbidden={aisle.floor: is_against})
+
+
+def wider(places: Sequence[NamedOutline], demand: Demand, losses: Iterable[Loss], by_m: float | None = None) -> Change:
+    """A place that is wider by so many metres; without them, by what any two robots need to pass each other. `losses`
+    are those of the log."""
+    if by_m is None:
+        width_m = max(robot.track.width_m for robot in demand.robots)
+        by_m = max(2 * (width_m / 2 + GAP_M + width_m - ROOM_M), LEAST_WIDER_M)
+    text = f"{places[0].name} is {by_m:.1f} m wider, and robots pass each other there"
+    jam_s = _jam_s(places, losses)
+    before = Change(wider=tuple(WiderPlace(place, 0.0, jam_s) for place in places))
+    return Change(text, wider=tuple(WiderPlace(place, by_m / 2, jam_s) for place in places), before=before)
 
 
 def priority(vendor: str, demand: Demand) -> Change:
@@ -123,6 +156,17 @@ def _outlines(
             yield (place.id, place.name), place.label, datum, points, getattr(place, "axis", None)
     for area in site.areas:
         yield (area.name,), area.name, area.floor or site.datums[0].id, area.outline_m, None
+
+
+def _jam_s(places: Sequence[NamedOutline], losses: Iterable[Loss]) -> float:
+    """How long robots that met in a place stood for each other; the median. 0 with too few cases."""
+    lengths_s = [
+        loss.until_s - loss.from_s
+        for loss in losses
+        if loss.kind in (LossKind.HEAD_ON, LossKind.DEADLOCK) and loss.until_s - loss.from_s >= LEAST_JAM_S
+        if any(place.floor == loss.floor and place.holds(*np.array([[loss.x_m], [loss.y_m]]))[0] for place in places)
+    ]
+    return float(np.median(lengths_s)) if len(lengths_s) >= LEAST_JAMS else 0.0
 
 
 def _along_m(aisle: NamedOutline, unit: Floats, demand: Demand) -> float:

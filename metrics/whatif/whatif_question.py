@@ -2,27 +2,33 @@
 
 import argparse
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event
 from metrics.whatif.answer import NO_ANSWER, WhatIfAnswer, WhatIfModel
-from metrics.whatif.change import Change, ChangeError, named_outlines, one_way, priority, slow_zone
+from metrics.whatif.change import Change, ChangeError, named_outlines, one_way, priority, slow_zone, wider
 from metrics.whatif.demand import Demand, demand_of
 from metrics.whatif.more_docks import more_docks
 from metrics.whatif.other_settings import SettingsAnswer, settings_compared
 from metrics.whatif.recorded_tracks import RecordedFloor, recorded_floor
+from metrics.whatif.suggested_changes import SuggestedChanges, suggested, warning_counts
 
 __all__ = ["NO_ANSWER", "Answer", "answered", "settings_compared"]
 
-Answer = WhatIfAnswer | SettingsAnswer
+Answer = WhatIfAnswer | SettingsAnswer | SuggestedChanges
 
 
-def answered(events: Iterable[Event], site: Site, args: argparse.Namespace) -> WhatIfAnswer:
-    """The answer from a log."""
+def answered(
+    events: Iterable[Event], logs: Sequence[Path], site: Site, args: argparse.Namespace
+) -> WhatIfAnswer | SuggestedChanges:
+    """The answer from a log, whose files are `logs`."""
     floor = recorded_floor(events, site)
     if not floor.tracks:
         raise ChangeError("no robot reports in the log: give a log of robots that report where they are")
+    if args.suggest:
+        return suggested(floor, site, warning_counts(logs, site), args)
     demand = demand_of(floor)
     return WhatIfModel(floor, demand, args.seeds, args.jobs).ask(change_of(args, site, floor, demand))
 
@@ -40,9 +46,20 @@ def change_of(args: argparse.Namespace, site: Site, floor: RecordedFloor, demand
         return Change("robots follow the advice of situations", advised_by=site)
     if args.dock:
         return more_docks(named_outlines(site, floor.floors, args.dock), demand)
+    if args.widen:
+        return wider(named_outlines(site, floor.floors, args.widen[0]), demand, floor.losses, _metres(args.widen[1:]))
     if args.priority:
         return priority(args.priority, demand)
     return slow_zone(named_outlines(site, floor.floors, args.speed[0]), _share(args.speed[1]))
+
+
+def _metres(texts: Sequence[str]) -> float | None:
+    if not texts:
+        return None
+    [text, *more] = texts
+    if more or not re.fullmatch(r"\d?\.\d+|[1-9](\.\d*)?", text):
+        raise ChangeError(f"{' '.join(texts)!r} is no width: give metres from 0.1 to 9.9, such as 1.5")
+    return float(text)
 
 
 def _share(text: str) -> float:

@@ -35,6 +35,7 @@ from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.operator.live.advisory_stream import AdvisoryStream
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes
 from deconflict.operator.vendor_models import VendorList
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
@@ -73,6 +74,12 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
     app.add_middleware(RequestLimitsMiddleware, places=app.state.places)
     _add_routes(app, ApiRoutes(publisher, store, sources, exposition, measures))
     add_loss_routes(app, lambda question: sources.losses(question))  # noqa: PLW0108 - a description has no sources
+    add_suggestion_routes(
+        app,
+        lambda question: sources.losses(question),  # noqa: PLW0108 - a description has no sources
+        lambda: sources.measures(),  # noqa: PLW0108
+        lambda: app.state.site,
+    )
     _add_sockets(app, publisher, store, sources)
     app.add_exception_handler(SourceUnavailableError, source_unavailable)
     app.add_exception_handler(StoreError, store_failed)

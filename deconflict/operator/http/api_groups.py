@@ -7,7 +7,7 @@ GROUPS = {
     "advisories": ("What programs follow", ("advisories", "heat")),
     "floor": (
         "Robots and vendors, as they report, and the time that they lose",
-        ("losses", "robots", "vendors", "quarantine", "presence"),
+        ("losses", "suggestions", "robots", "vendors", "quarantine", "presence"),
     ),
     "map": ("What a map shows", ("site", "plans", "recorded", "past")),
     "operation": ("State of the service", ("healthz", "metrics", "blackboxes", "schema")),

@@ -66,6 +66,8 @@ class Passings:
         n = len(lane_m)
         self._room_m = np.column_stack([half_aisle_m - lane_m, half_aisle_m + lane_m])
         """(n, 2) room to the right and to the left of each robot's path."""
+        self.more_room_m = np.zeros(n)
+        """(n,) further room to either side where each robot is now."""
         self._of: dict[int, PassingManoeuvre] = {}
         self.aside_to_m = np.zeros(n)
         """(n,) planned offset of each robot to the left of its path."""
@@ -83,7 +85,8 @@ class Passings:
         """Start to pass another robot at no more than `top_mps`. Returns False if there is no room."""
         end_m = _straight_until_m(traffic, robot)
         beside = _beside(traffic, robot)
-        aside_m = _room_aside_m(traffic, beside, robot, other, self._room_m[robot], end_m)
+        room_m = self._room_m[robot] + self.more_room_m[robot]
+        aside_m = _room_aside_m(traffic, beside, robot, other, room_m, end_m)
         if aside_m is None:
             return False
         back_m = float(traffic.progress_m[robot]) + _past_m(traffic, beside, robot, other)

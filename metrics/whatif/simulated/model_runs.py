@@ -10,10 +10,11 @@ from deconflict.simulation.driving.lost_time import CausedDelays
 from deconflict.simulation.driving.motion import MovingRobots
 from deconflict.simulation.driving.protection import NOBODY
 from ingest.batch import Bools, Floats, Ints
+from metrics.whatif.change import ROOM_M
 from metrics.whatif.demand import Demand
 from metrics.whatif.recorded_tracks import RecordedFloor
 from metrics.whatif.simulated.replayed_floor import ReplayedFloor
-from metrics.whatif.simulated.simulated_plan import ROOM_M, SimulatedPlan
+from metrics.whatif.simulated.simulated_plan import SimulatedPlan
 from metrics.whatif.simulated.simulated_service import SimulatedService
 
 STEP_S = 0.2
@@ -52,7 +53,7 @@ def log_figures(floor: RecordedFloor, demand: Demand, until_s: float) -> FloorFi
 
 def model_figures(plan: SimulatedPlan, seed: int, until_s: float) -> Floats:
     """(n, 3) what each robot loses, drives and is held up if the plan is driven: the fields of `FloorFigures`."""
-    world = ReplayedFloor(plan.robots, plan.crossings, np.random.default_rng(seed), ROOM_M)
+    world = ReplayedFloor(plan.robots, plan.crossings, np.random.default_rng(seed), ROOM_M, plan.wider)
     losses = OpenLosses(world)
     service = SimulatedService(world, plan.advised_by, plan.floors) if plan.advised_by else None
     while world.t_s < until_s:

@@ -17,6 +17,7 @@ from deconflict.simulation.driving.routes import Drive, standing
 from deconflict.simulation.floor_layout import Place
 from deconflict.simulation.participants import Chassis
 from ingest.batch import Floats, Ints
+from metrics.whatif.change import WiderPlace
 
 LOOKS_AGAIN_S = 1.0
 """A robot whose next place is not left yet waits this long before it looks again."""
@@ -81,13 +82,15 @@ class ReplayedFloor(MovingRobots):
         crossing_places: Sequence[Place],
         rng: np.random.Generator,
         room_m: float,
+        wider: Sequence[WiderPlace] = (),
     ) -> None:
-        self._robots = robots
+        self._robots, self._wider = robots, wider
         self.identities = [robot.identity for robot in robots]
         n = len(robots)
         fleet: Ints = np.array([robot.fleet for robot in robots], np.int64)
         super().__init__([robot.chassis for robot in robots], fleet, crossing_places, rng, room_m)
         self.goes_first = np.array([robot.goes_first for robot in robots], np.bool_)
+        self._jam_s = np.zeros(n)
         self._next = np.zeros(n, np.int64)
         """(n,) number of the next trip of each."""
         self._on_floor: Ints = np.array([robot.floor for robot in robots], np.int64)
@@ -112,12 +115,25 @@ class ReplayedFloor(MovingRobots):
         return np.where(apart, -1 - np.arange(len(self)), self._on_floor)
 
     def step(self, dt_s: float) -> None:
+        if self._wider:
+            self.passings.more_room_m, self._jam_s = self._wider_now()
         super().step(dt_s)
         for robot in np.flatnonzero(np.isfinite(self._cleared_s)).tolist():
             if self.t_s - self._cleared_s[robot] > CLEARS_S and self._is_free(robot):
                 self._cleared_s[robot] = np.inf
 
+    def _wider_now(self) -> tuple[Floats, Floats]:
+        """(n,) further room where each is, and (n,) how long a jam lasts there."""
+        x_m, y_m, _ = self.locations().T
+        room_m, jam_s = np.zeros(len(self)), np.zeros(len(self))
+        for place in self._wider:
+            inside = place.outline.holds(x_m, y_m) & (self._on_floor == place.outline.floor)
+            room_m[inside], jam_s[inside] = place.beside_m, place.jam_s
+        return room_m, jam_s
+
     def _end_mutual_wait(self, robot: int) -> None:
+        if self.waited_s[robot] < self._jam_s[robot]:
+            return
         self._cleared_s[robot] = self.t_s
         self.braking.let_go(robot)
         self.braking.creep(robot, self.t_s)

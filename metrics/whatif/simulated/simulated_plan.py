@@ -11,7 +11,7 @@ from deconflict.simulation.driving.routes import Drive, drive
 from deconflict.simulation.floor_layout import Place
 from deconflict.simulation.participants import BodySize, Chassis, Protection
 from ingest.batch import Floats
-from metrics.whatif.change import NO_CHANGE, Change
+from metrics.whatif.change import NO_CHANGE, Change, WiderPlace
 from metrics.whatif.demand import SAME_PLACE_M, Demand, RobotDemand, Trip
 from metrics.whatif.road_crossings import drive_passages, road_crossings
 from metrics.whatif.roads import FloorWay, IsForbidden, Roads, sampled_way
@@ -21,8 +21,6 @@ GAIN_MPS2, BRAKE_MPS2 = 0.7, 1.2
 STOP_GAP_M = 0.45
 TURN_RADPS = 1.0
 PERSON_GAP_M, PERSON_GAIN_MPS2, PERSON_BRAKE_MPS2 = 0.3, 1.5, 2.5
-ROOM_M = 1.2
-"""Robots may leave their way by this much to pass others."""
 AGAINST_M = 1.0
 """A way is not allowed if it leads where nobody may drive for longer than this."""
 
@@ -37,6 +35,7 @@ class SimulatedPlan:
     """Ids of the floors by index."""
     advised_by: Site | None = None
     """The site whose service the robots follow; None if they follow no advice."""
+    wider: tuple[WiderPlace, ...] = ()
     impossible: int = 0
     """Trips that have no way with the change. They keep the old one."""
     rerouted: int = 0
@@ -67,6 +66,7 @@ class Planner:
             crossings=places,
             floors=self._demand.floors,
             advised_by=change.advised_by,
+            wider=change.wider,
             impossible=routes.impossible,
             rerouted=routes.rerouted,
         )

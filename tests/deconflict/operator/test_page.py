@@ -273,6 +273,7 @@ def test_what_it_costs_is_said_of_today(browser: "Browser", floor: Service) -> N
         until(page, "document.getElementById('costs-body').textContent.includes('Today robots lost')")
         assert page.locator("#costs-body h3").all_text_contents() == [
             "The five worst places",
+            "What to change",
             "The five worst pairs",
             "By hour",
         ]

@@ -40,6 +40,18 @@ def test_the_report_has_the_sums_and_no_markup_of_names(data: Path, capsys: pyte
     assert "robots lost 16 s" in capsys.readouterr().out
 
 
+def test_the_report_says_what_to_change_or_why_nothing(data: Path) -> None:
+    assert run(["losses", "--data", str(data), "--html", str(data / "w.html"), *SPAN]) == 0
+    assert "<h2>What to change</h2><p>Nothing: too little time was lost yet" in (data / "w.html").read_text()
+    with closing(LossLedger(data, LossSettings())) as ledger:
+        crossings = [CROSSED._replace(place="Aisle 3", lost_s=30.0)] * 40
+        ledger.add("engine", 2, crossings)
+    assert run(["losses", "--data", str(data), "--html", str(data / "w.html"), *SPAN]) == 0
+    page = (data / "w.html").read_text()
+    assert "<li>Let the robots of Alder go first at crossings" in page
+    assert "<code>deconflict whatif LOG --site SITE.toml --priority Alder</code>" in page
+
+
 def test_the_csv_has_a_row_for_each_combination(data: Path) -> None:
     assert run(["losses", "--data", str(data), "--csv", str(data / "w.csv"), *SPAN]) == 0
     head, *rows = (data / "w.csv").read_text().splitlines()

@@ -4,10 +4,20 @@ import numpy as np
 import pytest
 import shapely
 
+from deconflict.foresight.losses.loss import Loss, LossKind
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site
 from metrics.whatif.answer import WhatIfModel
-from metrics.whatif.change import NO_CHANGE, ChangeError, NamedOutline, named_outlines, one_way, priority, slow_zone
+from metrics.whatif.change import (
+    NO_CHANGE,
+    ChangeError,
+    NamedOutline,
+    named_outlines,
+    one_way,
+    priority,
+    slow_zone,
+    wider,
+)
 from metrics.whatif.demand import demand_of
 from metrics.whatif.recorded_tracks import RecordedFloor, RobotTrack
 from metrics.whatif.simulated.model_runs import model_figures
@@ -58,6 +68,37 @@ def test_a_one_way_aisle_sends_robots_around() -> None:
     assert "Aisle is one-way towards larger x" in change.text
     assert plan.rerouted >= 4
     assert not plan.impossible
+
+
+def met(kind: LossKind, x_m: float, length_s: float) -> Loss:
+    """A robot has stood for another one in the aisle."""
+    return Loss("A", "B", "B", "Alder", "", "Birch", "Birch", kind, 10.0, 10.0 + length_s, 9.0, True, 0, x_m, 0.0)
+
+
+def test_robots_pass_each_other_in_a_wider_aisle_and_wait_elsewhere() -> None:
+    """Two robots meet in one lane again and again. Jams last as long as in the log, whose median is 40 s."""
+    west, east = (-20.0, 0.0), (20.0, 0.0)
+    demand = demand_of(recorded(shuttle("A", west, east, "Alder"), shuttle("B", east, west, "Birch")))
+    losses = [met(LossKind.DEADLOCK, 1.0, length_s) for length_s in (30.0, 40.0, 50.0, 2.0)]
+    change = wider([AISLE], demand, losses)
+    assert change.before
+    before, after = (
+        model_figures(Planner(demand).plan(each), 1, 150.0)[:, 0].sum() for each in (change.before, change)
+    )
+    assert after < before / 1.5
+
+
+def test_how_long_jams_last_is_read_from_the_aisle_only() -> None:
+    demand = demand_of(crossing_robots())
+    beside = [met(LossKind.DEADLOCK, 30.0, 40.0)] * 5
+    others = [met(LossKind.FOLLOWING, 1.0, 40.0)] * 5
+    assert wider([AISLE], demand, [*beside, *others]).wider[0].jam_s == 0.0
+
+
+def test_without_metres_an_aisle_gets_as_wide_as_robots_need_to_pass() -> None:
+    demand = demand_of(crossing_robots())
+    assert "Aisle is 0.5 m wider" in wider([AISLE], demand, []).text
+    assert wider([AISLE], demand, [], 3.0).wider[0].beside_m == 1.5
 
 
 def test_there_is_no_answer_if_the_model_does_not_repeat_the_log() -> None:

@@ -47,6 +47,18 @@ def test_the_command_answers_in_words_and_as_json(
     assert "The model without the change: lost to others" in printed
 
 
+def test_suggestions_come_from_the_losses_of_the_log(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, site = files
+    run("whatif", log, "--site", site, "--suggest", "--seeds", "1", "--jobs", "1", "--json", tmp_path / "found.json")
+    document = json.loads((tmp_path / "found.json").read_text())
+    assert {"hours", "suggestions", "none_because"} <= set(document)
+    assert bool(document["suggestions"]) != bool(document["none_because"])
+    printed = capsys.readouterr().out
+    assert all(found["text"] in printed for found in document["suggestions"])
+
+
 def test_other_settings_are_compared_by_two_replays_of_the_log(
     files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -62,6 +74,7 @@ def test_other_settings_are_compared_by_two_replays_of_the_log(
     [
         (["--one-way", "Aisle 9"], "'Aisle 9' is no place on the floors of the log; the site file has Middle"),
         (["--speed", "Middle", "8"], "'8' is no share of a speed"),
+        (["--widen", "Middle", "1.5m"], "'1.5m' is no width"),
         (["--speed", "Middle", "0.8", "--reverse"], "--reverse is for --one-way"),
     ],
 )

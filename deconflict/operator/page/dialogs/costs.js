@@ -1,4 +1,5 @@
-// What robots lose to each other: today against the same hours a week ago, by place, by pair of vendors and by hour.
+// What robots lose to each other: today against the same hours a week ago, by place, by pair of vendors and by hour. And what to
+// change, from the last week.
 
 import { table, text } from "./shift.js";
 import { clock, span } from "../texts.js";
@@ -20,16 +21,16 @@ export class Costs {
     const nowS = Date.now() / 1000, todayS = new Date().setHours(0, 0, 0, 0) / 1000, wholeS = nowS - nowS % HOUR_S;
     $("costs-body").textContent = "Reading…";
     try {
-      const [pairs, places, hours, before] = await Promise.all([
-        ask("vendor,by", todayS, nowS), ask("floor,place,cell", todayS, nowS), ask("hour", todayS, nowS), ask("hour", todayS - WEEK_S, wholeS - WEEK_S),
+      const [pairs, places, hours, before, suggested] = await Promise.all([
+        ask("vendor,by", todayS, nowS), ask("floor,place,cell", todayS, nowS), ask("hour", todayS, nowS), ask("hour", todayS - WEEK_S, wholeS - WEEK_S), get("suggestions"),
       ]);
-      this.show(pairs, byPlace(places.rows), hours.rows, before.rows, wholeS);
+      this.show(pairs, byPlace(places.rows), hours.rows, before.rows, wholeS, suggested);
     } catch (error) {
       $("costs-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
-  show({ total, rows, currency }, places, hours, before, wholeS) {
+  show({ total, rows, currency }, places, hours, before, wholeS, suggested) {
     const money = (row) => (row.cost === null ? "" : `${row.cost.toFixed(2)} ${currency}`);
     const share = (row) => `${Math.round(100 * row.lost_s / total.lost_s)} %`, then = new Map(before.map((row) => [row.hour + WEEK_S, row.lost_s]));
     const heads = (...first) => [...first, "Lost", "Share", ...(total.cost === null ? [] : ["Cost"])];
@@ -40,6 +41,7 @@ export class Costs {
     $("costs-body").replaceChildren(
       text("p", lead + warned(total) + ACCURACY),
       this.worstPlaces(places.slice(0, WORST), heads("Place", "Worst point"), cells),
+      ...suggestions(suggested),
       table("The five worst pairs", heads("Whose robots lost time", "Whose were in the way"), rows.slice(0, WORST).map((row) => cells(row, row.vendor, row.by))),
       table("By hour", [...heads("From"), "A week ago"], [...hours].sort((a, b) => a.hour - b.hour).map((row) => [...cells(row, clock(row.hour).slice(0, 5)), then.has(row.hour) ? span(then.get(row.hour)) : ""])),
     );
@@ -57,10 +59,24 @@ export class Costs {
   }
 }
 
-async function ask(group, fromS, untilS) {
-  const answer = await fetch(`losses?group=${group}&from_s=${fromS}&until_s=${untilS}&limit=10000`);
+function ask(group, fromS, untilS) { return get(`losses?group=${group}&from_s=${fromS}&until_s=${untilS}&limit=10000`); }
+
+async function get(path) {
+  const answer = await fetch(path);
   if (!answer.ok) throw new Error(answer.statusText);
   return answer.json();
+}
+
+// A heading, and a list of what to change, each with the command that simulates it; or why there is nothing.
+function suggestions({ suggestions: found, none_because: reason, hours }) {
+  const list = document.createElement("ol"), over = hours < 2 ? span(hours * 3600) : `${Math.round(hours)} hours`;
+  list.append(...found.map(({ text: sentence, check }) => {
+    const item = text("li", sentence);
+    if (check) item.append(document.createElement("br"), "Simulate it with a log: ", text("code", check));
+    return item;
+  }));
+  const lead = found.length ? `From the ${over} in the last week in which robots lost time. Each is estimated from simulated floors: simulate it before you change anything.` : `Nothing: ${reason}.`;
+  return [text("h3", "What to change"), text("p", lead), ...(found.length ? [list] : [])];
 }
 
 // The places, worst first, each with its worst cell. Outside all places each cell counts as one.

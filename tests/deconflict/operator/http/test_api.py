@@ -195,6 +195,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/situations",
         "/situations/{situation_id}",
         "/situations/{situation_id}/acknowledgement",
+        "/suggestions",
         "/shift",
         "/site/reload",
     }

@@ -4,12 +4,12 @@ import numpy as np
 
 from deconflict.settings.site import DEFAULT
 from deconflict.simulation.driving.motion import Activity
-from metrics.whatif.change import Change
+from metrics.whatif.change import ROOM_M, Change
 from metrics.whatif.demand import demand_of
 from metrics.whatif.recorded_tracks import RecordedFloor
 from metrics.whatif.simulated.model_runs import STEP_S, model_figures
 from metrics.whatif.simulated.replayed_floor import ReplayedFloor
-from metrics.whatif.simulated.simulated_plan import ROOM_M, Planner
+from metrics.whatif.simulated.simulated_plan import Planner
 from metrics.whatif.simulated.simulated_service import SimulatedService
 from tests.metrics.whatif.made_floors import recorded, track
 

@@ -1,0 +1,1 @@
+"""What to change on the floor, from the sums of lost time."""

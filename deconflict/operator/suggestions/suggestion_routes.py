@@ -1,0 +1,41 @@
+"""`GET /suggestions`: what to change on the floor, and why."""
+
+import time
+from collections.abc import Awaitable, Callable
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Query
+
+from deconflict.operator.ledger.loss_questions import DAY_S, LossList, LossQuestion
+from deconflict.operator.suggestions.evidence import VendorForecasts, evidence_of
+from deconflict.operator.suggestions.found_suggestions import evidence_questions, suggestion_list
+from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
+from deconflict.operator.suggestions.suggestion import SuggestionList
+from deconflict.operator.vendor_health import vendor_health
+from deconflict.settings.site import Site
+
+DAYS = 7
+Ask = Callable[[LossQuestion], Awaitable[LossList]]
+Measured = Callable[[], Awaitable[list[dict[str, Any]]]]
+
+
+def add_suggestion_routes(app: FastAPI, ask: Ask, measures: Measured, site: Callable[[], Site]) -> None:
+    """`measures` are those of the roles: they have the grades of vendors."""
+
+    @app.get("/suggestions", response_model=SuggestionList)
+    async def suggestions(
+        from_s: Annotated[
+            float | None, Query(ge=0, allow_inf_nan=False, description="seconds since the epoch; a week ago if absent")
+        ] = None,
+        until_s: Annotated[float | None, Query(ge=0, allow_inf_nan=False, description="now if absent")] = None,
+    ) -> SuggestionList:
+        """What to change on the floor so that robots lose less time to each other: at most five, with evidence."""
+        end_s = time.time() if until_s is None else until_s
+        begin_s = end_s - DAYS * DAY_S if from_s is None else from_s
+        answers = [await ask(question) for question in evidence_questions(begin_s, end_s)]
+        evidence = evidence_of(answers, _forecasts(await measures()))
+        return suggestion_list(evidence, SuggestedPlaces.of(site()), answers[0])
+
+
+def _forecasts(documents: list[dict[str, Any]]) -> dict[str, VendorForecasts]:
+    return {vendor.name: VendorForecasts(vendor.robots, vendor.grade or "") for vendor in vendor_health(documents)}
