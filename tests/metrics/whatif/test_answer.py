@@ -72,7 +72,7 @@ def test_a_one_way_aisle_sends_robots_around() -> None:
 
 def met(kind: LossKind, x_m: float, length_s: float) -> Loss:
     """A robot has stood for another one in the aisle."""
-    return Loss("A", "B", "B", "Alder", "", "Birch", "Birch", kind, 10.0, 10.0 + length_s, 9.0, True, 0, x_m, 0.0)
+    return Loss("A", "B", "B", "Alder", "", "Birch", "Birch", kind, 10.0, 10.0 + length_s, 9.0, 9.0, True, 0, x_m, 0.0)
 
 
 def test_robots_pass_each_other_in_a_wider_aisle_and_wait_elsewhere() -> None:

@@ -34,7 +34,9 @@ HOURS = 4
 
 
 def loss(kind: str, place: str, x_m: float, y_m: float, lost_s: float = 20.0) -> LedgerEntry:
-    return LedgerEntry(START_S, "Alder", "A100", "Corvid", "Corvid", kind, HALL, place, x_m, y_m, lost_s, is_sure=True)
+    return LedgerEntry(
+        START_S, "Alder", "A100", "Corvid", "Corvid", kind, HALL, place, x_m, y_m, lost_s, lost_s, is_sure=True
+    )
 
 
 def every_hour(entry: LedgerEntry, times: int = 20) -> list[LedgerEntry]:
