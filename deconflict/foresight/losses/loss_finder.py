@@ -91,7 +91,9 @@ class LossFinder:
         """These robots have been silent for long: losses of them, and to them, end. Returns the interactions that end
         with that."""
         self._leave(slots)
-        return self._interactions.rest(slots)
+        ended = self._interactions.rest(slots)
+        self._fit()
+        return ended
 
     def _leave(self, slots: Ints) -> None:
         rows = self._interactions.recent.rows.of_slot[slots]
@@ -116,7 +118,8 @@ class LossFinder:
         """
         reports = interaction_reports(batch, slots, track, usual_m)
         interactions = self._interactions.receive(reports, half_m, levels_m, vendor)
-        rows = self._rows_of(slots)
+        self._fit()
+        rows = self._interactions.recent.rows.of_slot[slots]
         names_destinations, reports_paths = self._names_destinations[slots], self._reports_paths[slots]
         states = travel_states(batch, track[:, : AHEAD_S + 1], names_destinations, reports_paths)
         self._reports_paths[slots] |= states.plans >= ORDER
@@ -136,14 +139,13 @@ class LossFinder:
                 self._update(row, by_row.get(row), robots)
         return interactions
 
-    def _rows_of(self, slots: Ints) -> Ints:
-        """(n,) the rows of robots that have reported, for which there is room then."""
+    def _fit(self) -> None:
+        """Have as many rows as the history of reports."""
         rows, before = len(self._interactions.recent.rows), len(self._states)
         if rows != before:
             for name, column in with_rows(self, BY_ROW, rows).items():
                 setattr(self, name, column)
             self._states["blocker"][before:] = NOBODY
-        return self._interactions.recent.rows.of_slot[slots]
 
     def take(self) -> list[Loss]:
         """The losses that have ended since the last call, in the order of time."""
