@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import hypot
 from typing import Any, NamedTuple
 
 from deconflict.operator.ledger.loss_questions import HOUR_S, LossKey, LossList, LossRow
@@ -72,6 +71,8 @@ class LossEvidence:
 
     hours: float
     """Length of what was observed."""
+    lost_s: float
+    """All that was lost, also if it is in no cell of the list."""
     cells: list[CellLoss]
     pairs: list[PairLoss]
     by_hour: Mapping[PlaceKey, list[float]]
@@ -79,10 +80,6 @@ class LossEvidence:
     forecasts: Mapping[str, VendorForecasts] = field(default_factory=dict)
     warnings: Sequence[WarningCounts] = ()
     """With the clearance of the site first, then with others."""
-
-    @property
-    def lost_s(self) -> float:
-        return sum(cell.lost_s for cell in self.cells)
 
     def of_cells(self, cells: Collection[CellLoss], pairs: Iterable[PairLoss]) -> SuggestionEvidence:
         """The figures of some cells. `pairs` are those that they belong to."""
@@ -106,11 +103,6 @@ class LossEvidence:
             ],
         )
 
-    def within(self, floor: str, x_m: float, y_m: float, radius_m: float) -> list[CellLoss]:
-        return [
-            cell for cell in self.cells if cell.key.floor == floor and hypot(cell.x_m - x_m, cell.y_m - y_m) <= radius_m
-        ]
-
 
 def evidence_of(
     answers: Iterable[LossList],
@@ -127,6 +119,7 @@ def evidence_of(
         sums.setdefault(_key(row), Counter())[row["hour"]] += row["lost_s"]
     return LossEvidence(
         hours=max(observed_s if span_s is None else span_s, 1.0) / HOUR_S,
+        lost_s=by_cell.total.lost_s,
         cells=[
             CellLoss(_key(row), row["cell"][0], row["cell"][1], row["kind"], row["lost_s"], row["losses"])
             for row in _rows(by_cell)

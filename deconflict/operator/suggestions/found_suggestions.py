@@ -20,7 +20,8 @@ from deconflict.operator.suggestions.suggestion import Suggestion, SuggestionLis
 from deconflict.operator.suggestions.vendor_rules import clearance_suggestions, vendor_suggestions
 
 MOST_SUGGESTIONS = 5
-MOST_ROWS = 100_000
+MOST_ROWS = 20_000
+"""Of each sum; the smallest are left out."""
 NOTHING_STANDS_OUT = "no place, crossing or vendor stands out enough for a suggestion"
 TOO_LITTLE = "too little time was lost yet to suggest anything"
 

@@ -1,5 +1,6 @@
 """`GET /suggestions`: what to change on the floor, and why."""
 
+import asyncio
 import time
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any
@@ -33,8 +34,12 @@ def add_suggestion_routes(app: FastAPI, ask: Ask, measures: Measured, site: Call
         end_s = time.time() if until_s is None else until_s
         begin_s = end_s - DAYS * DAY_S if from_s is None else from_s
         answers = [await ask(question) for question in evidence_questions(begin_s, end_s)]
-        evidence = evidence_of(answers, _forecasts(await measures()))
-        return suggestion_list(evidence, SuggestedPlaces.of(site()), answers[0])
+        forecasts, places = _forecasts(await measures()), SuggestedPlaces.of(site())
+        return await asyncio.to_thread(_found, answers, forecasts, places)
+
+
+def _found(answers: list[LossList], forecasts: dict[str, VendorForecasts], places: SuggestedPlaces) -> SuggestionList:
+    return suggestion_list(evidence_of(answers, forecasts), places, answers[0])
 
 
 def _forecasts(documents: list[dict[str, Any]]) -> dict[str, VendorForecasts]:
