@@ -99,7 +99,7 @@ def _print(floor: SuggestedFloor, seed: int, seconds: float) -> None:
         saving = found.saving
         span = f"{saving.low_s_per_hour:.0f} to {saving.high_s_per_hour:.0f} s an hour" if saving else ""
         lost = f"{found.evidence.lost_s_per_hour:.0f} s lost in {found.evidence.losses} losses"
-        print(f"  {found.kind} {found.place or found.vendor}: {lost}, saves {span}", flush=True)
+        print(f"  {found.kind} {found.place} {found.vendor}: {lost}, saves {span}", flush=True)
 
 
 if __name__ == "__main__":

@@ -36,8 +36,8 @@ def found_suggestions(evidence: LossEvidence, places: SuggestedPlaces) -> list[S
     found = chain(
         dock_suggestions(evidence, places),
         one_way_suggestions(evidence, places),
-        priority_suggestions(evidence),
-        vendor_suggestions(evidence),
+        priority_suggestions(evidence, places),
+        vendor_suggestions(evidence, places),
         clearance_suggestions(evidence),
     )
     return ranked(found)

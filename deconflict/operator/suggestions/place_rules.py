@@ -84,16 +84,17 @@ def one_way_suggestions(evidence: LossEvidence, places: SuggestedPlaces) -> Iter
             yield Suggestion(kind="one_way", place=key.place, text=text, evidence=figures, saving=saving, check=command)
 
 
-def priority_suggestions(evidence: LossEvidence) -> Iterable[Suggestion]:
+def priority_suggestions(evidence: LossEvidence, places: SuggestedPlaces) -> Iterable[Suggestion]:
     """The vendor that loses most to others at crossings should go first, if several vendors lose time there."""
     cells = [cell for cell in evidence.cells if cell.kind in CROSSINGS]
     pairs = [pair for pair in evidence.pairs if pair.kind in CROSSINGS and pair.vendor != pair.by]
+    robots = [pair for pair in pairs if pair.vendor not in places.people]
     figures = evidence.of_cells(cells, pairs)
     is_clear = figures.share >= CROSSINGS_OF_ALL and is_enough(figures)
-    if not (is_clear and pairs and is_steady(evidence, {cell.key for cell in cells})):
+    if not (is_clear and robots and is_steady(evidence, {cell.key for cell in cells})):
         return
     by_vendor, by_place = Counter[str](), Counter[str]()
-    for pair in pairs:
+    for pair in robots:
         by_vendor[pair.vendor] += pair.lost_s  # type: ignore[assignment]
     for cell in cells:
         by_place[cell.key.place] += cell.lost_s  # type: ignore[assignment]

@@ -30,14 +30,17 @@ class ServedPlace(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SuggestedPlaces:
-    """Docks and aisles."""
+    """Docks and aisles, and whose participants are people."""
 
     served: tuple[ServedPlace, ...] = ()
     aisles: frozenset[PlaceKey] = frozenset()
+    people: frozenset[str] = frozenset()
+    """Vendors. Nobody asks people to let others go first, or for forecasts."""
 
     @classmethod
     def of(cls, site: Site) -> Self:
-        return cls(tuple(_served(site)), frozenset(_aisles(site)))
+        people = frozenset(vendor.name for vendor in site.vendors if vendor.participant == "person")
+        return cls(tuple(_served(site)), frozenset(_aisles(site)), people)
 
 
 def _served(site: Site) -> Iterable[ServedPlace]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 from deconflict.operator.suggestions.evidence import LossEvidence, WarningCounts
 from deconflict.operator.suggestions.place_rules import is_enough, is_steady, saved
+from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.operator.suggestions.suggestion import (
     Saving,
     Suggestion,
@@ -22,9 +23,13 @@ CLEARLY_IN_VAIN, CLEARLY_SEEN, HARDLY = 0.2, 0.05, 0.02
 """Shares of the warnings in vain and of the stops seen."""
 
 
-def vendor_suggestions(evidence: LossEvidence) -> Iterable[Suggestion]:
+def vendor_suggestions(evidence: LossEvidence, places: SuggestedPlaces) -> Iterable[Suggestion]:
     """The vendor with bad forecasts whose robots stand in others' way more often than others' do."""
-    robots = {vendor: known.robots for vendor, known in evidence.forecasts.items() if known.robots}
+    robots = {
+        vendor: known.robots
+        for vendor, known in evidence.forecasts.items()
+        if known.robots and vendor not in places.people
+    }
     pairs = [pair for pair in evidence.pairs if pair.kind in UNANNOUNCED and pair.vendor != pair.by]
     for vendor in sorted(robots):
         others = sum(count for name, count in robots.items() if name != vendor)

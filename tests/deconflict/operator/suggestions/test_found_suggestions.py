@@ -48,6 +48,13 @@ def test_losses_at_crossings_suggest_that_the_vendor_goes_first_that_loses_most(
     assert found.check.endswith("--priority Alder")
 
 
+def test_people_are_not_asked_to_go_first_or_to_forecast() -> None:
+    places = SuggestedPlaces(people=frozenset({"Alder", "Corvid"}))
+    found = evidence(every_hour(CROSSING) + every_hour(BLOCKAGE), TWO_VENDORS)
+    assert not found_suggestions(found, places)
+    assert SuggestedPlaces.of(load(demo_site())).people == {"Walkers"}
+
+
 def test_a_vendor_with_bad_forecasts_that_stands_in_the_way_is_named() -> None:
     [found] = suggestions(evidence(every_hour(BLOCKAGE), TWO_VENDORS))
     assert (found.kind, found.vendor, found.check) == ("vendor", "Corvid", "")
