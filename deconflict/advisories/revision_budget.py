@@ -41,7 +41,7 @@ class RevisionBudget:
 
     def __init__(self) -> None:
         self._vendor: Callable[[str], str] = str
-        self._left: defaultdict[tuple[str, ...], float] = defaultdict(lambda: MOST_REVISIONS)
+        self._left: defaultdict[tuple[str, ...], float] = defaultdict(_whole_budget)
         """By two vendors, those of which something is spent."""
         self._filled_s = -inf
         self.deferred: Counter[str] = Counter()
@@ -73,3 +73,7 @@ class RevisionBudget:
 
     def _vendors(self, pair: Pair) -> tuple[str, ...]:
         return tuple(sorted(map(self._vendor, pair)))
+
+
+def _whole_budget() -> float:
+    return MOST_REVISIONS

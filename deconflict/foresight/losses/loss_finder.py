@@ -3,9 +3,7 @@
 Pure: the same reports give the same losses, live and in a replay.
 """
 
-from collections import defaultdict
 from dataclasses import dataclass
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -68,7 +66,7 @@ class LossFinder:
         self._names: dict[int, tuple[str, str, str]] = {}
         """By row, the UUID of the robot, its vendor and its model."""
         self._usual = no_usual_times()
-        self._kinds: defaultdict[tuple[str, str], int] = defaultdict(count().__next__)
+        self._kinds: dict[tuple[str, str], int] = {}
         """By vendor and model, their number in `_usual`."""
         self._open: dict[int, _OpenLoss] = {}
         """By row of the losing robot."""
@@ -127,8 +125,9 @@ class LossFinder:
         self._names.update(zip(rows.tolist(), zip(batch.robots, batch.vendors, batch.models, strict=True), strict=True))
         robots = self._known(half_m, levels_m, vendor)
         if len(self._kinds) > MOST_KINDS:
-            self._usual, self._kinds = no_usual_times(), defaultdict(count().__next__)
-        kinds = list(map(self._kinds.__getitem__, zip(batch.vendors, batch.models, strict=True)))
+            self._usual, self._kinds = no_usual_times(), {}
+        models = zip(batch.vendors, batch.models, strict=True)
+        kinds = [self._kinds.setdefault(model, len(self._kinds)) for model in models]
         lost = lost_times(
             self._states, self._references, robots, rows, reports.event_s, states.goes, states.plans, self._usual,
             np.array(kinds, np.int64),
