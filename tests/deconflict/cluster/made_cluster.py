@@ -119,7 +119,7 @@ class Machines:
         home.mkdir()
         (home / SITE_FILE).write_text(self.site(robots_port).model_dump_json())
         for role in roles:
-            command = [sys.executable, "-m", "deconflict", "role", role, str(home), str(home)]
+            command = [sys.executable, "-m", "deconflict.roles", role, str(home), str(home)]
             with (home / f"{role}.log").open("wb") as log:
                 self._processes[machine, role] = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=log)
         return robots_port
