@@ -3,6 +3,8 @@
 It reads the store itself, and asks its `Sources` for everything else at each request.
 """
 
+import json
+from functools import cache
 from html import escape
 from importlib.metadata import version
 
@@ -61,6 +63,7 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
         description=DESCRIPTION,
         docs_url=None,
         redoc_url=None,
+        openapi_url=None,
         generate_unique_id_function=lambda route: route.name,
     )
     undescribed = app.openapi
@@ -142,6 +145,14 @@ def _add_sockets(app: FastAPI, publisher: Publisher, store: Store, sources: Sour
         await stream.serve(websocket)
 
     add_page_routes(app, store, sources, send_timeout_s)
+
+    @cache
+    def written() -> bytes:
+        return json.dumps(app.openapi()).encode()
+
+    @app.get("/openapi.json", include_in_schema=False)
+    async def openapi() -> Response:
+        return Response(written(), media_type="application/json")
 
     @app.get("/api", include_in_schema=False)
     async def index() -> HTMLResponse:

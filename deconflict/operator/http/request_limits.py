@@ -17,8 +17,10 @@ MOST_BODY_BYTES = 64 * 1024
 """No route needs a longer body."""
 REQUEST_S, BYTES_PER_S = 0.02, 5e6
 """What a request costs of its sender's time, and how many bytes of an answer cost a second."""
-BURST_S, MOST_WAIT_S = 2.0, 10.0
+BURST_S, MOST_WAIT_S = 2.0, 4.0
 """How much may be asked for at once, and how long a request waits at most; then it is refused."""
+LONGEST_DEBT_S = BURST_S + 2 * MOST_WAIT_S
+"""An address that has sent a flood is served at once again after this time."""
 MOST_SENDERS = 10_000
 TOO_MANY = "too many requests from this address or person at once; ask less often"
 TOO_LONG = f"a body has {MOST_BODY_BYTES} bytes at most"
@@ -40,7 +42,7 @@ class RequestShares:
     def charge(self, sender: str, cost_s: float, now_s: float) -> float:
         """Add to what a sender has spent. Returns until when that takes up its time."""
         until_s = self._spent_until_s.pop(sender, now_s)
-        until_s = min(max(until_s, now_s) + cost_s, now_s + BURST_S + 2 * MOST_WAIT_S)
+        until_s = min(max(until_s, now_s) + cost_s, now_s + LONGEST_DEBT_S)
         self._spent_until_s[sender] = until_s
         if len(self._spent_until_s) > MOST_SENDERS:
             self._spent_until_s.popitem(last=False)
@@ -63,7 +65,7 @@ class RequestLimitsMiddleware:
         await asyncio.sleep(min(wait_s, MOST_WAIT_S))
         send = self._charged(send, sender)
         if wait_s > MOST_WAIT_S:
-            refusal = JSONResponse({"detail": TOO_MANY}, 429, {"connection": "close", "retry-after": "10"})
+            refusal = JSONResponse({"detail": TOO_MANY}, 429, {"connection": "close", "retry-after": str(round(LONGEST_DEBT_S))})
             await refusal(scope, receive, _safe(send))
         elif scope["type"] == "websocket":
             await self._app(scope, receive, send)

@@ -11,7 +11,9 @@ import pytest
 from deconflict.operator.http.request_limits import (
     BURST_S,
     BYTES_PER_S,
+    LONGEST_DEBT_S,
     MOST_BODY_BYTES,
+    MOST_WAIT_S,
     REQUEST_S,
     SAFE_HEADERS,
     RequestShares,
@@ -108,8 +110,8 @@ def test_requests_of_one_sender_wait_their_turn_and_those_of_another_do_not() ->
 
 def test_long_answers_cost_their_reader_more_turns() -> None:
     shares = RequestShares()
-    shares.charge("10.0.0.1", 50e6 / BYTES_PER_S, 0.0)
-    assert shares.wait_s("10.0.0.1", 0.0) == pytest.approx(10.0 - BURST_S + REQUEST_S)
+    shares.charge("10.0.0.1", 25e6 / BYTES_PER_S, 0.0)
+    assert shares.wait_s("10.0.0.1", 0.0) == pytest.approx(5.0 - BURST_S + REQUEST_S)
 
 
 async def test_a_flood_of_requests_waits_and_what_would_wait_for_long_is_refused(
@@ -123,3 +125,10 @@ async def test_a_flood_of_requests_waits_and_what_would_wait_for_long_is_refused
         refused = next(answer for answer in answers if answer.status_code == 429)
         assert "ask less often" in refused.json()["detail"]
         assert refused.headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_sender_is_served_at_once_again_soon_after_a_flood() -> None:
+    shares = RequestShares()
+    waits_s = [shares.wait_s("10.0.0.1", 0.0) for _ in range(40_000)]
+    assert max(waits_s) > MOST_WAIT_S
+    assert shares.wait_s("10.0.0.1", LONGEST_DEBT_S) == 0.0
