@@ -10,10 +10,10 @@ may receive an advisory a second time. The newest revision then shows that the a
 the authority that signed the service's certificate. Set each only if the site uses it.
 """
 
+import argparse
 import asyncio
 import json
 import os
-import sys
 from pathlib import Path
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
@@ -58,4 +58,8 @@ def note(place: Path, seq: int) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(serve(sys.argv[1], Path(sys.argv[2])))
+    parser = argparse.ArgumentParser(description="Acknowledges urgent advisories, and loses none.")
+    parser.add_argument("url", help="of the service, such as http://127.0.0.1:8080")
+    parser.add_argument("place", type=Path, help="file that keeps the position in the stream")
+    options = parser.parse_args()
+    asyncio.run(serve(options.url, options.place))

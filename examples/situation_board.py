@@ -6,6 +6,7 @@ It prints all open situations again after each change. `DECONFLICT_TOKEN` is the
 the site uses them.
 """
 
+import argparse
 import asyncio
 import os
 import sys
@@ -42,4 +43,6 @@ def to_do(situation: Situation) -> str:
 
 
 if __name__ == "__main__":
-    asyncio.run(follow(sys.argv[1]))
+    parser = argparse.ArgumentParser(description="Prints the open situations after each change.")
+    parser.add_argument("url", help="of the service, such as http://127.0.0.1:8080")
+    asyncio.run(follow(parser.parse_args().url))

@@ -5,6 +5,7 @@
 It prints one line for each revision. `DECONFLICT_SECRET` is the secret of the webhook in the site file.
 """
 
+import argparse
 import hmac
 import json
 import os
@@ -65,4 +66,6 @@ class Receiver(BaseHTTPRequestHandler):
 
 if __name__ == "__main__":
     Receiver.secret = os.environ["DECONFLICT_SECRET"]
-    ThreadingHTTPServer(("127.0.0.1", int(sys.argv[1])), Receiver).serve_forever()
+    parser = argparse.ArgumentParser(description="Prints the revisions that the service has signed.")
+    parser.add_argument("port", type=int, help="where to listen, on 127.0.0.1")
+    ThreadingHTTPServer(("127.0.0.1", parser.parse_args().port), Receiver).serve_forever()

@@ -214,3 +214,11 @@ async def test_the_robots_of_the_tutorial_conform_and_are_warned_of(tmp_path: Pa
                 robot.wait()
     assert " cross in " in opened["advisories"][0]["summary"]
     assert [(robot["identified"], robot["deviations"]) for robot in known["robots"]] == [(True, {}), (True, {})]
+
+
+@pytest.mark.parametrize("example", [EXAMPLE, BOARD, RECEIVER], ids=lambda path: path.stem)
+def test_an_example_without_its_arguments_says_which_it_needs(example: Path) -> None:
+    tried = subprocess.run([sys.executable, str(example)], check=False, capture_output=True, text=True)
+    assert tried.returncode == 2
+    assert tried.stderr.startswith("usage: ")
+    assert "required" in tried.stderr
