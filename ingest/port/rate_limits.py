@@ -15,7 +15,7 @@ BURST_S = 1.0
 """A vendor may send this many seconds' worth of messages at once."""
 READING_SHARE = 0.2
 """The part of a core that may be spent on the sockets of one vendor, without the reading of messages."""
-MOST_IN_HAND_S = 0.1
+MOST_IN_HAND_S = 0.03
 """Processor time that admitted messages of one vendor may need until they are delivered, so that others soon follow."""
 USUAL_S_PER_BYTE, LEARNING_RATE = 1e-7, 0.1
 """Processor time of a message until more is known, and the weight of each further message in its average."""
