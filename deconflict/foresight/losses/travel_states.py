@@ -1,14 +1,17 @@
 """What robots say of themselves: whether they are on their way, and whether their forecasts show where they go."""
 
 from functools import lru_cache
+from math import hypot
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from deconflict.foresight.interactions.report_progress import EXPLAINS_STANDING
 from deconflict.foresight.losses.loss_kernels import GOES, NO_WAY, ORDER, PATH, RESTS, VELOCITY, WAITS
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
+from ingest.kernels import inner, kernel
 
 _PLAN_OF = {Basis.VELOCITY: VELOCITY, Basis.ORDER: ORDER, Basis.PATH: PATH}
 PLANS = np.array([_PLAN_OF.get(basis, NO_WAY) for basis in Basis])
@@ -35,16 +38,40 @@ def travel_states(batch: Batch, track: Floats, names_destinations: Bools, report
     same way, robots that have ever reported a path (`reports_paths`) report one as long as they can drive.
     """
     has_destination = np.diff(batch.destinations.start) > 0
-    goes = np.array(list(map(_of_state, batch.states)), np.int64)
-    navigates = goes == GOES
-    goes[(goes == WAITS) & has_destination] = GOES
-    goes[(goes == WAITS) & names_destinations] = RESTS
-    plans = PLANS[batch.basis]
-    goes[(goes == GOES) & reports_paths & (batch.basis == Basis.STATIONARY) & navigates] = RESTS
-    stays = np.hypot(*(track[:, -1, :2] - track[:, 0, :2]).T) < MOVES_MPS
-    changes_floor = (track[:, :, 3] != track[:, :1, 3]).any(axis=1)
-    goes[(goes == GOES) & (plans >= ORDER) & (stays | changes_floor)] = WAITS
+    goes, plans = np.array(list(map(_of_state, batch.states)), np.int64), PLANS[batch.basis]
+    stands = batch.basis == Basis.STATIONARY
+    _correct(goes, plans, stands, has_destination, names_destinations, reports_paths, track)
     return TravelStates(goes, plans, has_destination)
+
+
+@inner
+def _leads_nowhere(track: Floats) -> bool:
+    """Whether a forecast (k, 4) stays where it begins, or changes the floor."""
+    end_m = hypot(track[-1, 0] - track[0, 0], track[-1, 1] - track[0, 1])
+    return end_m < MOVES_MPS or bool((track[:, 3] != track[0, 3]).any())
+
+
+@kernel(numba.void(*[numba.int64[::1]] * 2, *[numba.boolean[::1]] * 4, numba.types.Array(numba.float64, 3, "A")))
+def _correct(
+    goes: Ints,
+    plans: Ints,
+    stands: Bools,
+    has_destination: Bools,
+    names_destinations: Bools,
+    reports_paths: Bools,
+    track: Floats,
+) -> None:
+    """Change what n robots say of themselves where their destinations and forecasts tell more."""
+    for row in range(len(goes)):
+        navigates = goes[row] == GOES
+        if goes[row] == WAITS and has_destination[row]:
+            goes[row] = GOES
+        elif goes[row] == WAITS and names_destinations[row]:
+            goes[row] = RESTS
+        if navigates and reports_paths[row] and stands[row]:
+            goes[row] = RESTS
+        if goes[row] == GOES and plans[row] >= ORDER and _leads_nowhere(track[row]):
+            goes[row] = WAITS
 
 
 @lru_cache(maxsize=64)

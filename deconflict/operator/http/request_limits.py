@@ -65,7 +65,8 @@ class RequestLimitsMiddleware:
         await asyncio.sleep(min(wait_s, MOST_WAIT_S))
         send = self._charged(send, sender)
         if wait_s > MOST_WAIT_S:
-            refusal = JSONResponse({"detail": TOO_MANY}, 429, {"connection": "close", "retry-after": str(round(LONGEST_DEBT_S))})
+            headers = {"connection": "close", "retry-after": f"{LONGEST_DEBT_S:.0f}"}
+            refusal = JSONResponse({"detail": TOO_MANY}, 429, headers)
             await refusal(scope, receive, _safe(send))
         elif scope["type"] == "websocket":
             await self._app(scope, receive, send)
