@@ -39,6 +39,7 @@ CHANGES = (
     HallChange("Upper cross aisle at 0.6", place="Upper cross aisle", share=0.6),
     HallChange("Aisle 3 at 0.5", place="Aisle 3", share=0.5),
     HallChange("Alder first", first="Alder"),
+    HallChange("Basalt first", first="Basalt"),
     HallChange("Corvid first", first="Corvid"),
 )
 AS_IT_IS = HallChange("as it is")

@@ -9,8 +9,8 @@ from math import inf
 
 LONGEST_TICK_S = 0.1
 """Passes are this far apart while nothing arrives, and while they are expensive but not late."""
-PASS_SHARE = 0.2
-"""Shorter ticks may take this share of the time into passes. It leaves the processor to the other roles."""
+PASS_SHARE = 0.5
+"""Shorter ticks may take this share of the time into passes. It leaves a core of two to the other roles."""
 NEW_SHARE = 0.05
 """The weight of the newest pass in the usual duration."""
 LATE_PASSES = 2
