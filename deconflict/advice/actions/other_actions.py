@@ -9,6 +9,7 @@ import numpy as np
 from deconflict.advice.actions.changed_motion import Motion, backed, own_knots, proven, slowed, trailer_knots
 from deconflict.advice.actions.looking import FIND_CAUSE
 from deconflict.advice.holds.hold_planner import HoldPlan
+from deconflict.advice.holds.hold_problem import HoldProblem
 from deconflict.advisory import Action
 from deconflict.sweep.geometry.knots import Knots
 from ingest.batch import Pair
@@ -84,17 +85,37 @@ def _speed_mps(knots: Knots) -> float:
 def back_out(plan: HoldPlan, pair: Pair, robots: Sequence[str], standing: Action | None) -> Action | None:
     """The shortest way straight back of the first of `robots` that can let the other one pass; of that which does so
     by the `standing` action, if it can. No robot that pulls trailers backs: they would fold."""
-    ways = [(robot, back_m) for robot in robots if not trailer_knots(plan.problem, robot) for back_m in BACK_M]
+    problem = plan.problem
+    backing = [robot for robot in robots if not trailer_knots(problem, robot)]
+    ways = [(robot, back_m) for robot in backing for back_m in BACK_M]
     ways.sort(key=lambda way: standing is None or way[0] != standing.robot)
     motions = [
-        Motion(robot, backed(own_knots(plan.problem, robot), back_m, BACK_MPS), back_m / BACK_MPS)
-        for robot, back_m in ways
+        Motion(robot, backed(own_knots(problem, robot), back_m, BACK_MPS), back_m / BACK_MPS) for robot, back_m in ways
     ]
     helps = proven(plan, pair, motions) if motions else []
     if True not in helps:
         return None
     robot, back_m = ways[helps.index(True)]
-    return Action(robot=robot, name=plan.problem.planned[robot].name, action="back_out", where=f"{back_m:g} m")
+    other = pair[pair[0] == robot]
+    helpful = {robot for (robot, _), works in zip(ways, helps, strict=True) if works}
+    reason = _why_it_backs(problem, robot, other, other in backing, other in helpful)
+    name = problem.planned[robot].name
+    return Action(robot=robot, name=name, action="back_out", where=f"{back_m:g} m", reason=reason)
+
+
+def _why_it_backs(problem: HoldProblem, robot: str, other: str, can_back: bool, would_help: bool) -> str:
+    """Why this robot of two backs out, for a person. `can_back` and `would_help` are about the other one."""
+    name, other_name = problem.planned[robot].name, problem.planned[other].name
+    if not can_back:
+        return f"{other_name} pulls trailers and can't"
+    if not would_help:
+        return f"if {other_name} backed out, they would still meet, or it would meet another robot"
+    if problem.weight(robot) < problem.weight(other):
+        return f"{other_name} has the higher priority"
+    vendor, other_vendor = problem.planned[robot].vendor, problem.planned[other].vendor
+    if problem.burdens_s.get(vendor, 0.0) < problem.burdens_s.get(other_vendor, 0.0):
+        return f"robots of {vendor} have waited less by advice so far than those of {other_vendor}"
+    return f"{name} or {other_name} could, one is enough"
 
 
 def another_route(plan: HoldPlan, pair: Pair, standing: Action | None) -> Action:

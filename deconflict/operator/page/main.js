@@ -10,11 +10,12 @@ import { Filters } from "./list/filters.js";
 import { Live } from "./floor/live.js";
 import { FloorMap, swatch } from "./map/floor_map.js";
 import { Past } from "./floor/past.js";
+import { involvedIn } from "./map/involved.js";
 import { statusOf } from "./floor/status.js";
 import { Shift } from "./dialogs/shift.js";
 import { RobotBox, fillTable } from "./list/robots.js";
 import { Vendors } from "./list/vendors.js";
-import { KINDS, clock, isOver, leftOf, needsSomebody, plural, seconds, severityOf, short, toDo, urgency, what } from "./texts.js";
+import { KINDS, clock, isOver, needsSomebody, plural, seconds, severityOf, short, toDo, urgencyAt, what } from "./texts.js";
 
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
@@ -22,7 +23,6 @@ const FRAME_MS = 30;
 const FLASH_MS = 3000;
 const LEAST_SHOWN_M = 5;
 const EXTENT_STEP_M = 2;
-const MARKED_S = 90; // the robots and places of what begins later are marked only if somebody picks it
 const NEWS_S = 5; // an older revision is not announced: the stream sends it again after a gap
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -88,20 +88,12 @@ function scene() {
   const atS = nowS(), unidentified = new Set(past.floor ? [] : live.health.unidentified ?? []);
   const here = onFloor().filter((robot) => !isTakenOff(robot));
   for (const robot of here) setPresence(robot, atS, unidentified);
-  const situations = [...open().sort(urgency), ...ended()].filter((situation) => situation.location?.datum === floor);
+  const situations = [...open().sort(urgencyAt(atS)), ...ended()].filter((situation) => situation.location?.datum === floor);
   const picked = new Set([chosen, pointed.situation]), highlighted = new Set(situations.filter(({ id }) => picked.has(id)).flatMap((situation) => situation.robots));
-  const involved = new Map(), first = new Set(), advised = new Map(), contended = new Map(), grouped = advisoriesBySituation();
-  for (const { id, severity, robots, advice, predicted_at: begins } of situations.filter((situation) => !situation.endedMs && !isOver(situation)).reverse()) {
-    if (seconds(begins) - atS > MARKED_S && !picked.has(id)) continue;
-    for (const uuid of robots) involved.set(uuid, severity);
-    const actions = advice?.for_people || picked.has(id) ? advice?.actions ?? [] : [];
-    if (actions.length) first.add(actions[0].robot);
-    for (const each of actions) advised.set(each.robot, leftOf(each, advice, listedS));
-    for (const advisory of grouped.get(id) ?? []) for (const place of placesOf(advisory)) contended.set(place, { ...advisory, severity });
-  }
+  const grouped = advisoriesBySituation();
   const known = floors().find((each) => each.id === floor);
   return {
-    floor, theme: root.dataset.theme, nowS: atS, listedS, robots: here, situations, involved, first, advised, highlighted, contended, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
+    floor, theme: root.dataset.theme, nowS: atS, listedS, robots: here, situations, ...involvedIn(situations, picked, (id) => grouped.get(id) ?? [], atS, listedS), highlighted, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
     heat: heat && $("heat").ariaPressed === "true" ? heat : null,
     places: site.places.filter((place) => place.floor === floor), areas: site.areas.filter((area) => area.floor === floor), obstacles: site.obstacles.filter((obstacle) => obstacle.floor === floor), marks: known?.marks ?? [],
     exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),
@@ -109,9 +101,6 @@ function scene() {
     poseS: () => atS,
   };
 }
-
-// The places that an advisory is about. How many wait for one of several is not known of each.
-function placesOf({ resource, resources }) { return resources?.length ? resources : resource ? [resource] : []; }
 
 function bounds(shown) {
   const points = [...shown.marks.map((mark) => [mark.x, mark.y]), ...[...shown.places, ...shown.areas, ...shown.obstacles].flatMap((each) => each.polygon), ...shown.robots.map((robot) => robot.knots.slice(1, 3))];
@@ -144,7 +133,7 @@ function draw(at) {
 function tabs() {
   const known = floors(), counts = new Map();
   const worst = new Map();
-  for (const { location, severity } of open().filter(needsSomebody).sort(urgency).reverse()) {
+  for (const { location, severity } of open().filter(needsSomebody).sort(urgencyAt(nowS())).reverse()) {
     counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
     worst.set(location?.datum, severity);
   }
@@ -205,7 +194,7 @@ function list() {
   setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? nothing(lasting.length) : "Loading…");
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
-  if ($("machines").open) lines($("machines-lines"), others);
+  if ($("machines").open) lines($("machines-lines"), others, listedS);
   const known = [...robots().values()], here = onFloor();
   for (const robot of known) vendors.indexOf(robot.vendor);
   filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id, floorName: floorName(place.floor) }))], known);
@@ -321,7 +310,7 @@ function fit() {
 
 // Acknowledges with one key: the situation with the focus, else the chosen one, else the most urgent that nobody has taken.
 function acknowledgeByKey() {
-  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = open().sort(urgency);
+  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = open().sort(urgencyAt(nowS()));
   const situation = listed.find(({ id }) => id === focused) ?? listed.find(({ id }) => id === chosen) ?? listed.find(({ acknowledgement }) => !acknowledgement);
   acknowledgeOpen(situation);
 }

@@ -14,6 +14,7 @@ export function order({ action, seconds: forS, speed_mps: speed, where }) {
   return `${ACTIONS[action]}${amount}${where && ["wait", "back_out"].includes(action) ? ` ${where}` : ""}`;
 }
 
+export const FAR_S = 90; // what begins later stands behind what begins sooner, and is marked on the map only if somebody picks it
 const BEGUN_S = 4; // what began longer ago has the time since then
 const CHANGED_S = 15; // advice is new for so long
 const COST_STEP_S = 15;
@@ -120,10 +121,12 @@ export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }
 
-// What is over last, the most severe first, then what can still be prevented, then what costs most.
-export function urgency(a, b) {
-  const rank = isOver(a) - isOver(b) || SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity);
-  return rank || isLost(a) - isLost(b) || cost(b) - cost(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
+// The order at a time: what is over last, the most severe first, what is far ahead after the rest, then what can still be
+// prevented, then what costs most.
+export function urgencyAt(nowS) {
+  const isFar = ({ predicted_at: begins }) => seconds(begins) - nowS > FAR_S;
+  return (a, b) => isOver(a) - isOver(b) || SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity) || isFar(a) - isFar(b)
+    || isLost(a) - isLost(b) || cost(b) - cost(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
 }
 
 // Whether people can prevent nothing of it any more.

@@ -291,6 +291,69 @@ async def test_what_is_over_stands_last_and_is_not_counted(browser: "Browser", f
         assert not await page.locator("#tabs .open").count()
 
 
+async def test_what_is_far_ahead_stands_after_what_happens_now(browser: "Browser", face: Served) -> None:
+    calm: dict[str, Any] = {"advice": None, "severity": Severity.CAUTION}
+    later = shown(1, 0, 1, left_s=480.0, cost_s=300.0, preventable_s=480.0, situation_kind="queue", **calm)
+    now = shown(2, 4, 5, left_s=0.0, cost_s=5.0, preventable_s=None, **calm)
+    soon = shown(3, 7, 8, left_s=30.0, cost_s=300.0, preventable_s=30.0, situation_kind="queue", **calm)
+    await face.publish(later, now, soon)
+    async with opened(browser, face) as page:
+        order = await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)")
+        assert order == ["situation-3", "situation-2", "situation-1"]
+
+
+async def test_the_map_marks_no_robots_of_what_is_far_ahead_or_over(browser: "Browser", face: Served) -> None:
+    """The situation is at the first robot. Its last one, at the other end of the map, has a ring if it is marked."""
+    ring_pixels = """(() => {
+        const canvas = document.getElementById("map"), left = Math.round(0.7 * canvas.width);
+        const ink = getComputedStyle(document.documentElement).getPropertyValue("--critical").trim();
+        const rgb = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
+        const { data } = canvas.getContext("2d").getImageData(left, 0, canvas.width - left, canvas.height);
+        let count = 0;
+        for (let i = 0; i < data.length; i += 4) count += rgb.every((value, channel) => data[i + channel] === value);
+        return count;
+    })()"""
+    until_next = "document.documentElement.dataset.frames > {}"
+    async with opened(browser, face) as page:
+
+        async def after_two_pictures() -> int:
+            drawn = int(await page.evaluate("document.documentElement.dataset.frames"))
+            await until(page, until_next.format(drawn + 2))
+            return int(await page.evaluate(ring_pixels))
+
+        await face.publish(shown(1, 0, ROBOTS - 1, left_s=300.0, severity=Severity.CRITICAL))
+        await page.wait_for_selector('[data-id="situation-1"].critical')
+        assert await after_two_pictures() == 0
+        await page.hover('[data-id="situation-1"]')
+        await until(page, f"{ring_pixels} > 0")
+        await page.mouse.move(10, 10)
+        await until(page, f"{ring_pixels} === 0")
+        await face.publish(shown(1, 0, ROBOTS - 1, revision=2, severity=Severity.CRITICAL))
+        await until(page, f"{ring_pixels} > 0")
+        over = shown(1, 0, ROBOTS - 1, revision=3, severity=Severity.CRITICAL, advice=None, advisories=())
+        await face.publish(over)
+        await until(page, f"{ring_pixels} === 0")
+
+
+async def test_what_it_costs_says_how_much_was_warned_of_and_heeded(browser: "Browser", face: Served) -> None:
+    script = """async (total) => {
+        const { Costs } = await import("/page/dialogs/costs.js");
+        const nothing = { suggestions: [], none_because: "nothing is known", hours: 0 };
+        new Costs((floor) => floor, () => {}).show({ total, rows: [], currency: "EUR" }, [], [], [], 0, nothing);
+        return document.querySelector("#costs-body p").textContent;
+    }"""
+    total = {"lost_s": 90, "losses": 9, "warned_s": 60, "advised_s": 30, "heeded_s": 20, "cost": None}
+    sentence = (
+        "Of 90 s lost, 60 s were warned of before; "
+        "for 30 s of them one of the two robots was advised to wait, and for 20 s it waited."
+    )
+    async with opened(browser, face) as page:
+        assert sentence in await page.evaluate(script, total)
+        unadvised = total | {"advised_s": 0, "heeded_s": 0}
+        assert "60 s were warned of before. Sums" in await page.evaluate(script, unadvised)
+        assert "warned" not in await page.evaluate(script, total | {"losses": 0, "lost_s": 0})
+
+
 async def test_a_press_on_a_card_shows_it_on_the_map(browser: "Browser", face: Served) -> None:
     await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
     async with opened(browser, face) as page:

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from deconflict.advice.actions.waiting import PERSON_REACTION_S, SHORTEST_WAIT_S
+from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advice.expected_loss import saves_time
 from deconflict.advisories.situations.advice.stakes import SERVICE_REACTION_S, preventable_cost_of
@@ -23,6 +23,8 @@ GO_FIRST = "go_first"
 PEOPLE_SAVE_S, PEOPLE_STAND_S = 10.0, 8.0
 """People are asked to do something only if it can prevent this much, and for no shorter time. It stands for so long at
 least."""
+PEOPLE_NOTICE_S = 8.0
+"""A conflict that people are first asked to prevent begins no sooner than this: reading and acting take time."""
 Key = tuple[str, str, bool]
 """The robot, the kind of action, and whether it is vague: what stays the same while advice stands."""
 
@@ -105,10 +107,10 @@ def _sets_of(
 
 
 def _is_for_people(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:
-    """Whether people have the time for it, and it is worth theirs."""
+    """Whether people who read it now have the time for it, and it is worth theirs."""
     timed_s = [action.seconds for action in actions if action.seconds is not None]
     is_long = max(timed_s, default=PEOPLE_STAND_S) >= PEOPLE_STAND_S
-    return is_long and preventable_cost_of(advisory, now_s, PERSON_REACTION_S) >= PEOPLE_SAVE_S
+    return is_long and preventable_cost_of(advisory, now_s, PEOPLE_NOTICE_S) >= PEOPLE_SAVE_S
 
 
 def _saves_time(advisory: AnyAdvisory, actions: Iterable[Action], now_s: float) -> bool:

@@ -2,8 +2,8 @@
 
 Advice stands for `STANDS_S` at least; for people for `PEOPLE_STAND_S`, unless they can do something else instead. Then
 it stands until everybody has had their time, until no advisory asks for it any more, or until something else is clearly
-more urgent. It never names a robot that the situation does not list, or that has something more urgent to do in another
-situation.
+more urgent. What people have begun does not make way for what only programs have time for. It never names a robot that
+the situation does not list, or that has something more urgent to do in another situation.
 """
 
 from collections.abc import Collection, Sequence
@@ -59,7 +59,8 @@ def _reason_to_change(
         return None
     if asked is None:
         return NO_LONGER[first.action].format(name=first.name)
-    is_sooner = bool(proposal.actions) and proposal.first.predicted_s < asked.predicted_s - SOONER_S
+    may_replace = bool(proposal.actions) and (proposal.for_people or not before.for_people)
+    is_sooner = may_replace and proposal.first.predicted_s < asked.predicted_s - SOONER_S
     sooner = proposal.actions[0] if is_sooner else first
     return None if sooner.robot == first.robot else f"there is less time for {sooner.name}"
 

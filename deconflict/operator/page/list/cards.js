@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, by, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgency, what } from "../texts.js";
+import { KINDS, SIGNS, by, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgencyAt, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -16,7 +16,7 @@ export class Cards {
 
   // `ended` are those that were cleared lately; `behind(id)` are the advisories of a situation.
   show(open, ended, view) {
-    const sorted = this.inOrder(open, ended), ids = new Set(sorted.map(({ id }) => id)), kept = this.isHeld() ? this.shown : [];
+    const urgency = urgencyAt(view.nowS), sorted = this.inOrder(open, ended, urgency), ids = new Set(sorted.map(({ id }) => id)), kept = this.isHeld() ? this.shown : [];
     const shown = this.shown = new Set([...kept, ...[...open].sort(urgency).slice(0, MOST_CARDS).map(({ id }) => id)]);
     for (const [id, card] of this.cards) if (!ids.has(id)) this.remove(id, card);
     sorted.forEach((situation, i) => {
@@ -33,7 +33,7 @@ export class Cards {
   isHeld() { return Date.now() - this.movedMs < STILL_MS; }
 
   // Most urgent first, what has ended last; or, while they are held, as they are.
-  inOrder(open, ended) {
+  inOrder(open, ended, urgency) {
     const sorted = [...[...open].sort(urgency), ...[...ended].sort(urgency)];
     if (!this.isHeld()) return sorted;
     const order = [...this.cards.keys()].sort((a, b) => this.cards.get(a).compareDocumentPosition(this.cards.get(b)) & Node.DOCUMENT_POSITION_FOLLOWING ? -1 : 1);
@@ -113,7 +113,7 @@ export class Cards {
     parts.show.hidden = !situation.location;
     parts.behind.hidden = !advisories.length;
     setText(parts.count, `${plural(advisories.length, "warning")} behind it`);
-    if (parts.behind.open) lines(parts.lines, advisories);
+    if (parts.behind.open) lines(parts.lines, advisories, nowS);
     card.dataset.floor = floor;
     card.dataset.kind = situation.situation_kind;
   }
@@ -149,8 +149,8 @@ export class Cards {
 }
 
 // Advisories as lines of a list.
-export function lines(list, advisories) {
-  const texts = [...advisories].sort(urgency).map((advisory) => `${SIGNS[advisory.severity]} ${what(advisory)}`), key = texts.join("\n");
+export function lines(list, advisories, nowS) {
+  const texts = [...advisories].sort(urgencyAt(nowS)).map((advisory) => `${SIGNS[advisory.severity]} ${what(advisory)}`), key = texts.join("\n");
   if (list.dataset.key === key) return;
   list.dataset.key = key;
   list.replaceChildren(...texts.map((textContent) => Object.assign(part("li", ""), { textContent })));

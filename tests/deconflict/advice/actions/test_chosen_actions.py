@@ -96,6 +96,13 @@ def test_a_robot_backs_out_if_the_other_one_passes_its_place_and_then_turns_off(
     assert "back_out" not in [action for _, action in kinds(advised(with_trailers(a, pi), b))]
 
 
+def test_advice_to_back_out_says_why_this_robot() -> None:
+    a = SeenRobot("a", robot([0, 10], [0.0, -10.0], [0.0, 0.0], pi, SIZE_M))
+    b = SeenRobot("b", robot([0, 9.5, 11, 20], [-8.0, 1.5, 1.5, 1.5], [0, 0, 0, 9], [0, 0, pi / 2, pi / 2], SIZE_M))
+    assert advised(a, b).actions[0].reason == "if b backed out, they would still meet, or it would meet another robot"
+    assert advised(a, with_trailers(b)).actions[0].reason == "b pulls trailers and can't"
+
+
 def test_only_another_route_leads_around_a_robot_that_stands() -> None:
     stands = eastward("b", 0.0, speed_mps=0.0, holdable=False)
     assert kinds(advised(eastward("a", -5.0), stands)) == [("a", "take_another_route")]

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from deconflict.advisories.situations.advice.action_sets import PEOPLE_STAND_S, proposal_of
+from deconflict.advisories.situations.advice.action_sets import PEOPLE_NOTICE_S, PEOPLE_STAND_S, proposal_of
 from deconflict.advisories.situations.advice.situation_advice import STANDS_S, revised_advice
 from deconflict.advisories.situations.situation import SituationAdvice
 from deconflict.advisory import AnyAdvisory, EncounterClass, moment
@@ -186,6 +186,27 @@ def test_people_are_asked_first_and_for_long_enough() -> None:
     found = revised(None, NOW_S, short)
     assert found is not None
     assert not found.for_people
+
+
+def test_people_are_asked_only_while_there_is_time_to_read_and_do_it() -> None:
+    slowing = advice(action("a", "slow_down", seconds=8.0, speed_mps=0.5))
+    in_time, too_late = (
+        head_on("ab", left_s, recommendation=slowing) for left_s in (PEOPLE_NOTICE_S + 0.5, PEOPLE_NOTICE_S - 0.5)
+    )
+    asked, late = revised(None, NOW_S, in_time), revised(None, NOW_S, too_late)
+    assert asked is not None
+    assert late is not None
+    assert (asked.for_people, late.for_people) == (True, False)
+    assert revised(asked, NOW_S + PEOPLE_NOTICE_S - 1, in_time) == asked, "the time may run down"
+
+
+def test_what_people_do_does_not_make_way_for_what_programs_do() -> None:
+    slowing = advice(action("a", "slow_down", seconds=8.0, speed_mps=0.5))
+    before = revised(None, NOW_S, head_on("ab", 20.0, recommendation=slowing))
+    assert before is not None
+    assert before.for_people
+    now_s, sooner = NOW_S + PEOPLE_STAND_S + 6, head_on("cd", 15.0, recommendation=advice(action("c")))
+    assert revised(before, now_s, head_on("ab", 20.0, recommendation=slowing), sooner) == before
 
 
 def test_what_people_can_do_takes_the_place_of_what_programs_do() -> None:
