@@ -61,7 +61,7 @@ function ended() { return past.atS === null ? [...feed.ended.values()].filter((s
 function advisories() { return past.atS === null ? [...feed.advisories.values()] : past.floor?.advisories ?? []; }
 function nowS() { return past.floor ? past.floor.atS : frozenS() ?? live.nowS(); }
 function frozenS() { return root.dataset.state === "lost" || root.dataset.state === "stale" ? live.tickS : null; }
-function centre({ id, name, polygon }) { return { name: name || id, x: mean(polygon, 0), y: mean(polygon, 1) }; }
+function centre({ id, name, polygon }) { return { name: name || id, x: mean(polygon, 0), y: mean(polygon, 1), polygon }; }
 function mean(points, axis) { return points.reduce((total, each) => total + each[axis], 0) / points.length; }
 function floorName(id) { return floors().find((known) => known.id === id)?.name ?? id; }
 

@@ -265,9 +265,9 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
     health = VendorHealth(name="Alder", robots=ROBOTS).model_dump(mode="json")
     async with opened(browser, face) as page:
         assert await page.evaluate(script, health) == [
-            "A-3 drives otherwise than it announces: warnings of it",
-            "A-3, A-5, A-6 and 1 more drive otherwise than they announce: warnings of them",
-            "2 robots drive otherwise than they announce: warnings of them",
+            "A-3 moves otherwise than it announces: warnings of it",
+            "A-3, A-5, A-6 and 1 more move otherwise than they announce: warnings of them",
+            "2 robots move otherwise than they announce: warnings of them",
         ]
 
 
@@ -545,6 +545,30 @@ async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_ackn
         assert "A-4 and others meet in 5 s at Column 2" in answered
         PICTURES.mkdir(parents=True, exist_ok=True)
         await page.screenshot(path=PICTURES / "shift.png")
+
+
+async def test_the_shift_summary_names_the_place_that_holds_a_situation(browser: "Browser", face: Served) -> None:
+    script = """async () => {
+        const { Shift } = await import("/page/dialogs/shift.js");
+        const square = (x) => [[x, 0], [x + 4, 0], [x + 4, 4], [x, 4]];
+        const places = [{ name: "Column 1", x: 1, y: 1 }, { name: "Lane", x: 2, y: 2, polygon: square(0) }];
+        const areas = [{ name: "Room", polygon: square(0) }, { name: "Yard", polygon: square(6) }];
+        const shift = new Shift(() => "Hall", () => places, () => areas);
+        return [1, 7, 20].map((x) => shift.place({ location: { datum: "hall", x, y: 1 } }));
+    }"""
+    async with opened(browser, face) as page:
+        assert await page.evaluate(script) == ["Lane, Hall", "Yard, Hall", "Nearest to Lane, Hall"]
+
+
+async def test_a_long_summary_prints_from_its_heading_on(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face, 700, 300) as page:
+        await page.click("#shift-open")
+        await until(page, "document.getElementById('shift-body').textContent.includes(': 0 situations, ')")
+        await page.emulate_media(media="print")
+        await until(page, "document.getElementById('shift').clientHeight > innerHeight")
+        heading = await page.locator("#shift-title").bounding_box()
+        assert heading
+        assert heading["y"] >= 0
 
 
 async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_are(

@@ -58,12 +58,13 @@ export class Shift {
     return rows;
   }
 
-  // The areas that it is in, or the nearest named place or column of its floor.
+  // The places that it is in, or else the areas, or else the nearest named place or column of its floor.
   place({ location }) {
     if (!location) return "No place";
-    const floor = this.floorName(location.datum), within = this.areas(location.datum).filter(({ polygon }) => inside(polygon, location.x, location.y)).map(({ name }) => name);
+    const floor = this.floorName(location.datum), places = this.places(location.datum), holds = ({ polygon }) => polygon && inside(polygon, location.x, location.y);
+    const within = (places.some(holds) ? places : this.areas(location.datum)).filter(holds).map(({ name }) => name);
     if (within.length) return within.includes(floor) ? within.join(" and ") : `${within.join(" and ")}, ${floor}`;
-    const near = this.places(location.datum).map(({ name, x, y }) => [Math.hypot(x - location.x, y - location.y), name]).sort((a, b) => a[0] - b[0])[0];
+    const near = places.map(({ name, x, y }) => [Math.hypot(x - location.x, y - location.y), name]).sort((a, b) => a[0] - b[0])[0];
     return near ? `Nearest to ${near[1]}, ${floor}` : floor;
   }
 }

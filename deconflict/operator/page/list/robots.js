@@ -30,7 +30,7 @@ export class RobotBox {
     if (!robot) return;
     const rows = [["state", stateOf(robot, view.isTakenOff)], ["heard", ago(view.nowS - robot.arrivalS)], ["forecast from", FORECASTS[robot.basis] ?? robot.basis], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
     if (view.standards) rows.push(["standard", view.standards]);
-    if (view.isDistrusted) rows.push(["trust", "drives otherwise than it announces"]);
+    if (view.isDistrusted) rows.push(["trust", "moves otherwise than it announces"]);
     if (robot.unidentified) rows.push(["identity", "not received yet: size and name are assumed"]);
     const key = JSON.stringify([robot.name, rows]);
     if (this.box.dataset.key === key) return;

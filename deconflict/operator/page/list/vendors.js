@@ -62,7 +62,7 @@ export class Vendors {
   }
 
   // The table in words, and the table of figures.
-  // `distrusted(vendor)` are the names of the robots that drive otherwise than they announce.
+  // `distrusted(vendor)` are the names of the robots that move otherwise than they announce.
   tables(words, figures, health, distrusted) {
     if (!health.vendors || this.healths.at(-1)?.at_s === health.at_s) return;
     this.healths = [...this.healths.slice(1 - RATE_SAMPLES), health];
@@ -115,11 +115,11 @@ function changes(vendor) {
   return vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
 }
 
-// Which robots drive otherwise than they announce; `names` are those that are known.
+// Which robots move otherwise than they announce; `names` are those that are known.
 function distrust({ distrusted: count }, names) {
   if (!count) return [];
   const who = names.length ? [names.slice(0, NAMED).join(", "), ...(count > NAMED ? [`${count - NAMED} more`] : [])].join(" and ") : plural(count, "robot");
-  return [`${who} ${count === 1 ? "drives otherwise than it announces: warnings of it" : "drive otherwise than they announce: warnings of them"} may be wrong`];
+  return [`${who} ${count === 1 ? "moves otherwise than it announces: warnings of it" : "move otherwise than they announce: warnings of them"} may be wrong`];
 }
 
 function row(name, cells) {
