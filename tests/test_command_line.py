@@ -48,6 +48,15 @@ def test_a_reader_that_has_seen_enough_is_no_fault() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_robots_that_reach_no_service_say_so() -> None:
+    command = [sys.executable, "-m", "deconflict", "simulate", "--url", "ws://127.0.0.1:1", "--seconds", "0.3"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (
+        MISUSED,
+        "deconflict: nothing was sent: no service answers at ws://127.0.0.1:1\n",
+    )
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

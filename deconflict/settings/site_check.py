@@ -68,7 +68,7 @@ def check(path: Path, out: TextIO, verify: Callable[[Site], object] = lambda _: 
     try:
         site = load(path)
     except SiteError as error:
-        out.write(f"{visible_lines(str(error))}\n")
+        out.write(f"FAILED: {visible_lines(str(error))}\n")
         return FAULTY
     report = site_report(site, verify)
     out.writelines(f"{visible(line)}\n" for line in report_lines(report))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.service_commands import add_ports, check_access, settings_of
-from deconflict.runtime.command_parsers import Commands, add_command, positive
+from deconflict.runtime.command_parsers import MISUSED, Commands, add_command, positive
 from deconflict.simulation.demo.demo_site import ROBOTS, demo_site
 
 if TYPE_CHECKING:
@@ -30,7 +30,10 @@ def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
     )
     _add_simulated_world(demo_parser)
     demo_parser.add_argument(
-        "--seconds", type=float, metavar="S", help="stop so long after the start; 60 without a terminal, else never"
+        "--seconds",
+        type=float,
+        metavar="S",
+        help="stop so long after the engine is ready; 60 without a terminal, else never",
     )
     demo_parser.add_argument(
         "--advice",
@@ -147,5 +150,9 @@ def _simulate(args: argparse.Namespace) -> int:
         on_broker = partial(BrokerSender, host=host, port=port) if args.broker else None
         return await simulate(args.url, floor, args.seconds, on_broker=on_broker, stop=stop)
 
-    sys.stdout.write(json.dumps(asyncio.run(run())) + "\n")
-    return 0
+    sent = asyncio.run(run())
+    sys.stdout.write(json.dumps(sent) + "\n")
+    if any(sent.values()):
+        return 0
+    sys.stderr.write(f"deconflict: nothing was sent: no service answers at {args.url}\n")
+    return MISUSED

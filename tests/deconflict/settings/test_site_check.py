@@ -34,6 +34,12 @@ def test_a_valid_site_passes_and_shows_each_fit(tmp_path: Path) -> None:
     assert "one unit is 1 m along x, 1 m along y; shear 0.000 deg" in text
 
 
+def test_the_verdict_on_a_file_that_is_not_understood_comes_first(tmp_path: Path) -> None:
+    code, text = checked(sound() | {"nmae": "Works"}, tmp_path)
+    assert code == 2
+    assert text.startswith("FAILED: the site file has problems:\n  nmae: there is no such key")
+
+
 def test_an_example_shows_which_way_round_the_map_is_applied(tmp_path: Path) -> None:
     document = put(sound(), READINGS, {name: [100 + y, 50 - x] for name, (x, y) in MARKS.items()})
     _, text = checked(document, tmp_path)
