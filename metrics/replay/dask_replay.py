@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from itertools import chain
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
 from dask.distributed import Client, Future, LocalCluster, Security
@@ -127,7 +127,7 @@ def replay(
             _write(client, in_progress.popleft(), on_advisory, on_situation)
     for scored_window in in_progress:
         _write(client, scored_window, on_advisory, on_situation)
-    scores: LogScores = _unpickled(client.submit(itemgetter(0), scored, pure=False).result())[1]
+    scores: LogScores = client.submit(_finished_scores, scored, pure=False).result()
     measures = client.submit(_measures, engines[0], pure=False).result()
     return document(scores.result(reading, measures), reader, time.perf_counter() - began)
 
@@ -171,6 +171,12 @@ def _advance_engine(
 def _measures(last: tuple[State, list[EngineOutput]]) -> dict[str, Any]:
     engine: EngineRun = _unpickled(last[0])
     return engine.measures()
+
+
+def _finished_scores(last: tuple[State, WindowOutput]) -> LogScores:
+    _, scores = _unpickled(last[0])
+    scores.finish()
+    return cast("LogScores", scores)
 
 
 def _add_to_scores(

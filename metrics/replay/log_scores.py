@@ -46,6 +46,7 @@ class LogScores:
         self.names = LogNames(floor_names={datum.id: datum.name for datum in site.datums})
         self._vendors = VendorRecords()
         self._losses: list[LedgerEntry] = []
+        self._scenes: list[NearestScene] = []
         self._loss_settings = site.losses
         self._second: int | None = None
 
@@ -74,16 +75,14 @@ class LogScores:
             self._resolve()
 
     def result(self, passes: PassReader, measures: dict[str, Any]) -> dict[str, Any]:
-        """What the log holds, and the scores of every clearance. Call it once, after the last pass.
+        """What the log holds, and the scores of every clearance. Call it once, after `finish`.
 
         `measures` are the final measures of the first clearance's engine.
         """
-        self._finish()
         self.names.first_s = passes.first_s
         scores = [scores.figures(self.names, passes.now_s) for scores in self.by_clearance]
         ece = {row["vendor"]: row["ece"] for row in scores[0]["by_vendor"]}
-        scenes = self.truth.scenes.finish(self.truth.motion)
-        nearest = [self._scene(scene) for scene in scenes]
+        nearest = [self._scene(scene) for scene in self._scenes]
         self._vendors.update(passes.now_s, (passes.measures(), measures))
         contention = self.contention.figures()
         return {
@@ -141,12 +140,14 @@ class LogScores:
         for scores in self.by_clearance:
             scores.believer.advance(now_s, fallen_silent)
 
-    def _finish(self) -> None:
-        """Process what still waits for later reports."""
+    def finish(self) -> None:
+        """Process what still waits for later reports. Call it once, after the last pass, in the process that added the
+        passes: each process numbers the shapes of robots by itself."""
         self.truth.finish()
         self.absences.finish()
         self.forecasts.finish()
         self._resolve()
+        self._scenes = self.truth.scenes.finish(self.truth.motion)
 
     def _resolve(self) -> None:
         for scores in self.by_clearance:

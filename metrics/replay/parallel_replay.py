@@ -246,4 +246,5 @@ def _score(passes: Connection, published: Connection, *engines_and_settings: Any
             scores.add(engine_pass, outputs)
             of_group.append(PublishedPass([*advisory_rows(clearances_m, outputs)], outputs[0].situations))
         published.send_bytes(_pickled(of_group))
+    scores.finish()
     published.send_bytes(_pickled((scores, engine_inboxes[0].get())))

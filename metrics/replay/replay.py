@@ -71,6 +71,7 @@ def replay(
         if on_situation:
             for situation in outputs[0].situations:
                 on_situation(situation)
+    scores.finish()
     result = scores.result(passes, engines[0].measures())
     return document(result, reader, time.perf_counter() - began)
 

@@ -17,9 +17,13 @@ from ingest.recording.log_reader import Event, LogReader
 from metrics.replay import parallel_replay
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.parallel_replay import ReplayProcessError
+from metrics.replay.replay import replay
 from tests.helpers.commands import run
+from tests.metrics.replay.made_replays import log_of_a_crossing
 
 FILES = "advisories", "situations", "mcap"
+UNTIL_THEY_MEET = 2 + 2 * 13
+"""Lines of the log of a crossing."""
 KILLED_AFTER = 40
 """Events of the log, of which there are far more."""
 
@@ -52,6 +56,20 @@ def outputs(log: Path, folder: Path, jobs: int) -> dict[str, object]:
 def test_several_processes_write_the_files_of_one(log: Path, tmp_path: Path) -> None:
     assert outputs(log, tmp_path / "several", 2) == outputs(log, tmp_path / "one", 1)
     assert not active_children()
+
+
+def test_a_log_that_ends_while_round_robots_meet_is_scored_by_their_shapes(tmp_path: Path) -> None:
+    """Each process numbers shapes by itself. Only the one that scores knows these."""
+    log, file = log_of_a_crossing(tmp_path / "log.jsonl"), tmp_path / "site.toml"
+    file.write_text('[[vendors]]\nname = "Alder"\n[vendors.models.A1]\nshape = "circle"\ndiameter_m = 0.7321\n')
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[:UNTIL_THEY_MEET]))
+    results = []
+    for replayed in (parallel_replay.replay, replay):
+        reader = LogReader()
+        results.append(replayed(reader, reader.read([log]), load(file), [0.3]) | {"speed_x_real_time": None})
+    several, in_one = results
+    assert several == in_one
+    assert several["nearest"][0]["separation_m"] < 0.3
 
 
 @pytest.mark.parametrize("name", ["engine", "scoring"])
