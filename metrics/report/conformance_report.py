@@ -17,9 +17,9 @@ def vendor_page(vendor: Part, standards: str, log: str) -> str:
     """`vendor` is one of the vendors of the result of `conform`; `log` names what was read."""
     name, findings = vendor["vendor"], vendor["findings"]
     total = vendor["accepted"] + vendor["rejected"]
-    lead = f"Of {total:,} messages, {vendor['accepted']:,} were accepted and {vendor['rejected']:,} rejected. " + (
-        f"They deviate from {standards} in {len(findings)} ways." if findings else f"They conform to {standards}."
-    )
+    ways = f"deviate from {standards} in {_plural(len(findings), 'way')}" if findings else f"conform to {standards}"
+    accepted = f"{vendor['accepted']:,} were accepted and {vendor['rejected']:,} rejected"
+    lead = f"Of {total:,} messages, {accepted}. They {ways}."
     note = f"Read from {log}. A deviation that is not rejected was read as the sentence says."
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
@@ -32,6 +32,10 @@ def _finding(finding: Part) -> str:
     verdict = "rejected" if finding["rejects"] else "read all the same"
     example = f"<p>First example:</p><pre>{escape(finding['example'])}</pre>" if finding.get("example") else ""
     return (
-        f"<section><h2>{escape(finding['rule'])}: {finding['count']:,} times, {verdict}</h2>"
+        f"<section><h2>{escape(finding['rule'])}: {_plural(finding['count'], 'time')}, {verdict}</h2>"
         f"<p>{escape(finding['meaning'])} Clause: {escape(finding['clause']) or '-'}.</p>{example}</section>\n"
     )
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"

@@ -36,6 +36,6 @@ def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) ->
     examples = {finding["rule"]: finding["example"] for finding in known["findings"]}
     assert examples["status-too-frequent"] == messages[2].decode()
     html = vendor_page(known, "the standard", "log.jsonl")
-    assert "<h2>status-too-frequent: 1 times, read all the same</h2>" in html
+    assert "<h2>status-too-frequent: 1 time, read all the same</h2>" in html
     assert html.count("<section>") == len(known["findings"])
     assert "&quot;operationalState&quot;" in html, "the message is shown as it came, and runs nothing"
