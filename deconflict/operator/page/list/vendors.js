@@ -118,7 +118,8 @@ function changes(vendor) {
 // Which robots move otherwise than they announce; `names` are those that are known.
 function distrust({ distrusted: count }, names) {
   if (!count) return [];
-  const who = names.length ? [names.slice(0, NAMED).join(", "), ...(count > NAMED ? [`${count - NAMED} more`] : [])].join(" and ") : plural(count, "robot");
+  const parts = [...names.slice(0, NAMED), ...(count > NAMED ? [`${count - NAMED} more`] : [])];
+  const who = parts.length ? [parts.slice(0, -1).join(", "), parts.at(-1)].filter(Boolean).join(" and ") : plural(count, "robot");
   return [`${who} ${count === 1 ? "moves otherwise than it announces: warnings of it" : "move otherwise than they announce: warnings of them"} may be wrong`];
 }
 
