@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from itertools import chain
 from operator import itemgetter
+from threading import Lock
 from typing import Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
@@ -25,6 +26,7 @@ from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
+from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.recording.log_reader import Event, LogReader, Received, Tick
 from ingest.security.origin_check import is_loopback
 from metrics.replay.engine_output import EngineOutput
@@ -44,6 +46,8 @@ DASHBOARD = ":0"
 """Any free port, because another replay may run on the same machine. Dask serves it even without bokeh."""
 
 State = bytes
+_TASK = Lock()
+"""Held by a task of this process while it works. A worker may have several threads."""
 
 
 class WindowOutput(NamedTuple):
@@ -110,9 +114,9 @@ def replay(
     """The result of `metrics.replay.replay.replay`, computed by the workers of `client`."""
     began = time.perf_counter()
     reading = PassReader(site)
-    engines: list[Any] = [(pickle.dumps(EngineRun(site, clearance_m, start)), []) for clearance_m in clearances_m]
+    engines: list[Any] = [(_packed(EngineRun(site, clearance_m, start)), []) for clearance_m in clearances_m]
     scoring = OutputSituations(site, len(clearances_m), start), LogScores(site, clearances_m)
-    scored: Any = (pickle.dumps(scoring), WindowOutput([], []))
+    scored: Any = (_packed(scoring), WindowOutput([], []))
     in_progress: deque[Future[Any]] = deque()
     for window, is_last in _windows(events, window_s):
         passes = [*chain(reading.passes_of(window), reading.last_passes() if is_last else ())]
@@ -163,35 +167,45 @@ def _write(
 def _advance_engine(
     before: tuple[State, list[EngineOutput]], passes: list[EnginePass]
 ) -> tuple[State, list[EngineOutput]]:
-    engine: EngineRun = _unpickled(before[0])
-    outputs = [engine.advance(engine_pass) for engine_pass in passes]
-    return pickle.dumps(engine), outputs
+    with _unpacked(before[0]) as engine:
+        outputs = [engine.advance(engine_pass) for engine_pass in passes]
+        return _packed(engine), outputs
 
 
 def _measures(last: tuple[State, list[EngineOutput]]) -> dict[str, Any]:
-    engine: EngineRun = _unpickled(last[0])
-    return engine.measures()
+    with _unpacked(last[0]) as engine:
+        return cast("EngineRun", engine).measures()
 
 
 def _finished_scores(last: tuple[State, WindowOutput]) -> LogScores:
-    _, scores = _unpickled(last[0])
-    scores.finish()
-    return cast("LogScores", scores)
+    with _unpacked(last[0]) as (_, scores):
+        scores.finish()
+        return cast("LogScores", scores)
 
 
 def _add_to_scores(
     before: tuple[State, WindowOutput], passes: list[EnginePass], *engines: tuple[State, list[EngineOutput]]
 ) -> tuple[State, WindowOutput]:
-    situations, scores = _unpickled(before[0])
     published = WindowOutput([], [])
-    clearances_m = [each.clearance_m for each in scores.by_clearance]
-    for engine_pass, *of_engines in zip(passes, *(outputs for _, outputs in engines), strict=True):
-        outputs = situations.published(engine_pass.now_s, of_engines)
-        scores.add(engine_pass, outputs)
-        published.advisories.extend(advisory_rows(clearances_m, outputs))
-        published.situations.extend(outputs[0].situations)
-    return pickle.dumps((situations, scores)), published
+    with _unpacked(before[0]) as (situations, scores):
+        clearances_m = [each.clearance_m for each in scores.by_clearance]
+        for engine_pass, *of_engines in zip(passes, *(outputs for _, outputs in engines), strict=True):
+            outputs = situations.published(engine_pass.now_s, of_engines)
+            scores.add(engine_pass, outputs)
+            published.advisories.extend(advisory_rows(clearances_m, outputs))
+            published.situations.extend(outputs[0].situations)
+        return _packed((situations, scores)), published
 
 
-def _unpickled(state: State) -> Any:
-    return pickle.loads(state)  # noqa: S301 - a worker already runs any code that its scheduler sends
+def _packed(contents: object) -> State:
+    """What a task hands on. Shapes have numbers within one process, so those of this one come first."""
+    return pickle.dumps((SHAPES.numbered, contents))
+
+
+@contextmanager
+def _unpacked(state: State) -> Iterator[Any]:
+    """What the task before has handed on, while this process numbers shapes as that one did. One task at a time."""
+    with _TASK:
+        shapes, contents = pickle.loads(state)  # noqa: S301 - a worker already runs any code that its scheduler sends
+        SHAPES.number_as(shapes)
+        yield contents

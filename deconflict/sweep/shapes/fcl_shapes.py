@@ -20,7 +20,7 @@ import shapely
 from deconflict.sweep.narrowphase import MOTION
 from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Bools, Floats
-from ingest.shapes import ShapePart
+from ingest.shapes import Shape, ShapePart
 
 TALL_M = 2.0
 """Height of each prism."""
@@ -150,7 +150,9 @@ def _kept_bodies(solid: Solid, begins_m: float, kept: dict[int, Bodies]) -> Bodi
 
 def _bodies(solid: Solid, grow_m: float, begins_m: float) -> Bodies:
     if solid.shape:
-        return _bodies_of_shape(solid.shape, solid.bottom, solid.top, grow_m, begins_m)
+        shape = SHAPES[solid.shape]
+        assert shape is not None  # noqa: S101 - rectangles have no bodies of their own
+        return _bodies_of_shape(shape, solid.bottom, solid.top, grow_m, begins_m)
     size_m = 2 * solid.half_length, 2 * solid.half_width
     if _BOX_SIZES_M.get(begins_m) != size_m:
         _BOXES[begins_m].side, _BOX_SIZES_M[begins_m] = np.array((*size_m, TALL_M)), size_m
@@ -158,9 +160,7 @@ def _bodies(solid: Solid, grow_m: float, begins_m: float) -> Bodies:
 
 
 @lru_cache(MOST_MESHES)
-def _bodies_of_shape(number: int, bottom_m: float, top_m: float, grow_m: float, begins_m: float) -> Bodies:
-    shape = SHAPES[number]
-    assert shape is not None  # noqa: S101 - rectangles have no bodies of their own
+def _bodies_of_shape(shape: Shape, bottom_m: float, top_m: float, grow_m: float, begins_m: float) -> Bodies:
     return tuple(_placed(part, bottom_m, top_m, _body(part, grow_m, begins_m)) for part in shape.parts)
 
 

@@ -3,7 +3,7 @@
 import json
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,9 @@ from benchmarks.replay import write_log
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site
+from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.recording.log_reader import LogReader
+from ingest.shapes import Shape
 from metrics.replay import replay
 from metrics.replay_files import LogError
 from tests.helpers.commands import run
@@ -86,6 +88,29 @@ def test_windows_of_any_length_give_what_a_single_run_gives(
         **sinks(lines, situations),
     )
     assert (text(result), lines, situations) == alone
+
+
+def test_a_state_keeps_its_shapes_on_a_worker_that_has_numbered_others(client: Client) -> None:
+    first, second = list(client.scheduler_info()["workers"])[:2]
+    client.run(number_circles, [4.0, 5.0], workers=[second])
+    state = client.submit(packed_circles, [0.5, 1.5], workers=[first], pure=False)
+    assert client.submit(unpacked_sizes_m, state, workers=[second], pure=False).result() == [0.5, 1.5]
+
+
+def number_circles(diameters_m: Sequence[float]) -> None:
+    SHAPES.number_as(map(Shape.circle, diameters_m))
+
+
+def packed_circles(diameters_m: Sequence[float]) -> bytes:
+    """A state that holds the numbers of circles."""
+    number_circles(diameters_m)
+    return dask_replay._packed([1, 2])
+
+
+def unpacked_sizes_m(state: bytes) -> list[float]:
+    with dask_replay._unpacked(state) as numbers:
+        shapes = [SHAPES[number] for number in numbers]
+        return [shape.size_m[0] for shape in shapes if shape]
 
 
 def test_a_worker_that_dies_does_not_change_the_result(client: Client, log: Path, site: Site, alone: Run) -> None:
