@@ -20,6 +20,10 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
         "ALTER TABLE losses ADD COLUMN over_usual_s REAL NOT NULL DEFAULT 0.0",
         "UPDATE losses SET over_usual_s = lost_s",
     ),
+    (
+        "CREATE TABLE begun (at_s REAL)",
+        "INSERT INTO begun SELECT hour_s FROM losses ORDER BY hour_s LIMIT 1",
+    ),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1. The first
 ledgers have version 0."""

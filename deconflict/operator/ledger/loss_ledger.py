@@ -37,6 +37,7 @@ INSERT INTO losses ({KEYS}, {", ".join(SUMS)})
 VALUES ({", ".join("?" * (len(KEYS.split(",")) + len(SUMS)))})
 ON CONFLICT DO UPDATE SET {", ".join(f"{name} = {name} + excluded.{name}" for name in SUMS)}
 """  # noqa: S608 - constants
+BEGIN = "INSERT INTO begun SELECT ? WHERE NOT EXISTS (SELECT 1 FROM begun)"
 COLUMNS = {
     "vendor": "vendor",
     "model": "model",
@@ -114,6 +115,8 @@ class LossLedger:
             db.execute("DELETE FROM parcels")
             db.execute("INSERT INTO parcels VALUES (?, ?)", (sender, number))
             db.executemany(ADD, (_row_of(entry) for entry in entries))
+            if entries:
+                db.execute(BEGIN, (min(entry.from_s for entry in entries),))
 
     def last_parcel(self) -> tuple[str, int]:
         """The sender and the number of the last parcel; "" and 0 before the first. Raises `sqlite3.Error`."""
@@ -133,10 +136,12 @@ class LossLedger:
                 f" WHERE hour_s >= :from_s AND hour_s < :until_s{conditions} GROUP BY {columns}",
                 span | wanted,
             ).fetchall()
+            (begun_s,) = db.execute("SELECT MIN(at_s) FROM begun").fetchone()
         width = len(question.keys)
         parts = [LossSum(_values(question, row[:width]), row[width], row[width + 1], row[width + 2 :]) for row in rows]
         settings = self.settings
-        return answer(question._replace(from_s=span["from_s"]), parts, settings.cost_per_robot_hour, settings.currency)
+        costs = settings.cost_per_robot_hour, settings.currency
+        return answer(question._replace(from_s=span["from_s"]), parts, *costs, begun_s)
 
     def prune(self, now_s: float) -> int:
         """Remove hours that are older than the settings say, or too many; returns how many. Raises `sqlite3.Error`."""

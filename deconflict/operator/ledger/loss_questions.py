@@ -57,6 +57,7 @@ class LossList(BaseModel):
 
     from_s: float = Field(description="the first hour begins then, seconds since the epoch")
     until_s: float = Field(description="the last hour begins before")
+    begun_s: float | None = Field(description="the first loss of the ledger began then; null if there is none")
     currency: str
     total: LossRow
     rows: list[LossRow] = Field(description="one for each combination of the keys, the largest first")
@@ -68,8 +69,14 @@ def hourly_cost(costs: Mapping[str, float], vendor: str, model: str) -> float | 
     return costs.get(f"{vendor}/{model}", costs.get(vendor))
 
 
-def answer(question: LossQuestion, sums: Iterable[LossSum], costs: Mapping[str, float], currency: str) -> LossList:
-    """The answer to a question."""
+def answer(
+    question: LossQuestion,
+    sums: Iterable[LossSum],
+    costs: Mapping[str, float],
+    currency: str,
+    begun_s: float | None = None,
+) -> LossList:
+    """The answer to a question. The first loss of the ledger began at `begun_s`."""
     total, rows = _row({}), dict[tuple[Any, ...], LossRow]()
     for part in sums:
         per_hour = hourly_cost(costs, part.vendor, part.model)
@@ -82,6 +89,7 @@ def answer(question: LossQuestion, sums: Iterable[LossSum], costs: Mapping[str, 
     return LossList(
         from_s=question.from_s,
         until_s=question.until_s,
+        begun_s=begun_s,
         currency=currency,
         total=_rounded(total),
         rows=found[: question.limit],

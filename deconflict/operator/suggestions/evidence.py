@@ -110,10 +110,12 @@ def evidence_of(
     warnings: Sequence[WarningCounts] = (),
     span_s: float | None = None,
 ) -> LossEvidence:
-    """The evidence from the answers to `QUESTIONS`. Without `span_s` the hours that have any loss were observed."""
+    """The evidence from the answers to `QUESTIONS`. Without `span_s` the hours that have any loss were observed, the
+    first one of the ledger from its first loss on."""
     by_cell, by_pair, by_hour = answers
     hours = sorted({row["hour"] for row in _rows(by_hour)})
-    observed_s = sum(max(0.0, min(by_hour.until_s, hour + HOUR_S) - hour) for hour in hours)
+    begun_s = by_hour.begun_s or 0.0
+    observed_s = sum(max(0.0, min(by_hour.until_s, hour + HOUR_S) - max(hour, begun_s)) for hour in hours)
     sums: dict[PlaceKey, Counter[int]] = {}
     for row in _rows(by_hour):
         sums.setdefault(_key(row), Counter())[row["hour"]] += row["lost_s"]

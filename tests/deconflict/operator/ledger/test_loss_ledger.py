@@ -94,7 +94,17 @@ def test_a_ledger_of_the_first_format_is_upgraded(tmp_path: Path) -> None:
     with closing(LossLedger(tmp_path, LossSettings())) as opened:
         opened.add("engine", 1, [QUEUED])
         total = opened.ask(question()).total
+        assert opened.ask(question()).begun_s == START_S
     assert (total.lost_s, total.over_usual_s, total.warned_s, total.losses) == (17.0, 15.0, 8.0, 2)
+
+
+def test_the_ledger_knows_when_its_first_loss_began(tmp_path: Path) -> None:
+    with closing(LossLedger(tmp_path, LossSettings())) as opened:
+        assert opened.ask(question()).begun_s is None
+        opened.add("engine", 1, [QUEUED._replace(from_s=START_S + 700.0), QUEUED._replace(from_s=START_S + 600.0)])
+    with closing(LossLedger(tmp_path, LossSettings())) as opened:
+        opened.add("engine", 2, [QUEUED._replace(from_s=START_S + 800.0)])
+        assert opened.ask(question()).begun_s == START_S + 600.0
 
 
 def test_a_ledger_of_a_newer_release_is_refused_and_left_alone(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import pytest
 
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
+from deconflict.operator.ledger.loss_questions import HOUR_S
 from deconflict.operator.suggestions.evidence import VendorForecasts, WarningCounts
 from deconflict.operator.suggestions.found_suggestions import (
     NOTHING_STANDS_OUT,
@@ -13,7 +14,15 @@ from deconflict.operator.suggestions.found_suggestions import (
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site
-from tests.deconflict.operator.suggestions.made_evidence import HOURS, SITE, every_hour, evidence, loss, suggestions
+from tests.deconflict.operator.suggestions.made_evidence import (
+    HOURS,
+    SITE,
+    START_S,
+    every_hour,
+    evidence,
+    loss,
+    suggestions,
+)
 
 QUEUE = loss("queue", "Yard", 5.0, 1.0)
 MEETING = loss("head_on", "Lane", 30.0, 21.0)
@@ -29,11 +38,31 @@ def test_a_queue_at_a_dock_suggests_one_more() -> None:
     assert (found.evidence.share, found.evidence.hours, found.evidence.losses) == (1.0, HOURS, 80)
     assert (found.evidence.pairs[0].vendor, found.evidence.pairs[0].by) == ("Alder", "Corvid")
     assert found.saving
-    assert 0 < found.saving.low_s_per_hour < found.saving.high_s_per_hour <= 400.0
+    assert 0 < found.saving.low_s_per_hour < 160.0
+    assert 400.0 < found.saving.high_s_per_hour < 600.0
     assert found.check == "deconflict whatif LOG --site SITE.toml --dock 'Dock 1'"
     assert found.text.startswith(
         "Add a dock beside Dock 1: robots that wait there lose 7 min an hour (100% of all lost"
     )
+
+
+def test_the_first_hour_of_a_ledger_counts_from_its_first_loss_on() -> None:
+    late = [
+        entry._replace(from_s=entry.from_s + 2400.0) for entry in every_hour(QUEUE) if entry.from_s < START_S + HOUR_S
+    ]
+    [found] = suggestions(evidence(late))
+    assert found.evidence.hours == pytest.approx(1 / 3, abs=0.01)
+    assert found.evidence.lost_s_per_hour == pytest.approx(1200.0)
+
+
+def test_the_range_of_a_saving_is_narrower_with_more_evidence() -> None:
+    """What few losses cost is by chance more or less than usual."""
+    widths_s = []
+    for times in (4, 16, 64):
+        [found] = suggestions(evidence(every_hour(loss("queue", "Yard", 5.0, 1.0, lost_s=1600.0 / times), times)))
+        assert found.saving
+        widths_s.append(found.saving.high_s_per_hour - found.saving.low_s_per_hour)
+    assert widths_s[0] > widths_s[1] > widths_s[2] > 0.6 * 1600.0
 
 
 def test_head_on_losses_in_an_aisle_suggest_one_way() -> None:
