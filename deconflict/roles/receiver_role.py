@@ -138,11 +138,12 @@ class ReceiverRole:
         except OSError as error:
             raise PortTakenError("receiver", settings.host, settings.port) from error
 
-    def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
+    def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         rule = self.fleet.receive(raw, arrival_s, connection)
         self.recorder.received(raw, arrival_s, connection, rule)
         if rule is None:
             self._ticks.note_message()
+        return rule
 
     def _overtaken(self, message: ArrivedMessage, uuid: str) -> None:
         self.fleet.count_overtaken(uuid, message.arrival_s, message.connection)

@@ -12,7 +12,10 @@ from ingest.port.rate_limits import ArrivedMessage, RateLimits, Rates
 from ingest.port.time_slices import TimeSlices
 from ingest.settings import UNKNOWN, ReceiverSettings
 
-Deliver = Callable[[bytes, float, Connection], None]
+Deliver = Callable[[bytes, float, Connection], str | None]
+"""Returns the rule that a rejected message breaks; None if it is accepted."""
+REJECTED_COSTS = 4.0
+"""A rejected message counts as so many times its processor time: it is also recorded, shown and counted."""
 DRAIN_EVERY_S = 0.02
 
 
@@ -70,11 +73,12 @@ class FairDelivery:
 
     def _deliver_timed(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """Deliver a message, and charge its sender for the time that it takes."""
-        began_s, began_loop_s = time.thread_time(), time.perf_counter()
+        began_s, began_loop_s, costs = time.thread_time(), time.perf_counter(), 1.0
         try:
-            self._deliver(raw, arrival_s, connection)
+            if self._deliver(raw, arrival_s, connection):
+                costs = REJECTED_COSTS
         finally:
-            spent_s = time.thread_time() - began_s
+            spent_s = costs * (time.thread_time() - began_s)
             self._delivering_s += time.perf_counter() - began_loop_s
             self._rate_limits.delivered(self._sender(connection), len(raw), spent_s, time.monotonic())
 
