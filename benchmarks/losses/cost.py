@@ -15,6 +15,7 @@ from benchmarks.watch_demo.floor import Floor, Post
 from benchmarks.watch_demo.watching import START_S
 from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.engine.engine import Engine
+from deconflict.foresight.interactions.interaction_finder import InteractionFinder
 from deconflict.foresight.losses import loss_finder
 from deconflict.foresight.losses.loss_places import LossPlaces
 from deconflict.settings.fleet_factory import fast_fleet_of
@@ -29,7 +30,7 @@ LEDGER = (
     (LossWarnings, "note"),
     (LossWarnings, "notice_of"),
 )
-SHARED = ((loss_finder.InteractionFinder, "receive"), (loss_finder, "interaction_reports"))
+SHARED = ((InteractionFinder, "receive"), (loss_finder, "interaction_reports"))
 SETTLING_SHARE = 1 / 3
 
 
