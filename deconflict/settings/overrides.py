@@ -18,6 +18,14 @@ def with_overrides(site: Site, changes: Iterable[str]) -> Site:
     A key is a path as in the site file. If only one key ends so, its last part is enough, with or without the unit. A
     value is TOML. Raises `SiteError`.
     """
+    try:
+        return site_from_document(_changed(site, changes))
+    except SiteError as error:
+        raise SiteError(error.problems, "--set") from error
+
+
+def _changed(site: Site, changes: Iterable[str]) -> dict[str, Any]:
+    """The site as a document, with the changes."""
     document = site.model_dump(mode="json", exclude_unset=True)
     for change in changes:
         name, equals, text = (part.strip() for part in change.partition("="))
@@ -28,7 +36,7 @@ def with_overrides(site: Site, changes: Iterable[str]) -> Site:
         for part in path[:-1]:
             section = section.setdefault(part, {})
         section[path[-1]] = _value(name, text)
-    return site_from_document(document)
+    return document
 
 
 def _path(name: str) -> tuple[str, ...]:

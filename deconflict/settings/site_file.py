@@ -27,11 +27,11 @@ MOST_PROBLEMS = 100
 
 
 class SiteError(ValueError):
-    """The site file can't be used. `problems` has a line for each thing to change."""
+    """The site file, or another `source` of settings, can't be used. `problems` has a line for each thing to change."""
 
-    def __init__(self, problems: Iterable[str]) -> None:
+    def __init__(self, problems: Iterable[str], source: str = "the site file") -> None:
         self.problems = tuple(problems)
-        super().__init__("the site file has problems:\n" + "\n".join(f"  {problem}" for problem in self.problems))
+        super().__init__(f"{source} has problems:\n" + "\n".join(f"  {problem}" for problem in self.problems))
 
 
 def load(path: Path) -> Site:

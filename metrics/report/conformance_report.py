@@ -10,6 +10,14 @@ h1 { font-size: 1.5rem; } h2 { font-size: 1.1rem; margin: 1.6rem 0 .3rem; }
 section { break-inside: avoid; border-top: 1px solid #d3dae1; }
 pre { background: #f4f6f8; padding: .6rem; white-space: pre-wrap; overflow-wrap: anywhere; font-size: .8rem; }
 .note { color: #5a6875; }
+.paper { display: none; }
+@page { size: A4; margin: 12mm; }
+@media print {
+  body { font-size: 9px; margin: 0; padding: 0; max-width: none; }
+  h1 { font-size: 15px; } h2 { font-size: 10px; margin: 6px 0 1px; }
+  p, pre { margin: 2px 0; } pre { padding: 3px; font-size: 7px; line-height: 1.3; max-height: 5.2em; overflow: hidden; }
+  .paper { display: inline; }
+}
 """
 
 
@@ -21,10 +29,12 @@ def vendor_page(vendor: Part, standards: str, log: str) -> str:
     accepted = f"{vendor['accepted']:,} were accepted and {vendor['rejected']:,} rejected"
     lead = f"Of {total:,} messages, {accepted}. They {ways}."
     note = f"Read from {log}. A deviation that is not rejected was read as the sentence says."
+    on_paper = "On paper long examples are cut; the page on a screen has them whole."
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
         f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}: conformance to {escape(standards)}</h1>\n"
-        f"<p>{escape(lead)}</p>\n<p class=note>{escape(note)}</p>\n{''.join(map(_finding, findings))}</body>\n</html>\n"
+        f"<p>{escape(lead)}</p>\n<p class=note>{escape(note)} <span class=paper>{on_paper}</span></p>\n"
+        f"{''.join(map(_finding, findings))}</body>\n</html>\n"
     )
 
 

@@ -27,5 +27,5 @@ def test_a_setting_is_changed_and_the_others_stay() -> None:
     ],
 )
 def test_an_invalid_override_is_an_error(change: str, expected: str) -> None:
-    with pytest.raises(SiteError, match=expected.replace("?", r"\?")):
+    with pytest.raises(SiteError, match=r"--set has problems:\n.*" + expected.replace("?", r"\?")):
         with_overrides(DEFAULT, [change])
