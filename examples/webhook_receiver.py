@@ -65,7 +65,10 @@ class Receiver(BaseHTTPRequestHandler):
 
 
 if __name__ == "__main__":
-    Receiver.secret = os.environ["DECONFLICT_SECRET"]
     parser = argparse.ArgumentParser(description="Prints the revisions that the service has signed.")
     parser.add_argument("port", type=int, help="where to listen, on 127.0.0.1")
-    ThreadingHTTPServer(("127.0.0.1", parser.parse_args().port), Receiver).serve_forever()
+    port = parser.parse_args().port
+    if not os.environ.get("DECONFLICT_SECRET"):
+        parser.error("DECONFLICT_SECRET is required: the secret of the webhook in the site file")
+    Receiver.secret = os.environ["DECONFLICT_SECRET"]
+    ThreadingHTTPServer(("127.0.0.1", port), Receiver).serve_forever()

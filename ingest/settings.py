@@ -303,8 +303,7 @@ class ReceiverSettings(Section):
     max_bytes_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 10e6
     """Most bytes of messages a second of one vendor."""
     max_processor_share: Annotated[float, Field(gt=0, le=1)] = 0.4
-    """Largest part of a processor core that reading the messages of one vendor may take. Rejected messages count four
-    times."""
+    """Largest part of a core that reading the messages of one vendor may take. Rejected messages count four times."""
     tls: Tls | None = None
     """Certificates for `wss://`. If absent, the port serves plain `ws://`."""
     dial_backoff_s: tuple[Seconds, Seconds] = (0.5, 30.0)
