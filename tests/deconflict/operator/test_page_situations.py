@@ -647,3 +647,34 @@ async def test_a_card_of_many_robots_fits_a_phone(browser: "Browser", face: Serv
         assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         PICTURES.mkdir(parents=True, exist_ok=True)
         await page.screenshot(path=PICTURES / "phone-situations.png", full_page=True)
+
+
+NOTE_ALARMS = """() => {
+  const started = OscillatorNode.prototype.start, Shown = Notification;
+  Object.assign(window, { tones: 0, notices: [] });
+  OscillatorNode.prototype.start = function (...at) { tones += 1; return started.apply(this, at); };
+  window.Notification = class extends Shown {
+    constructor(title, options) { super(title, options); notices.push(title); }
+  };
+}"""
+"""Has the page count its tones and list its notifications, which it makes all the same."""
+
+
+async def test_sound_and_notifications_are_off_until_chosen_and_then_come_with_what_is_critical(
+    browser: "Browser", face: Served
+) -> None:
+    async with opened(browser, face) as page:
+        await page.context.grant_permissions(["notifications"], origin=face.http)
+        await page.evaluate(NOTE_ALARMS)
+        await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
+        await page.wait_for_selector('[data-id="situation-1"]')
+        assert await page.evaluate("[tones, notices.length]") == [0, 0]
+        await page.click("#alerts summary")
+        await page.check("#sound")
+        await page.check("#notify")
+        await until(page, "tones === 3")
+        assert await text(page, "#alarm-problem") == ""
+        await face.publish(shown(2, 4, 5, severity=Severity.CRITICAL), shown(3, 8, 9, severity=Severity.WARNING))
+        await page.wait_for_selector('[data-id="situation-3"]')
+        await until(page, "tones === 6")
+        assert await page.evaluate("notices.length") == 1
