@@ -84,6 +84,7 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
         lambda: app.state.site,
     )
     _add_sockets(app, publisher, store, sources)
+    _add_descriptions(app)
     app.add_exception_handler(SourceUnavailableError, source_unavailable)
     app.add_exception_handler(StoreError, store_failed)
     app.add_exception_handler(RequestValidationError, invalid_request)
@@ -133,7 +134,7 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
 
 
 def _add_sockets(app: FastAPI, publisher: Publisher, store: Store, sources: Sources) -> None:
-    """Add the advisory stream, the page with its live socket, and the index of the API."""
+    """Add the advisory stream, and the page with its live socket."""
 
     def send_timeout_s() -> float:
         return float(app.state.site.operator.stream_send_timeout_s)
@@ -146,13 +147,17 @@ def _add_sockets(app: FastAPI, publisher: Publisher, store: Store, sources: Sour
 
     add_page_routes(app, store, sources, send_timeout_s)
 
+
+def _add_descriptions(app: FastAPI) -> None:
+    """Add the description of the API for programs, and its index for people."""
+
     @cache
-    def written() -> bytes:
+    def openapi_json() -> bytes:
         return json.dumps(app.openapi()).encode()
 
     @app.get("/openapi.json", include_in_schema=False)
     async def openapi() -> Response:
-        return Response(written(), media_type="application/json")
+        return Response(openapi_json(), media_type="application/json")
 
     @app.get("/api", include_in_schema=False)
     async def index() -> HTMLResponse:

@@ -37,7 +37,7 @@ INSERT INTO losses ({KEYS}, {", ".join(SUMS)})
 VALUES ({", ".join("?" * (len(KEYS.split(",")) + len(SUMS)))})
 ON CONFLICT DO UPDATE SET {", ".join(f"{name} = {name} + excluded.{name}" for name in SUMS)}
 """  # noqa: S608 - constants
-BEGIN = "INSERT INTO begun SELECT ? WHERE NOT EXISTS (SELECT 1 FROM begun)"
+NOTE_BEGIN = "INSERT INTO begun SELECT ? WHERE NOT EXISTS (SELECT 1 FROM begun)"
 COLUMNS = {
     "vendor": "vendor",
     "model": "model",
@@ -116,7 +116,7 @@ class LossLedger:
             db.execute("INSERT INTO parcels VALUES (?, ?)", (sender, number))
             db.executemany(ADD, (_row_of(entry) for entry in entries))
             if entries:
-                db.execute(BEGIN, (min(entry.from_s for entry in entries),))
+                db.execute(NOTE_BEGIN, (min(entry.from_s for entry in entries),))
 
     def last_parcel(self) -> tuple[str, int]:
         """The sender and the number of the last parcel; "" and 0 before the first. Raises `sqlite3.Error`."""
@@ -139,9 +139,8 @@ class LossLedger:
             (begun_s,) = db.execute("SELECT MIN(at_s) FROM begun").fetchone()
         width = len(question.keys)
         parts = [LossSum(_values(question, row[:width]), row[width], row[width + 1], row[width + 2 :]) for row in rows]
-        settings = self.settings
-        costs = settings.cost_per_robot_hour, settings.currency
-        return answer(question._replace(from_s=span["from_s"]), parts, *costs, begun_s)
+        question = question._replace(from_s=span["from_s"])
+        return answer(question, parts, self.settings.cost_per_robot_hour, self.settings.currency, begun_s)
 
     def prune(self, now_s: float) -> int:
         """Remove hours that are older than the settings say, or too many; returns how many. Raises `sqlite3.Error`."""

@@ -74,9 +74,9 @@ def answer(
     sums: Iterable[LossSum],
     costs: Mapping[str, float],
     currency: str,
-    begun_s: float | None = None,
+    begun_s: float | None,
 ) -> LossList:
-    """The answer to a question. The first loss of the ledger began at `begun_s`."""
+    """The answer to a question. The first loss of the ledger began at `begun_s`; None if it has no loss."""
     total, rows = _row({}), dict[tuple[Any, ...], LossRow]()
     for part in sums:
         per_hour = hourly_cost(costs, part.vendor, part.model)

@@ -95,7 +95,8 @@ class ShapeTable:
         return [shape for shape in self._shapes if shape is not None]
 
     def number_as(self, shapes: Iterable[Shape]) -> None:
-        """Forget all numbers, and number these shapes in their order: as the process did that their numbers are of."""
+        """Forget all numbers, and give these shapes the numbers 1, 2 and so on. If they are the `numbered` shapes of
+        another process, the numbers of that process are valid in this one."""
         with self._lock:
             self._clear()
             for shape in shapes:

@@ -304,7 +304,7 @@ async def test_what_is_far_ahead_stands_after_what_happens_now(browser: "Browser
 
 
 async def test_the_map_marks_no_robots_of_what_is_far_ahead_or_over(browser: "Browser", face: Served) -> None:
-    """The situation is at the first robot. Its last one, at the other end of the map, has a ring if it is marked."""
+    """The situation is at its first robot. Its last robot is at the other end of the map: marked robots have a ring."""
     ring_pixels = """(() => {
         const canvas = document.getElementById("map"), left = Math.round(0.7 * canvas.width);
         const ink = getComputedStyle(document.documentElement).getPropertyValue("--critical").trim();
