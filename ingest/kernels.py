@@ -26,13 +26,33 @@ from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, Use
 from numpy.typing import DTypeLike, NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+"""A wrapper for calls from C would take a tenth of the time of compilation, and nothing calls it."""
 _postponed: dict[str, list[Callable[[], object]]] | None = None
 """In a process that calls `compile_module`: by module, a call for each kernel that compiles it."""
 
 
 def inner(function: _Function) -> _Function:
     """A helper that kernels of any file call; it is compiled into each of them."""
-    return cast(_Function, numba.njit(error_model="numpy")(function))
+    return cast(_Function, numba.njit(**_OPTIONS)(function))
+
+
+@inner
+def copy_row(values: NDArray[Any], into: NDArray[Any]) -> None:
+    """Write (k,) values to the same places of `into`, inside a kernel.
+
+    The assignment of an array to a slice does the same, but numba then compiles the texts of its errors, for seconds.
+    """
+    for at in range(len(values)):
+        into[at] = values[at]
+
+
+@inner
+def copy_rows(values: NDArray[Any], into: NDArray[Any]) -> None:
+    """As `copy_row`, of (k, n) values."""
+    for row in range(values.shape[0]):
+        for column in range(values.shape[1]):
+            into[row, column] = values[row, column]
 
 
 def kernel(signature: object) -> Callable[[_Function], _Function]:
@@ -41,14 +61,14 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
     def compiled(function: _Function) -> _Function:
         try:
             if _postponed is not None:
-                dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+                dispatcher = numba.njit(cache=True, **_OPTIONS)(function)
                 _postponed.setdefault(function.__module__, []).append(partial(_compile, dispatcher, signature))
                 return cast(_Function, dispatcher)
-            return cast(_Function, numba.njit(signature, cache=True, error_model="numpy")(function))
+            return cast(_Function, numba.njit(signature, cache=True, **_OPTIONS)(function))
         except RuntimeError as error:
             if "cannot cache function" not in str(error):
                 raise
-            return cast(_Function, numba.njit(signature, error_model="numpy")(function))
+            return cast(_Function, numba.njit(signature, **_OPTIONS)(function))
 
     return compiled
 

@@ -14,7 +14,7 @@ from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.trailers import rows_of_trains, trailer_forecasts
 from ingest.batch import Floats, Forecasts, Ints
-from ingest.kernels import kernel, ready
+from ingest.kernels import copy_row, inner, kernel, ready
 from ingest.shapes import MOST_TRAILERS
 
 BODIES = MOST_TRAILERS + 1
@@ -138,6 +138,14 @@ def _present(forecasts: Forecasts, rows: Sequence[int]) -> Forecasts:
     return replace(chosen, start=np.arange(len(chosen) + 1), **by_knot)
 
 
+@inner
+def _take_over(before: Floats, leg: Floats) -> None:
+    """Set the begin of a leg, and the size and heights, from the report before it."""
+    leg[1] = before[0]
+    copy_row(before[1:4], leg[3:6])
+    copy_row(before[7:12], leg[11:16])
+
+
 @kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 5, numba.float64[:, ::1]))
 def _legs(
     rows: Ints,
@@ -167,15 +175,16 @@ def _legs(
         since_s, present_s = before[5] if gap_s <= JOINED_S else t_s[knot], before[6]
         joins = gap_s <= JOINED_S and before[4] == floor[knot]
         if joins:
-            leg[1], leg[3:6], leg[11:16] = before[0], before[1:4], before[7:12]
+            _take_over(before, leg)
             present_s += gap_s
         before[0], before[1], before[2], before[3] = t_s[knot], x_m[knot], y_m[knot], yaw_rad[knot]
         before[4], before[5], before[6] = floor[knot], since_s, present_s
         before[7], before[8], before[9], before[10] = length_m[robot], width_m[robot], bottom_m[robot], top_m[robot]
         before[11] = shape[robot]
         if not joins:
-            leg[1], leg[3:6], leg[11:16] = before[0], before[1:4], before[7:12]
-        leg[0], leg[2], leg[6:9], leg[9], leg[10] = rows[robot], before[0], before[1:4], before[4], since_s
+            _take_over(before, leg)
+        leg[0], leg[2], leg[9], leg[10] = rows[robot], before[0], before[4], since_s
+        copy_row(before[1:4], leg[6:9])
         n += 1
     return legs[:n].copy()
 
@@ -197,7 +206,8 @@ def _joined(legs: Floats, bodies: int, first: int, samples: int, step_s: float) 
         if begins[leg] <= ends[leg]:
             row_of[int(legs[leg, 0])] = 0
     body = np.flatnonzero(row_of == 0)
-    row_of[body] = np.arange(len(body))
+    for row in range(len(body)):
+        row_of[body[row]] = row
     there = np.full((10, len(body), samples), np.nan)
     for leg in range(len(legs)):
         who, begin_s, end_s, x0, y0, yaw0, x1, y1, yaw1, on, since_s = legs[leg, :11]
@@ -205,5 +215,6 @@ def _joined(legs: Floats, bodies: int, first: int, samples: int, step_s: float) 
         for sample in range(begins[leg], ends[leg] + 1):
             at = there[:, row, sample - first]
             at[0], at[1], at[2], _, _ = between(before, after, sample * step_s)
-            at[3], at[4], at[5:10] = nan if on < 0 else on, since_s, legs[leg, 11:16]
+            at[3], at[4] = nan if on < 0 else on, since_s
+            copy_row(legs[leg, 11:16], at[5:10])
     return body, there

@@ -93,7 +93,8 @@ def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Float
                 west, east, south, north = min(west, x), max(east, x), min(south, y), max(north, y)
                 grown = max(grown, radius)
         grown += within_m / 2
-        boxes[row] = west - grown, east + grown, south - grown, north + grown
+        boxes[row, 0], boxes[row, 1] = west - grown, east + grown
+        boxes[row, 2], boxes[row, 3] = south - grown, north + grown
     return boxes
 
 

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from ingest.batch import Bools, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import copy_row, inner, kernel
 
 MOST_TRIED = 200_000
 """Number of tried holds after which the search gives up. From there on the solver is as fast."""
@@ -131,7 +131,7 @@ def _search(
             scores = score[robot] + step[robot] * hold + held[robot] * (hold > 0)
             if robot + 1 == robots:
                 least = scores
-                best[:] = plan
+                copy_row(plan, best)
             else:
                 robot += 1
                 cost[robot], score[robot] = costs, scores

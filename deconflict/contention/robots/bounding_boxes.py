@@ -4,12 +4,18 @@ import numba
 import numpy as np
 
 from ingest.batch import Floats, Ints
-from ingest.kernels import kernel
+from ingest.kernels import inner, kernel
 
 ROUNDING_M = 1e-6
 """Margin for rounding errors."""
 
 _BOXES = numba.types.Array(numba.float64, 2, "C", readonly=True)
+
+
+@inner
+def write_box(box: Floats, west: float, south: float, east: float, north: float) -> None:
+    """Set a box (4,). An assignment of all four at once would compile texts of errors into the kernel, for seconds."""
+    box[0], box[1], box[2], box[3] = west, south, east, north
 
 
 def touching_boxes(boxes: Floats, others: Floats) -> Ints:

@@ -6,6 +6,7 @@ from typing import NamedTuple, Self
 import numba
 import numpy as np
 
+from deconflict.contention.robots.bounding_boxes import write_box
 from deconflict.sweep.geometry.pose import poses_at
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.corners import corners_of
@@ -93,17 +94,19 @@ def _paths(x_m: Floats, y_m: Floats, floor: Ints, known: Ints) -> tuple[Floats, 
     lines_m, boxes_m, legs_m = np.empty((n, steps, 2)), np.empty((n, 4)), np.zeros((n, steps - 1))
     for row in range(n):
         last = 0
-        lines_m[row, 0] = x_m[row, 0], y_m[row, 0]
+        lines_m[row, 0, 0], lines_m[row, 0, 1] = x_m[row, 0], y_m[row, 0]
         west, south, east, north = x_m[row, 0], y_m[row, 0], x_m[row, 0], y_m[row, 0]
         while last + 1 < steps and floor[row, last + 1] == floor[row, 0]:
             x, y = x_m[row, last + 1], y_m[row, last + 1]
             legs_m[row, last] = hypot(x - x_m[row, last], y - y_m[row, last])
             last += 1
             if last <= known[row]:
-                lines_m[row, last] = x, y
+                lines_m[row, last, 0], lines_m[row, last, 1] = x, y
                 west, south, east, north = min(west, x), min(south, y), max(east, x), max(north, y)
-        lines_m[row, min(last, known[row]) + 1 :] = lines_m[row, min(last, known[row])]
-        boxes_m[row] = west, south, east, north
+        end = min(last, known[row])
+        for step in range(end + 1, steps):
+            lines_m[row, step, 0], lines_m[row, step, 1] = lines_m[row, end, 0], lines_m[row, end, 1]
+        write_box(boxes_m[row], west, south, east, north)
     return lines_m, boxes_m, legs_m
 
 

@@ -10,9 +10,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict.contention.robots.bounding_boxes import write_box
 from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, Lookahead, PathsAhead
 from ingest.batch import Basis, Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import copy_rows, inner, kernel
 
 STANDS_M = 0.1
 """A robot that has moved no farther than this stands."""
@@ -221,7 +222,7 @@ def update_records(
         robot.bottom_m, robot.top_m = bottom_m[row], top_m[row]
         if goes:
             robot.west_m, robot.south_m, robot.east_m, robot.north_m = paths.boxes_m[row]
-            kept_paths[slots[row]] = paths.lines_m[row]
+            copy_rows(paths.lines_m[row], kept_paths[slots[row]])
         stale[row] |= _update_waiting(robot, was_moving, has_moved, resting[row])
         _update_standing(robot, event_s[row])
         stale[row] |= _update_near(robot, paths.boxes_m[row], resources, zones, spare_m)
@@ -262,18 +263,20 @@ def collect_boxes(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats
         robot = robots[slot]
         if robot.known and robot.stands and robot.floor >= 0:
             by_m = hypot(robot.length_m, robot.width_m) / 2 + spare_m
-            standing_m[standing] = robot.x_m - by_m, robot.y_m - by_m, robot.x_m + by_m, robot.y_m + by_m
+            x_m, y_m = robot.x_m, robot.y_m
+            write_box(standing_m[standing], x_m - by_m, y_m - by_m, x_m + by_m, y_m + by_m)
             stander[standing] = slot
             standing += 1
         if robot.goes or robot.waits:
             by_m = robot.width_m / 2 + LEAST_M + spare_m
-            going_m[going] = robot.west_m - by_m, robot.south_m - by_m, robot.east_m + by_m, robot.north_m + by_m
+            west_m, south_m, east_m, north_m = robot.west_m, robot.south_m, robot.east_m, robot.north_m
+            write_box(going_m[going], west_m - by_m, south_m - by_m, east_m + by_m, north_m + by_m)
             goer[going] = slot
             going += 1
         for k in range(robot.stops):
             stop = stops[slot, k]
             if stop.resource < 0:
-                ends_m[ends] = stop.x_m, stop.y_m, stop.x_m, stop.y_m
-                end[ends] = slot, k
+                write_box(ends_m[ends], stop.x_m, stop.y_m, stop.x_m, stop.y_m)
+                end[ends, 0], end[ends, 1] = slot, k
                 ends += 1
     return ends_m, standing_m, going_m, end, stander, goer

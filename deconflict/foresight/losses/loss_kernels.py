@@ -27,7 +27,7 @@ from deconflict.foresight.losses.usual_times import USUAL, UsualTimes, learn_pas
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Floats, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import inner, kernel
+from ingest.kernels import copy_rows, inner, kernel
 
 REFERENCES = 5
 """Forecasts from before a robot began to lose time that are kept until it drives as planned."""
@@ -176,7 +176,7 @@ def _keep_references(robots: KnownRobots, state: Any, references: Floats, slot: 
     for back in range(1, robots.reports[slot]):
         track = robots.tracks[slot, (robots.newest[slot] - back) % robots.t_s.shape[1]]
         if state.references < REFERENCES and _is_moving(track):
-            references[slot, state.references] = track
+            copy_rows(track, references[slot, state.references])
             state.references += 1
 
 
@@ -321,7 +321,8 @@ def lost_times(
         if robots.reports[slot] == 0 or robots.t_s[slot, newest] != now_s or (state.known and state.heard_s >= now_s):
             continue
         if plans[row] > NO_WAY and _is_moving(robots.tracks[slot, newest]):
-            robots.ways[slot], robots.has_way[slot] = robots.tracks[slot, newest], True
+            copy_rows(robots.tracks[slot, newest], robots.ways[slot])
+            robots.has_way[slot] = True
         lost_s = _lost_s(robots, state, references, slot, goes[row], plans[row])
         over_s = _over_usual_s(usual, robots, state, slot, kinds[row], goes[row], lost_s)
         from_s, state.known, state.heard_s, state.went = state.heard_s, True, now_s, goes[row]

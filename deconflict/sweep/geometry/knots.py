@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from deconflict.sweep.geometry.pose import between
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import inner, kernel, ready
+from ingest.kernels import copy_row, inner, kernel, ready
 from ingest.shapes import is_sound as is_sound_shape
 
 KNOT = np.dtype(
@@ -242,7 +242,7 @@ def taken(robots: Robots, knots: Knots, slots: Ints) -> tuple[Robots, Knots]:
     own, n = np.empty(n, KNOT), 0
     for row in range(len(some)):
         first, count = some[row].first, some[row].count
-        own[n : n + count] = knots[first : first + count]
+        copy_row(knots[first : first + count], own[n : n + count])
         some[row].first, n = n, n + count
     return some, own
 

@@ -15,7 +15,7 @@ from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.narrowphase import TINY_MPS, turned
 from deconflict.sweep.shapes.shape_table import CORNER, MOST_CORNERS, PIECE
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner
+from ingest.kernels import copy_row, inner
 
 SOLIDS = 2
 """Rows for the rectangles of a pair behind the pieces of all shapes."""
@@ -38,9 +38,9 @@ _heights_overlap = inner(heights_overlap)
 def table_of(begins: Ints, pieces: NDArray[Any], corners: NDArray[Any]) -> Table:
     """The table for a kernel's run."""
     all_pieces = np.empty(len(pieces) + SOLIDS, PIECE)
-    all_pieces[: len(pieces)] = pieces
+    copy_row(pieces, all_pieces)
     all_corners = np.empty(len(corners) + SOLIDS * CORNERS_OF_RECTANGLE, CORNER)
-    all_corners[: len(corners)] = corners
+    copy_row(corners, all_corners)
     return begins, all_pieces, all_corners, np.empty((MOST_CORNERS, 2)), np.empty((MOST_CORNERS, 2))
 
 

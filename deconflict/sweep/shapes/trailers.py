@@ -10,7 +10,7 @@ import numpy as np
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.frames.towing import STEP_M, axle_at, towed_yaw
-from ingest.kernels import inner, kernel, ready
+from ingest.kernels import copy_row, copy_rows, inner, kernel, ready
 from ingest.shapes import Trailer, is_sound
 
 BEND_RAD = 0.05
@@ -121,7 +121,8 @@ def _towed(
                     poses = np.concatenate((poses, poses), 1)
                 times[kept], floors[kept] = t_s[k] + share * (t_s[after] - t_s[k]), floor[k]
                 _write(poses, kept, x, y, yaws, hitches_m)
-                marked[:], kept = yaws, kept + 1
+                copy_row(yaws, marked)
+                kept += 1
             to_yaw = yaw_rad[k] + following * turn
             to_x, to_y = _axle_at(x_m[k] + following * dx, y_m[k] + following * dy, to_yaw, axle_m)
             _pull(yaws, hitches_m, to_x - x, to_y - y)
@@ -159,8 +160,9 @@ def _towed_trains(
             while n + len(at_s) > len(times):
                 times, floors = np.concatenate((times, times)), np.concatenate((floors, floors))
                 poses = np.concatenate((poses, poses))
-            times[n : n + len(at_s)], floors[n : n + len(at_s)] = at_s, on_floor
-            poses[n : n + len(at_s)] = places[trailer]
+            copy_row(at_s, times[n:])
+            copy_row(on_floor, floors[n:])
+            copy_rows(places[trailer], poses[n:])
             n += len(at_s)
             starts[begins[train] + trailer + 1] = n
     return starts, times[:n].copy(), poses[:n].copy(), floors[:n].copy()
