@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from datetime import datetime
+from itertools import chain
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -25,11 +26,13 @@ class ConflictGroup(NamedTuple):
 
 
 class ConflictGroups:
-    """The groups of all future conflicts."""
+    """The groups of all future conflicts. Groups without a changed conflict are kept from pass to pass."""
 
     def __init__(self) -> None:
         self.all: dict[Pairs, ConflictGroup] = {}
         self._of_robot: dict[str, ConflictGroup] = {}
+        self._ahead: dict[Pair, ConflictAdvisory] = {}
+        """The conflicts that are grouped."""
 
     def group_of(self, pair: Pair) -> ConflictGroup | None:
         """The group of a conflict; None if the conflict is not in the future."""
@@ -37,10 +40,24 @@ class ConflictGroups:
 
     def update(self, from_s: float, conflicts: Iterable[ConflictAdvisory]) -> None:
         """Group those of the open `conflicts` that are predicted for later than `from_s`."""
-        from_then = moment(from_s)
-        groups = _connected(advisory for advisory in conflicts if advisory.predicted_at > from_then)
-        self.all = {group.pairs: group for group in groups}
-        self._of_robot = {robot: group for group in groups for pair in group.pairs for robot in pair}
+        from_then, before = moment(from_s), self._ahead
+        self._ahead = {advisory.robots: advisory for advisory in conflicts if advisory.predicted_at > from_then}
+        changed = {pair for pair, advisory in self._ahead.items() if before.get(pair) is not advisory}
+        changed |= before.keys() - self._ahead.keys()
+        pairs = changed.union(*(group.pairs for group in self._take_groups(changed)))
+        for group in _connected(self._ahead[pair] for pair in sorted(pairs) if pair in self._ahead):
+            self.all[group.pairs] = group
+            self._of_robot |= {robot: group for pair in group.pairs for robot in pair}
+
+    def _take_groups(self, changed: Iterable[Pair]) -> list[ConflictGroup]:
+        """Remove the groups with a robot of these pairs."""
+        found = (self._of_robot.get(robot) for pair in changed for robot in pair)
+        groups = {group.pairs: group for group in found if group}
+        for pairs in groups:
+            del self.all[pairs]
+            for robot in chain.from_iterable(pairs):
+                self._of_robot.pop(robot, None)
+        return list(groups.values())
 
 
 def _connected(conflicts: Iterable[ConflictAdvisory]) -> list[ConflictGroup]:

@@ -9,7 +9,6 @@ which are rare.
 from collections import deque
 
 import numpy as np
-from scipy.special import lambertw
 
 from deconflict.runtime.learned_state import Part, numbers
 from ingest.batch import Floats
@@ -28,6 +27,8 @@ PRIOR_LATER: Floats = np.array([0.9, 0.7, 0.5, 0.3, 0.1])
 SHARES: Floats = np.array([0.1, 0.5, 0.9])
 OVERDUE_S: Floats = np.concatenate([[0.0], 2.5 * 2.0 ** np.arange(12)])
 """Rows of the table: up to an hour and a half, in steps that double."""
+_LEAST_GROWN, _ROUNDS = 1e-300, 6
+"""In place of 0; and the number of Newton's steps, after which the last digits stand."""
 
 
 class OverdueTimes:
@@ -79,11 +80,16 @@ def _left_s(late_s: Floats, weights: Floats) -> Floats:
 def _prior_left_s(end_rate: float) -> Floats:
     """(len(OVERDUE_S), len(PRIOR_LATER)) the time left by the prior, if waits also end at `end_rate`.
 
-    The probability to be later than t falls as exp(-rate t) / t; this is solved for t.
+    The probability to be later than t falls as exp(-rate t) / t; this is solved for t by Lambert's W, w exp(w) = x.
+    Newton's steps are those of Iacono and Boyd, "New approximations to the principal real-valued branch of the Lambert
+    W-function", 2017.
     """
     overdue_s = OVERDUE_S[:, None]
-    grown = end_rate * overdue_s / PRIOR_LATER * np.exp(end_rate * overdue_s)
-    left_s: Floats = np.real(lambertw(grown)) / end_rate - overdue_s
+    grown = np.maximum(end_rate * overdue_s / PRIOR_LATER * np.exp(end_rate * overdue_s), _LEAST_GROWN)
+    w = np.log1p(grown)
+    for _ in range(_ROUNDS):
+        w *= (1.0 + np.log(grown / w)) / (1.0 + w)
+    left_s = np.where(overdue_s > 0.0, w / end_rate - overdue_s, 0.0)
     return np.maximum(left_s, 0.0)
 
 

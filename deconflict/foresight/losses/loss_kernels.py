@@ -170,6 +170,13 @@ def _beside_s(robots: KnownRobots, state: Any, references: Floats, slot: int, la
 
 
 @inner
+def _keep_way(robots: KnownRobots, slot: int) -> None:
+    """Keep the newest forecast as the robot's way."""
+    copy_rows(robots.tracks[slot, robots.newest[slot]], robots.ways[slot])
+    robots.has_way[slot] = True
+
+
+@inner
 def _keep_references(robots: KnownRobots, state: Any, references: Floats, slot: int) -> None:
     """Keep the newest forecasts from before the last report."""
     state.references = 0
@@ -321,8 +328,7 @@ def lost_times(
         if robots.reports[slot] == 0 or robots.t_s[slot, newest] != now_s or (state.known and state.heard_s >= now_s):
             continue
         if plans[row] > NO_WAY and _is_moving(robots.tracks[slot, newest]):
-            copy_rows(robots.tracks[slot, newest], robots.ways[slot])
-            robots.has_way[slot] = True
+            _keep_way(robots, slot)
         lost_s = _lost_s(robots, state, references, slot, goes[row], plans[row])
         over_s = _over_usual_s(usual, robots, state, slot, kinds[row], goes[row], lost_s)
         from_s, state.known, state.heard_s, state.went = state.heard_s, True, now_s, goes[row]

@@ -4,7 +4,7 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import shapely
 
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.presence.report_intervals import Legs
@@ -77,7 +77,7 @@ class BelievedPlaces:
         """(9, n) fields of the places, in the order of `_names`."""
         self._radius_m = 0.0
         """Of the longest place."""
-        self._tree: cKDTree | None = None
+        self._tree: shapely.STRtree | None = None
 
     def __len__(self) -> int:
         return len(self._places)
@@ -129,9 +129,9 @@ class BelievedPlaces:
         some = np.flatnonzero((long_m > MOVED_M) & np.isfinite(legs.took_s))
         if not len(some):
             return NONE, NONE
-        near = tree.query_ball_point(np.stack(columns, axis=1)[some], reach_m[some])
-        leg = np.repeat(some, [len(places) for places in near])
-        place = np.array([place for places in near for place in places], np.int64)
+        near, place = tree.query(shapely.points(*columns)[some], "dwithin", reach_m[some])
+        by_leg = np.lexsort((place, near))
+        leg, place = some[near[by_leg]], place[by_leg]
         is_same_floor = legs.floor[leg, 1] == self._columns[3][place]
         return leg[is_same_floor], place[is_same_floor]
 
@@ -167,12 +167,12 @@ class BelievedPlaces:
         between_m = x_m[:, None] - at_x_m, y_m[:, None] - at_y_m
         return signed_gap(*between_m, at_yaw_rad, yaws_rad, own_m, places_m), shares
 
-    def _indexed(self) -> cKDTree:
+    def _indexed(self) -> shapely.STRtree:
         if self._tree is None:
             self._names = list(self._places)
             self._columns = np.array(list(self._places.values()), np.float64).T
             self._radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
-            self._tree = cKDTree(self._columns[:2].T)
+            self._tree = shapely.STRtree(shapely.points(self._columns[:2].T))
         return self._tree
 
 

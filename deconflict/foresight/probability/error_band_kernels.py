@@ -4,6 +4,7 @@ The functions are compiled. Arrays of robots are by slot. `measure_overlaps` is 
 pairs and the moments, in which the nearest moment and the largest overlaps are found together.
 """
 
+from math import erfc, sqrt
 from typing import Any, NamedTuple
 
 import numba
@@ -228,3 +229,13 @@ def measure_overlaps(
             1.0 if stands else 0.0,
         )
     return most
+
+
+@kernel(_MATRIX(_MATRIX))
+def normal_shares(sds: Floats) -> Floats:
+    """(k, n) the shares of a normal distribution that are below so many standard deviations (k, n)."""
+    shares = np.empty_like(sds)
+    for row in range(sds.shape[0]):
+        for column in range(sds.shape[1]):
+            shares[row, column] = 0.5 * erfc(-sds[row, column] / sqrt(2.0))
+    return shares

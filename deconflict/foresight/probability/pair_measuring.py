@@ -7,12 +7,11 @@ bands of robots that were on their way.
 """
 
 import numpy as np
-from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.forecast_errors.track_kernels import Looks
 from deconflict.foresight.probability.calibration import log_odds
-from deconflict.foresight.probability.error_band_kernels import Bounds, measure_overlaps
+from deconflict.foresight.probability.error_band_kernels import Bounds, measure_overlaps, normal_shares
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from deconflict.foresight.probability.pair_table import Pairs, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
@@ -58,7 +57,7 @@ class PairMeasuring:
         of_robots = (bands_m, robots.records, self._pending.newest)
         sds = measure_overlaps(pairs, rows, a, b, *exact, poses, apart_m, *of_robots, ahead_s, now_s, bounds)
         share = shares_over_starts(
-            ndtr(sds), a, b, robots,
+            normal_shares(sds), a, b, robots,
             pending=self._pending, start_times=start_times, is_blocked=is_blocked, bands_m=bands_m,
             now_s=now_s, ahead_s=ahead_s, horizon_s=bounds.horizon_s, clearance_m=bounds.clearance_m,
         )  # fmt: skip

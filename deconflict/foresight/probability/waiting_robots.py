@@ -2,11 +2,10 @@
 pairs."""
 
 import numpy as np
-from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.forecast_errors.track_kernels import Looks, Robots
-from deconflict.foresight.probability.error_band_kernels import most_sds
+from deconflict.foresight.probability.error_band_kernels import most_sds, normal_shares
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
 from ingest.batch import Bools, Floats, Ints
@@ -77,7 +76,7 @@ def shares_over_starts(
     looks = Looks(NO_PAST, ahead_s, now_s, late_s)
     poses, apart_m = tracked.relative_poses(pending.history, each_a, each_b, looks)
     sds = most_sds(each_a, each_b, apart_m, poses.is_same_floor, bands_m, robots, ahead_s, horizon_s, clearance_m)
-    late = ndtr(sds).reshape(2, len(rows), len(delays_s))
+    late = normal_shares(sds).reshape(2, len(rows), len(delays_s))
     result = share.copy()
     result[:, rows] = weights[:, 0] * share[:, rows] + (late * weights[:, 1:]).sum(axis=2)
     return result

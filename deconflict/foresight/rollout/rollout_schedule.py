@@ -5,9 +5,8 @@ different times, so that the work of many is spread over the passes.
 """
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from deconflict.foresight.rollout.islands import islands_of
 from deconflict.foresight.rollout.rollout import NEVER, NOBODY, RolloutResult
 from ingest.batch import Bools, Floats, Ints
 
@@ -55,14 +54,13 @@ class RolloutSchedule:
 
         A robot that comes near no other robot loses its result: it waits for nobody, and is in nobody's way.
         """
-        slots, places = np.unique(np.concatenate([a, b]), return_inverse=True)
+        slots, island = islands_of(a, b, len(self.waits_for))
         is_alone = np.isfinite(self._driven_s)
         is_alone[slots] = False
         self.forget(np.flatnonzero(is_alone))
         if not len(slots):
             return slots
-        graph = coo_array((np.ones(len(a)), (places[: len(a)], places[len(a) :])), (len(slots), len(slots)))
-        islands, island = connected_components(graph, directed=False)
+        islands = int(island.max()) + 1
         last_s, lowest_key = np.full(islands, np.inf), np.full(islands, KEYS)
         np.minimum.at(last_s, island, self._driven_s[slots])
         np.minimum.at(lowest_key, island, key[slots])

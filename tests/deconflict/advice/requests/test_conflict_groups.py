@@ -51,6 +51,21 @@ def test_groups_hold_all_conflicts_ahead_and_share_no_robot(seed: int) -> None:
     assert len(sizes) > 3
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_groups_that_are_kept_are_those_that_would_be_made(seed: int) -> None:
+    rng, groups, conflicts = np.random.default_rng(seed), ConflictGroups(), dict[Pair, ConflictAdvisory]()
+    for step in range(50):
+        now_s = NOW_S + step / 10
+        for row in rng.choice(len(PAIRS), rng.integers(4), replace=False):
+            if conflicts.pop(PAIRS[row], None) is None:
+                conflicts[PAIRS[row]] = conflict(rng, PAIRS[row], now_s)
+        groups.update(now_s, conflicts.values())
+        made_anew = ConflictGroups()
+        made_anew.update(now_s, conflicts.values())
+        assert groups.all == made_anew.all
+        assert all(groups.group_of(pair) == made_anew.group_of(pair) for pair in conflicts)
+
+
 LOSS_S = expected_loss_s(made(1))
 
 
