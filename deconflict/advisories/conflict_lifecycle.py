@@ -34,6 +34,7 @@ from deconflict.advisories.severity import severity_of
 from deconflict.advisories.watched.watched_pair_kernels import (
     CLEAR_STILL,
     MAY_CLEAR,
+    NO_CHANGE,
     UPDATE_IF_MOVED,
     UPDATE_PROBABILITY,
 )
@@ -119,7 +120,8 @@ class ConflictLifecycle:
     def mark_silent(self, silent: set[str], now_s: float, scene: ConflictScene) -> list[ConflictAdvisory]:
         """The revisions that say that these robots have fallen silent; none if their advisories say so already."""
         revisions = []
-        concerned = [(pair, advisory) for pair, advisory in self.advisories.items() if not silent.isdisjoint(pair)]
+        some = self.advisories.items() if silent else ()
+        concerned = [(pair, advisory) for pair, advisory in some if not silent.isdisjoint(pair)]
         for pair, advisory in sorted(concerned):
             if not all(map(scene.is_present, pair)):
                 continue
@@ -269,7 +271,8 @@ class ConflictLifecycle:
             a, b = watched.pair
             is_look = a in updated or b in updated
             is_absent = watched.advisory and not (scene.is_present(a) and scene.is_present(b))
-            if _is_later(watched.advisory, until_s):
+            is_unchanged = code == NO_CHANGE and not is_look and not is_absent
+            if is_unchanged or _is_later(watched.advisory, until_s):
                 continue
             if is_look:
                 self.pairs.record_quiet_look(watched)

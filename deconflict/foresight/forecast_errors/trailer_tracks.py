@@ -91,7 +91,7 @@ class TrailerTracks:
 
     def are_trains(self, slots: Ints) -> Bools:
         """Which of these robots pull trailers."""
-        return np.isin(slots, list(self._trains)) if self._trains else np.zeros(len(slots), np.bool_)
+        return np.fromiter(map(self._trains.__contains__, slots.tolist()), np.bool_, len(slots))
 
     def pairs_of_bodies(self, history: ReportHistory, a: Ints, b: Ints) -> BodyPairs:
         """All pairs of bodies of the robots `a` and `b` (p,), of which `history` has the reports by slot."""

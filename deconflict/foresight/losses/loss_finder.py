@@ -96,6 +96,8 @@ class LossFinder:
     def _leave(self, slots: Ints) -> None:
         rows = self._interactions.recent.rows.of_slot[slots]
         rows = rows[rows >= 0]
+        if not len(rows):
+            return
         gone = set(rows.tolist())
         for row in [row for row, loss in self._open.items() if not gone.isdisjoint((row, loss.by, loss.root))]:
             self._end(row)

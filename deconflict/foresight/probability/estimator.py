@@ -283,14 +283,15 @@ class ProbabilityEstimator:
 
     def is_distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion. False for an unknown robot."""
-        return bool(self._contradicts(self._robots.slots_of((uuid,))).any())
+        slot = self._robots.slots.get(uuid)
+        return slot is not None and bool(self._contradicts(slot))
 
     def distrusted(self) -> list[str]:
         """UUIDs of the robots whose forecasts contradict their motion, in ascending order."""
         return sorted(self._robots.uuids[slot] for slot in np.flatnonzero(self._contradicts(slice(None))).tolist())
 
-    def _contradicts(self, slots: Ints | slice) -> Bools:
-        """Which robots of `slots` contradict their forecasts by their motion."""
+    def _contradicts(self, slots: int | Ints | slice) -> Bools:
+        """Which robots of `slots`, or whether that of one slot, contradict their forecasts by their motion."""
         surprise, contradiction = self._robots.records["surprise"], self._stated_ways["contradiction"]
         return (surprise[slots] > DISTRUSTED) | (contradiction[slots] > 1.0)
 

@@ -36,7 +36,8 @@ class PairCandidates:
 
     def swept_codes(self, swept: SweptConflicts) -> Ints:
         """(c,) the codes of the pairs that the sweep found."""
-        slots = np.array([self._robots.slots[uuid] for pair in swept.pairs for uuid in pair], np.int64)
+        slots_of = self._robots.slots
+        slots = np.array([slots_of[uuid] for pair in swept.pairs for uuid in pair], np.int64)
         return codes(slots[::2], slots[1::2])
 
     def nearby_codes(self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float) -> Ints:
