@@ -67,6 +67,8 @@ class Shard:
         """By id of each advisory that is open in any shard."""
         self._open: dict[Pair, ShardRevision] = {}
         """The last published revision of each open advisory of any shard."""
+        self._own: dict[Pair, ShardRevision] = {}
+        """Those of them that this shard publishes."""
         self._revisions: OrderedDict[str, int] = OrderedDict()
         """The number of the last published revision of each advisory."""
         self._updated: set[Pair] = set()
@@ -85,6 +87,7 @@ class Shard:
     def set_tiles(self, tiles: Iterable[Tile]) -> None:
         """Own these tiles from now on. The next step publishes open advisories in them that nobody has published."""
         self.area = Area(self._grid, tiles)
+        self._own = {pair: revision for pair, revision in self._open.items() if revision.home in self.area}
         self._tile_channels = {GONE, *self._channels_of(self.area.roots_near(self._reach_m))}
         for conflict in self.engine.conflicts():
             home, published = self._homes.get(conflict.id), self._revisions.get(conflict.id, 0)
@@ -98,11 +101,10 @@ class Shard:
     def channels(self) -> set[str]:
         """The channels that it needs: of its tiles, of the tiles around, and of where its advisories' robots are."""
         places = set[FloorPoint]()
-        for revision in self._own_open():
+        for revision in self._own.values():
             where = revision.advisory.location
             places |= {FloorPoint(where.datum, where.x, where.y), *self._places(revision.advisory.robots)}
-        near = (self._channels_of(self._grid.roots_near(place, self._reach_m)) for place in places)
-        return self._tile_channels.union(*near)
+        return self._tile_channels | self._channels_of(self._grid.roots_near(places, self._reach_m))
 
     def _channels_of(self, roots: Iterable[Tile]) -> set[str]:
         return {name for root in roots for name in (channel(root), wide_channel(root.datum))}
@@ -142,7 +144,7 @@ class Shard:
         near = self._places(a for a, _ in self.engine.near_misses)
         self._measures.count(NEAR_MISSES, by=sum(place in self.area for place in near))
         count_revisions(self._measures, [revision.advisory for revision in due])
-        set_open_count(self._measures, count_by_severity(revision.advisory for revision in self._own_open()))
+        set_open_count(self._measures, count_by_severity(revision.advisory for revision in self._own.values()))
         return due
 
     def measures(self) -> list[dict[str, Any]]:
@@ -178,10 +180,14 @@ class Shard:
             self._homes.pop(before.advisory.id, None)
         if is_open:
             self._homes[advisory.id], self._open[pair] = revision.home, revision
+            self._own.pop(pair, None)
+            if revision.home in self.area:
+                self._own[pair] = revision
             return
         self._homes.pop(advisory.id, None)
         if before and before.advisory.id == advisory.id:
             del self._open[pair]
+            self._own.pop(pair, None)
             self._wait_until_s.pop(pair, None)
             self._updated.discard(pair)
 
@@ -192,7 +198,7 @@ class Shard:
         for pair, revision in self._open.items():
             known = here.get(pair)
             same = known is not None and known.id == revision.advisory.id
-            if known == revision.advisory or (same and pair not in self._updated):
+            if known is revision.advisory or known == revision.advisory or (same and pair not in self._updated):
                 continue
             if known or live.keys() >= set(pair) or self._has_waited(revision, now_s):
                 self.engine.adopt(revision.advisory)
@@ -200,13 +206,10 @@ class Shard:
 
     def _has_waited(self, revision: ShardRevision, now_s: float) -> bool:
         """Whether an advisory of this shard has waited long enough for its robots."""
-        if revision.home not in self.area:
+        if revision.advisory.robots not in self._own:
             self._wait_until_s.pop(revision.advisory.robots, None)
             return False
         return now_s >= self._wait_until_s.setdefault(revision.advisory.robots, now_s + ROBOTS_TIMEOUT_S)
-
-    def _own_open(self) -> list[ShardRevision]:
-        return [revision for revision in self._open.values() if revision.home in self.area]
 
     def _places(self, robots: Iterable[str]) -> Iterable[FloorPoint]:
         live = self.engine.live.robots
@@ -225,7 +228,7 @@ class Shard:
             at, low, high = extents.at[on], extents.low[on], extents.high[on]
             near[on] = self.area.within(datum, at, at, self._reach_m)
             near[on] |= self.area.within(datum, low, high, extents.slack_m[on])
-        involved = {uuid for revision in self._own_open() for uuid in revision.advisory.robots}
+        involved = {uuid for revision in self._own.values() for uuid in revision.advisory.robots}
         near |= np.array([uuid in involved for uuid in part.robots], bool)
         return near
 

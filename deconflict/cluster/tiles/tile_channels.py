@@ -6,6 +6,7 @@ come further within the horizon than engines listen goes to its whole floor. One
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import product
 from math import ceil
 from typing import NamedTuple
@@ -62,6 +63,7 @@ def parcels_of(batch: Batch) -> list[bytes]:
     return [piece for half in halves for piece in parcels_of(half)]
 
 
+@lru_cache(1 << 12)
 def subject_token(name: str) -> str:
     """A name as one part of a subject."""
     return quote(name, safe="").replace(".", "%2E")

@@ -80,13 +80,18 @@ class Grid:
             tile = tile._replace(path=tile.path + QUARTERS[east + 2 * north])
             yield tile
 
-    def roots_near(self, place: FloorPoint, reach_m: float) -> set[Tile]:
-        """The tiles of the grid within a reach of a place."""
-        spans = [
-            range(floor((at_m - reach_m) / self.side_m), floor((at_m + reach_m) / self.side_m) + 1)
-            for at_m in place[1:]
-        ]
-        return {Tile(place.datum, column, row) for column, row in product(*spans)}
+    def roots_near(self, places: Iterable[FloorPoint], reach_m: float) -> set[Tile]:
+        """The tiles of the grid within a reach of any of the places. Many places may be near the same tiles."""
+        spans = {(datum, self._span(x_m, reach_m), self._span(y_m, reach_m)) for datum, x_m, y_m in places}
+        return {
+            Tile(datum, column, row)
+            for datum, (west, east), (south, north) in spans
+            for column, row in product(range(west, east + 1), range(south, north + 1))
+        }
+
+    def _span(self, at_m: float, reach_m: float) -> tuple[int, int]:
+        """The first and the last column, or row, within a reach."""
+        return floor((at_m - reach_m) / self.side_m), floor((at_m + reach_m) / self.side_m)
 
 
 class Area:
@@ -121,5 +126,5 @@ class Area:
         for datum, squares in self._squares.items():
             for west_m, south_m, side_m in squares:
                 middle = FloorPoint(datum, west_m + side_m / 2, south_m + side_m / 2)
-                found |= self.grid.roots_near(middle, side_m / 2 + reach_m)
+                found |= self.grid.roots_near([middle], side_m / 2 + reach_m)
         return found

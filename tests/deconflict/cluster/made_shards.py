@@ -96,7 +96,7 @@ class Shards:
     def cover(self, datums: Sequence[str], half_m: float, owner: Callable[[Tile], int]) -> None:
         """Give every leaf of a square about the middle of each floor an owner."""
         for datum in datums:
-            for root in self.grid.roots_near(FloorPoint(datum, 0.0, 0.0), half_m):
+            for root in self.grid.roots_near([FloorPoint(datum, 0.0, 0.0)], half_m):
                 self.owners |= {leaf: owner(leaf) for leaf in self._leaves(root)}
         self.allot()
 
