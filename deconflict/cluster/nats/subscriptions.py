@@ -17,6 +17,13 @@ BUS_ERRORS = (NatsError, TimeoutError, OSError)
 """Errors of a call while no server answers."""
 
 
+class ConsumerEndedError(NatsError):
+    """A server that is late has ended a subscription while it began."""
+
+    def __str__(self) -> str:
+        return "a subscription ended while it began"
+
+
 class Subscription:
     """One subscription, which begins again with every connection."""
 
@@ -51,7 +58,10 @@ class Subscription:
             await self._unsubscribe()
             return 0
         config.opt_start_time = None  # else the client sends both it and a number when it recreates a lost consumer
-        state = await self._subscribed.consumer_info()
+        try:
+            state = await self._subscribed.consumer_info()
+        except TypeError as error:  # the server has ended the consumer meanwhile, and describes it without its name
+            raise ConsumerEndedError from error
         return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
 
     async def end(self) -> None:

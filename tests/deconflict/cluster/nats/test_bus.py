@@ -9,7 +9,8 @@ from unittest.mock import patch
 import httpx
 import pytest
 from nats.errors import MaxPayloadError
-from nats.js.api import ConsumerConfig
+from nats.js import JetStreamContext
+from nats.js.api import ConsumerConfig, ConsumerInfo
 
 from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import EngineMember
@@ -44,6 +45,22 @@ async def test_a_repeated_revision_is_stored_once_and_another_in_its_place_is_re
         stands = await other.revisions.last(key_of(made(1)))
     assert stands
     assert stands.advisory == made(1, revision=2)
+
+
+async def test_a_consumer_that_ended_while_it_began_is_an_error_like_those_of_a_late_server(tmp_path: Path) -> None:
+    def described_without_name(_: object) -> ConsumerInfo:
+        return ConsumerInfo.from_response({"type": "io.nats.jetstream.api.v1.consumer_info_response"})
+
+    received = list[bytes]()
+    async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(PATIENCE_S):
+        ending = patch.object(JetStreamContext.PushSubscription, "consumer_info", described_without_name)
+        with ending, pytest.raises(BUS_ERRORS, match="ended while it began"):
+            await bus.follow_channel("hall.1.2", received.append)
+        await bus.follow_channel("hall.1.2", received.append)
+        await bus.send_parcel("hall.1.2", b"parcel")
+        while not received:
+            await asyncio.sleep(0.01)
+    assert received == [b"parcel"]
 
 
 async def test_an_engine_continues_an_advisory_that_another_wrote(tmp_path: Path) -> None:
