@@ -99,7 +99,7 @@ class Running:
         return sums
 
     def usage(self) -> dict[str, Usage]:
-        return {role.role: _usage(role.process.pid) for role in self.roles if role.process}
+        return {role.role: usage(role.process.pid) for role in self.roles if role.process}
 
     def row(self, robots: int) -> Row:
         """The figures since the last row."""
@@ -298,7 +298,7 @@ def _wait_for(port: int) -> None:
             return
 
 
-def _usage(pid: int) -> Usage:
+def usage(pid: int) -> Usage:
     """Processor time, resident memory and open files from /proc (Linux)."""
     of = Path("/proc") / str(pid)
     ticks = (of / "stat").read_text().rsplit(")", 1)[1].split()

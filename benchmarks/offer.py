@@ -34,8 +34,10 @@ DATUM = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 ROBOTS = UUID("3f0d9a52-9a64-4f55-8a3c-4a8f4d1f7b10")
 VENDORS = ("Alder", "Basalt", "Corvid", "Dune")
 SPACING_M, RADIUS_M, MARGIN_M = 6.8, 3.0, 10.0
+APART_M, PAIRS_EVERY = 8.5, 5
+"""Spacing on a calm floor, where of so many circles in a row two nearly touch."""
 SLICE_S = 0.02
-ROBOTS_A_CONNECTION = 10
+ROBOTS_A_CONNECTION, OPENED_AT_ONCE = 10, 20
 ROBOTS_A_DOCK, DOCK_EVERY_S, DOCKED_S = 10, 600.0, 30.0
 """Number of robots for each dock, how often each goes there, and for how long."""
 CROSSING_M = 1.2
@@ -75,11 +77,17 @@ def _places(of: bytes) -> NDArray[np.int64]:
 
 
 _UUID_AT, _STAMPS_AT, _METRES_AT, _UNITS_AT = map(_places, (bytes(36), STAMP, METRES, UNITS))
+_DATUMS_AT = _places(DATUM.encode())
 _SPEED_AT = _places(b'"linear":' + METRES)[:, len(b'"linear":') :]
 _POSITIONS_AT = _METRES_AT[~np.isin(_METRES_AT, _SPEED_AT).any(axis=1)]
 _DOCK_POSITION_AT, _DOCK_UNITS_AT = _POSITIONS_AT[-2:], _UNITS_AT[-2:]
 _POSITIONS_AT, _UNITS_AT = _POSITIONS_AT[:-2], _UNITS_AT[:-2]
 _DOCK_STAMP_AT, _STAMPS_AT = _STAMPS_AT[-1], _STAMPS_AT[:-1]
+
+
+def datum_of(floor: int) -> str:
+    """The datum of a floor by its number."""
+    return str(uuid5(ROBOTS, f"floor {floor}")) if floor else DATUM
 
 
 def vendor_of(robot: int) -> str:
@@ -108,18 +116,20 @@ class Offered:
 class Circling:
     """n robots, each on its own circle. The circles of neighbours nearly touch, so some robots always meet."""
 
-    def __init__(self, robots: int, seed: int = 1, *, docks: bool = False) -> None:
-        rng = np.random.default_rng(seed)
-        self.x, self.y = middles(robots).T
+    def __init__(self, robots: int, seed: int = 1, *, docks: bool = False, floor: int = 0, calm: bool = False) -> None:
+        """`floor` is the number of their floor: robots of two floors have different names. On a calm one few meet."""
+        rng = np.random.default_rng([seed, floor] if floor else seed)
+        self.x, self.y = (calm_middles if calm else middles)(robots).T
         self.turn_radps = rng.uniform(0.15, 0.4, robots) * rng.choice([-1, 1], robots)
         self.angle = rng.uniform(0, 2 * np.pi, robots)
         self.due_s = rng.uniform(0, 1, robots)
         """(n,) time within each second at which a robot reports."""
-        self.uuids = [str(uuid5(ROBOTS, str(i))) for i in range(robots)]
+        self.uuids = [str(uuid5(ROBOTS, f"{floor} {i}" if floor else str(i))) for i in range(robots)]
         self._docks = docks
         self._texts = (_TEXT if docks else _TEXT_WITHOUT_DOCKS)[None, :].repeat(robots, axis=0)
         self.length = self._texts.shape[1]
         """Length of a status in bytes."""
+        self._texts[:, _DATUMS_AT if docks else _DATUMS_AT[:-1]] = list(datum_of(floor).encode())
         self._texts[:, _UUID_AT[0]] = [list(uuid.encode()) for uuid in self.uuids]
         self._texts[:, _SPEED_AT] = _metres(RADIUS_M * np.abs(self.turn_radps))[:, None]
         if docks:
@@ -196,6 +206,14 @@ def middles(robots: int) -> Floats:
     return MARGIN_M + SPACING_M * np.column_stack([every % across, every // across]).astype(np.float64)
 
 
+def calm_middles(robots: int) -> Floats:
+    """The same for a floor on which a tenth as many circles nearly touch."""
+    across, every = int(np.ceil(np.sqrt(robots))), np.arange(robots)
+    columns, rows = every % across, every // across
+    x_m = APART_M * columns - (APART_M - SPACING_M) * (columns // PAIRS_EVERY)
+    return MARGIN_M + np.column_stack([x_m, APART_M * rows])
+
+
 def docks_m(robots: int) -> Floats:
     """(docks, 2) positions of the docks along one wall."""
     count = -(-robots // ROBOTS_A_DOCK)
@@ -206,17 +224,17 @@ def _square(x: float, y: float, half_m: float) -> tuple[tuple[float, float], ...
     return tuple((x + u * half_m, y + v * half_m) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
 
 
-async def offer(url: str, robots: int, seconds: float, ended: Callable[[], bool], *, docks: bool) -> Offered:
+async def offer(url: str, world: Circling, seconds: float, ended: Callable[[], bool]) -> Offered:
     """Connect, send the identities, then send statuses for `seconds` or until `ended`."""
-    world, offered, began_core_s = Circling(robots, docks=docks), Offered(), time.process_time()
+    offered, began_core_s, robots = Offered(), time.process_time(), len(world.uuids)
     groups = np.array_split(np.arange(robots), -(-robots // ROBOTS_A_CONNECTION))
     connections = [
         RobotConnection(f"{url}/{vendor_of(group[0])}", [world.identity(robot) for robot in group.tolist()], offered)
         for group in groups
     ]
     connection_of = [connection for connection, group in zip(connections, groups, strict=True) for _ in group]
-    for connection in connections:
-        await connection.open()
+    for at in range(0, len(connections), OPENED_AT_ONCE):
+        await asyncio.gather(*(connection.open() for connection in connections[at : at + OPENED_AT_ONCE]))
     offered.connections = len(connections)
     began_s, done_s, head = time.time(), 0.0, _head(world.length)
     while done_s < seconds and not ended():
@@ -304,7 +322,7 @@ def serve(
     """Run the load in this process, to the end or until `parent` sends anything. Sends it the figures."""
     if core is not None:
         os.sched_setaffinity(0, {core})
-    parent.send(asdict(asyncio.run(offer(url, robots, seconds, parent.poll, docks=docks))))
+    parent.send(asdict(asyncio.run(offer(url, Circling(robots, docks=docks), seconds, parent.poll))))
 
 
 def _head(length: int) -> bytes:
