@@ -15,7 +15,7 @@ import multiprocessing
 from benchmarks.slow_motion.started_cluster import SERVER
 from benchmarks.slow_motion.stretched_run import measure
 
-ROBOTS_A_STRETCH, ROBOTS_AN_ENGINE = 2_500, 12_500
+ROBOTS_A_STRETCH, ROBOTS_AN_ENGINE = 1_250, 12_500
 
 
 def main() -> int:
