@@ -60,7 +60,7 @@ class Subscription:
         config.opt_start_time = None  # else the client sends both it and a number when it recreates a lost consumer
         try:
             state = await self._subscribed.consumer_info()
-        except TypeError as error:  # the server has ended the consumer meanwhile, and describes it without its name
+        except TypeError as error:  # described without its name: probably ended meanwhile
             raise ConsumerEndedError from error
         return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
 
