@@ -68,7 +68,7 @@ class OverdueTimes:
 
 def _left_s(late_s: Floats, weights: Floats) -> Floats:
     """(len(OVERDUE_S), len(SHARES)) quantiles of the time left, by late arrivals (n,), their weights, and the prior."""
-    seen_s, prior_s = late_s - OVERDUE_S[:, None], _prior_left_s(_end_rate(late_s, weights))
+    seen_s, prior_s = late_s - OVERDUE_S[:, None], prior_left_s(_end_rate(late_s, weights))
     left_s = np.concatenate([seen_s, prior_s], axis=1)
     counts = np.concatenate([weights * (seen_s > 0), np.ones_like(prior_s)], axis=1)
     order = np.argsort(left_s, axis=1)
@@ -77,7 +77,7 @@ def _left_s(late_s: Floats, weights: Floats) -> Floats:
     return np.take_along_axis(np.take_along_axis(left_s, order, axis=1), reached.argmax(axis=1), axis=1)
 
 
-def _prior_left_s(end_rate: float) -> Floats:
+def prior_left_s(end_rate: float) -> Floats:
     """(len(OVERDUE_S), len(PRIOR_LATER)) the time left by the prior, if waits also end at `end_rate`.
 
     The probability to be later than t falls as exp(-rate t) / t; this is solved for t by Lambert's W, w exp(w) = x.

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.special import lambertw
 
 from deconflict.advisory import ContentionAdvisory
 from deconflict.contention.robots.arrival_forecast import ArrivalForecast
-from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S, OverdueTimes
+from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S, PRIOR_LATER, OverdueTimes, prior_left_s
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, raised, resource, site
@@ -21,6 +22,13 @@ def waits(*_: float) -> str:
 def left_s(overdue: OverdueTimes, late_s: float) -> list[float]:
     """Quantiles of what is left to a robot of Alder that is so late."""
     return [float(np.interp(late_s, OVERDUE_S, column)) for column in overdue.table_s("Alder").T]
+
+
+@pytest.mark.parametrize("end_rate", [1e-7, 1e-4, 1.0 / 600.0, 1.0 / 30.0])
+def test_the_prior_solves_for_lamberts_w(end_rate: float) -> None:
+    overdue_s = OVERDUE_S[:, None]
+    w = lambertw(end_rate * overdue_s / PRIOR_LATER * np.exp(end_rate * overdue_s)).real
+    assert prior_left_s(end_rate) == pytest.approx(w / end_rate - overdue_s, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from math import inf
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, ROBOT, RelativePoses, Robots
 from deconflict.foresight.probability.error_band_kernels import (
@@ -15,6 +16,7 @@ from deconflict.foresight.probability.error_band_kernels import (
     SURPRISE_MOST,
     Bounds,
     measure_overlaps,
+    normal_shares,
     update_surprise,
 )
 from deconflict.foresight.probability.pair_table import PAIR
@@ -108,3 +110,8 @@ def test_surprise_follows_errors_a_second_ahead_and_the_last_of_a_robot_counts()
     ratios = np.array([0.4 / FINEST_BAND_M, 3.0, SURPRISE_MOST])
     assert robots["surprise"][:3] == pytest.approx(SURPRISE_KEEPS + (1 - SURPRISE_KEEPS) * ratios)
     assert robots["surprise"][3] == 1.0
+
+
+def test_shares_of_a_normal_distribution_are_those_of_scipy() -> None:
+    sds = np.array([[-inf, -40.0, -8.0, -1.0, 0.0], [0.5, 1.28, 6.0, 40.0, inf]])
+    assert normal_shares(sds) == pytest.approx(ndtr(sds), rel=1e-13, abs=0.0)
