@@ -25,8 +25,6 @@ OVER = "by itself: nothing is foreseen there any more"
 """How a situation ends whose last advisory has ended."""
 MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
 """What does not end by itself, or nobody knows when."""
-SENTENCE_FIELDS = ("situation_kind", "location", "culprit", "summary", "ends")
-"""What a situation's sentence is about, and the sentence."""
 
 
 def emptied(before: Situation, place: str, now_s: float) -> Situation:
@@ -100,16 +98,25 @@ def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Si
         raised_at=moment(now_s),
         since_at=min(advisory.raised_at for advisory in assessment.advisories),
         split_from=group.split_from,
-        **_fields(group, assessment, place, now_s),
+        **_facts(group, assessment, now_s),
+        **_texts(assessment, place, now_s),
+        outline=outline(group),
     )
 
 
-def updated(before: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
-    """The next revision. What people are asked to do and its sentence are about the same."""
-    fields = _fields(group, assessment, place, now_s)
+def updated(before: Situation, group: Group, assessment: Assessment, now_s: float) -> Situation:
+    """The next revision, but for its texts and outline: they are those of the revision before. What people are asked to
+    do and its sentence are about the same."""
+    facts = _facts(group, assessment, now_s)
     if assessment.keeps_sentence:
-        fields |= {name: getattr(before, name) for name in SENTENCE_FIELDS}
-    return before.next_revision(**fields)
+        facts |= {name: getattr(before, name) for name in ("situation_kind", "location", "culprit")}
+    return before.next_revision(**facts)
+
+
+def described(updated: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
+    """The next revision with its own texts and outline, which take much longer than the rest."""
+    texts = {} if assessment.keeps_sentence else _texts(assessment, place, now_s)
+    return updated.model_copy(update={"outline": outline(group), **texts})
 
 
 def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
@@ -117,7 +124,8 @@ def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
     return tuple(names_of(advisories))[:MOST_ROBOTS]
 
 
-def _fields(group: Group, assessment: Assessment, place: str, now_s: float) -> dict[str, Any]:
+def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]:
+    """All fields but texts and outline."""
     advisories, stakes, matter, listed, advice, severity, _ = assessment
     names = names_of(advisories)
     vendors = {robot: vendor for each in advisories for robot, vendor in zip(each.robots, each.vendors, strict=True)}
@@ -135,13 +143,19 @@ def _fields(group: Group, assessment: Assessment, place: str, now_s: float) -> d
         "predicted_at": soonest.predicted_at,
         "time_to_conflict_s": round(left_s, 3),
         "location": matter.principal.location,
-        "outline": outline(group),
         "culprit": matter.culprit if matter.culprit in listed else None,
-        "summary": sentence(matter, now_s, place, stakes.recurring.get(matter.principal.id)),
-        "ends": ending(matter, names),
         "cost_s": round(stakes.cost_s, 1),
         "preventable_s": None if stakes.preventable_s is None else round(stakes.preventable_s, 3),
         "advice": advice,
         "advisories": tuple(members[:MOST_ADVISORIES]),
         "more_advisories": max(len(group.members) - MOST_ADVISORIES, 0),
+    }
+
+
+def _texts(assessment: Assessment, place: str, now_s: float) -> dict[str, str]:
+    matter = assessment.matter
+    recurrence = assessment.stakes.recurring.get(matter.principal.id)
+    return {
+        "summary": sentence(matter, now_s, place, recurrence),
+        "ends": ending(matter, names_of(assessment.advisories)),
     }

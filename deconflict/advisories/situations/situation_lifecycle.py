@@ -179,9 +179,11 @@ class SituationLifecycle:
         gap_s = UPDATE_GAP_S if set(assessment.robots).issubset(before.robots) else JOINED_GAP_S
         if not is_urgent and 0.0 <= now_s - before.updated_at.timestamp() < gap_s:
             return None
+        after = situation_fields.updated(before, group, assessment, now_s)
+        if not is_news(before, after):
+            return None
         place = self._place(assessment.matter.principal.location)
-        after = situation_fields.updated(before, group, assessment, place, now_s)
-        return after if is_news(before, after) else None
+        return situation_fields.described(after, group, assessment, place, now_s)
 
     def _raised(
         self, watched: _Watched, advisories: Sequence[AnyAdvisory], stakes: Stakes, now_s: float

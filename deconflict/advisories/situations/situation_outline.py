@@ -2,10 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation import MOST_CORNERS
+from deconflict.sweep.geometry.islands import islands_of
+from ingest.batch import Ints
 
 MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""
@@ -16,10 +20,23 @@ Place = tuple[float, float]
 
 def spots(places: Iterable[Place]) -> list[shapely.Geometry]:
     """The convex hull of the places of each spot, in metres."""
-    points = [shapely.Point(place) for place in places]
-    around = shapely.union_all([point.buffer(SPOT_M / 2) for point in points])
-    parts = shapely.get_parts(around)
-    return [shapely.MultiPoint([point for point in points if part.covers(point)]).convex_hull for part in parts]
+    spot, points = _spot_of(places)
+    by_spot = np.argsort(spot, kind="stable")
+    return list(shapely.convex_hull(shapely.multipoints(points[by_spot], indices=spot[by_spot])))
+
+
+def count_spots(places: Iterable[Place]) -> int:
+    """How many spots the places are of."""
+    spot, _ = _spot_of(places)
+    return int(spot.max(initial=-1)) + 1
+
+
+def _spot_of(places: Iterable[Place]) -> tuple[Ints, NDArray[np.object_]]:
+    """(n,) the number of the spot of each place, and (n,) the points. A point is near itself, so it is of a spot."""
+    points = shapely.points(np.array([*places], np.float64).reshape(-1, 2))
+    near, other = shapely.STRtree(points).query(points, "dwithin", SPOT_M)
+    _, spot = islands_of(near, other, len(points))
+    return spot, points
 
 
 def outline(group: Group) -> tuple[Place, ...]:

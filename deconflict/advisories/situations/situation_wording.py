@@ -8,7 +8,7 @@ from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
 from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S, Recurrence
 from deconflict.advisories.situations.situation import Situation, SituationKind
 from deconflict.advisories.situations.situation_kinds import Matter
-from deconflict.advisories.situations.situation_outline import spots
+from deconflict.advisories.situations.situation_outline import count_spots
 from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory, DeadlockAdvisory
 
 MOST_NAMED = 4
@@ -124,7 +124,7 @@ def _spots(matter: Matter) -> int:
     if matter.kind != "knot":
         return 1
     locations = [advisory.location for advisory in matter.advisories if advisory.location]
-    return len(spots((location.x, location.y) for location in locations))
+    return count_spots((location.x, location.y) for location in locations)
 
 
 def _queue(contention: ContentionAdvisory, left_s: float) -> str:

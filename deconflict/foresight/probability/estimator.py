@@ -283,8 +283,7 @@ class ProbabilityEstimator:
 
     def is_distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion. False for an unknown robot."""
-        slot = self._robots.slots.get(uuid)
-        return slot is not None and bool(self._contradicts(slot))
+        return (slot := self._robots.slots.get(uuid)) is not None and bool(self._contradicts(slot))
 
     def distrusted(self) -> list[str]:
         """UUIDs of the robots whose forecasts contradict their motion, in ascending order."""

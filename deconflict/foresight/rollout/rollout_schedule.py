@@ -6,8 +6,8 @@ different times, so that the work of many is spread over the passes.
 
 import numpy as np
 
-from deconflict.foresight.rollout.islands import islands_of
 from deconflict.foresight.rollout.rollout import NEVER, NOBODY, RolloutResult
+from deconflict.sweep.geometry.islands import islands_of
 from ingest.batch import Bools, Floats, Ints
 
 EVERY_S = 1.0
