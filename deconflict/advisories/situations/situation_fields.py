@@ -57,13 +57,14 @@ class Assessment(NamedTuple):
 def assessed(
     before: Situation | None,
     advisories: Sequence[AnyAdvisory],
+    robots: tuple[str, ...],
     stakes: Stakes,
     urgency: Severity,
     busy: Collection[str],
     now_s: float,
 ) -> Assessment:
-    """What at least one advisory comes to, after the revision `before`. `busy` robots have more urgent things to do."""
-    robots = listed_robots(advisories)
+    """What at least one advisory comes to, after the revision `before`. `robots` are those that are listed, and `busy`
+    ones have more urgent things to do."""
     proposal = proposal_of(advisories, [robot for robot in robots if robot not in busy], now_s, stakes.passing)
     advice = revised_advice(before.advice if before else None, proposal, robots, busy, now_s)
     asking = _asking(proposal, advice)

@@ -202,8 +202,9 @@ class SituationLifecycle:
     ) -> Assessment:
         before = watched.situation
         watched.urgency = _urgency(watched, urgency_of_stakes(stakes, watched.urgency if before else None), now_s)
-        busy = self._advised.busy(watched.group.id, watched.urgency, situation_fields.listed_robots(advisories))
-        return situation_fields.assessed(before, advisories, stakes, watched.urgency, busy, now_s)
+        robots = situation_fields.listed_robots(advisories)
+        busy = self._advised.busy(watched.group.id, watched.urgency, robots)
+        return situation_fields.assessed(before, advisories, robots, stakes, watched.urgency, busy, now_s)
 
     def _place(self, location: Location | None) -> str:
         """Where it is, for a person; empty without a place."""

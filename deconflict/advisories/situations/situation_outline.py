@@ -1,15 +1,14 @@
 """Where the advisories of a situation are, as one shape: spots, with thin links between those far apart. Pure."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation import MOST_CORNERS
-from deconflict.sweep.geometry.islands import islands_of
-from ingest.batch import Ints
+from deconflict.sweep.geometry.islands import spots_of
+from ingest.batch import Floats, Ints
 
 MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""
@@ -18,25 +17,23 @@ SPOT_M = 5.0
 Place = tuple[float, float]
 
 
-def spots(places: Iterable[Place]) -> list[shapely.Geometry]:
+def spots(places: Sequence[Place]) -> list[shapely.Geometry]:
     """The convex hull of the places of each spot, in metres."""
-    spot, points = _spot_of(places)
+    at_m = np.array(places)
+    spot = _spot_of(at_m)
     by_spot = np.argsort(spot, kind="stable")
-    return list(shapely.convex_hull(shapely.multipoints(points[by_spot], indices=spot[by_spot])))
+    return list(shapely.convex_hull(shapely.multipoints(at_m[by_spot], indices=spot[by_spot])))
 
 
-def count_spots(places: Iterable[Place]) -> int:
+def count_spots(places: Sequence[Place]) -> int:
     """How many spots the places are of."""
-    spot, _ = _spot_of(places)
-    return int(spot.max(initial=-1)) + 1
+    return int(_spot_of(np.array(places)).max()) + 1 if places else 0
 
 
-def _spot_of(places: Iterable[Place]) -> tuple[Ints, NDArray[np.object_]]:
-    """(n,) the number of the spot of each place, and (n,) the points. A point is near itself, so it is of a spot."""
-    points = shapely.points(np.array([*places], np.float64).reshape(-1, 2))
-    near, other = shapely.STRtree(points).query(points, "dwithin", SPOT_M)
-    _, spot = islands_of(near, other, len(points))
-    return spot, points
+def _spot_of(at_m: Floats) -> Ints:
+    """(n,) the number of the spot of each of the places (n, 2)."""
+    x_m, y_m = np.ascontiguousarray(at_m.T)
+    return spots_of(x_m, y_m, SPOT_M)
 
 
 def outline(group: Group) -> tuple[Place, ...]:

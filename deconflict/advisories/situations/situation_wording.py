@@ -124,7 +124,7 @@ def _spots(matter: Matter) -> int:
     if matter.kind != "knot":
         return 1
     locations = [advisory.location for advisory in matter.advisories if advisory.location]
-    return count_spots((location.x, location.y) for location in locations)
+    return count_spots([(location.x, location.y) for location in locations])
 
 
 def _queue(contention: ContentionAdvisory, left_s: float) -> str:

@@ -1,9 +1,11 @@
-"""Islands: robots that come near each other, directly or through others between them."""
+"""Islands: robots or places that are near each other, directly or through others between them."""
+
+from math import hypot
 
 import numba
 import numpy as np
 
-from ingest.batch import Ints
+from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
 
 _INTS = numba.int64[::1]
@@ -45,3 +47,21 @@ def islands_of(a: Ints, b: Ints, slots: int) -> tuple[Ints, Ints]:
             found[n], island[n] = slot, number[_root(parent, slot)]
             n += 1
     return found, island
+
+
+@kernel(_INTS(numba.float64[::1], numba.float64[::1], numba.float64))
+def spots_of(x_m: Floats, y_m: Floats, within_m: float) -> Ints:
+    """(n,) the island of each place, numbered from 0 by their first places. Places are near within a distance."""
+    parent = np.arange(len(x_m))
+    for a in range(len(x_m)):
+        for b in range(a):
+            if hypot(x_m[a] - x_m[b], y_m[a] - y_m[b]) <= within_m:
+                of_a, of_b = _root(parent, a), _root(parent, b)
+                parent[max(of_a, of_b)] = min(of_a, of_b)
+    number, spots = np.empty(len(x_m), np.int64), 0
+    for place in range(len(x_m)):
+        if parent[place] == place:
+            number[place], spots = spots, spots + 1
+        else:
+            number[place] = number[_root(parent, place)]
+    return number
