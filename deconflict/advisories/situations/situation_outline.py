@@ -1,6 +1,6 @@
 """Where the advisories of a situation are, as one shape: spots, with thin links between those far apart. Pure."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -41,10 +41,15 @@ def outline(group: Group) -> tuple[Place, ...]:
     if not group.datum:
         return ()
     places = [(member.x_m, member.y_m) for member in group.members.values()]
-    whole = shapely.MultiPoint(places)
-    shapes = (_linked(spots(places)), _around(whole.convex_hull), _around(whole.envelope))
-    area = next((shape for shape in shapes if len(shape.exterior.coords) <= MOST_CORNERS + 1), shapes[-1])
+    area = next((area for area in _areas(places) if len(area.exterior.coords) <= MOST_CORNERS + 1), None)
+    area = area or _around(shapely.multipoints(places).envelope)
     return tuple((round(x, 2), round(y, 2)) for x, y in area.exterior.coords[:-1])
+
+
+def _areas(places: Sequence[Place]) -> Iterator[shapely.Polygon]:
+    """Areas around the places, the closest to them first. They may have too many corners."""
+    yield _linked(spots(places))
+    yield _around(shapely.multipoints(places).convex_hull)
 
 
 def _around(shape: shapely.Geometry) -> shapely.Polygon:
