@@ -38,6 +38,10 @@ class ArrivedMessage(NamedTuple):
     connection: Connection
 
 
+FILLED_EVERY_S = 0.001
+"""A bucket is asked three times for each message; it is filled once for all messages of a millisecond."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rates:
     """What each vendor may use in a second."""
@@ -76,7 +80,9 @@ class TokenBucket:
         return bucket
 
     def fill(self, now_s: float, rates: Rates) -> None:
-        """Add what the vendor may use in the time since the last call."""
+        """Add what the vendor may use in the time since it was last given something, each `FILLED_EVERY_S` or later."""
+        if 0.0 <= now_s - self.filled_s < FILLED_EVERY_S:
+            return
         passed_s, self.filled_s = max(now_s - self.filled_s, 0.0), now_s
         self.messages = min(self.messages + passed_s * rates.messages, rates.messages * BURST_S)
         self.message_bytes = min(self.message_bytes + passed_s * rates.message_bytes, rates.message_bytes * BURST_S)
