@@ -1,8 +1,8 @@
 """Kill a random role at random moments under load: `python -m benchmarks.kills [--kills 100] [--robots 200]`.
 
-A subscriber follows the stream during the run and resumes with `after`. At the end the benchmark checks: is any number
-missing, repeated or out of order; is every advisory's lifecycle complete; was any advisory cleared because its robots
-"left" although they did not; and can the whole log be read.
+A subscriber follows the stream of advisories and situations during the run and resumes with `after`. At the end the
+benchmark checks: is any number missing, repeated or out of order; is every lifecycle complete; was any advisory cleared
+because its robots "left" although they did not; and can the whole log be read.
 """
 
 import argparse
@@ -50,7 +50,7 @@ class Follower:
     async def _listen(self) -> None:
         seen = self.received[-1]["seq"] if self.received else 0
         try:
-            async with connect(f"{self.url}?after={seen}") as stream:
+            async with connect(f"{self.url}?kinds=situation,advisory&after={seen}") as stream:
                 async for message in stream:
                     self.received.append(json.loads(message))
         except (OSError, WebSocketException):
