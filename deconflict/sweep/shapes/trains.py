@@ -99,6 +99,8 @@ def of_trains(met: Meetings, robots: Robots, ranks: Ints) -> Meetings:
 def pairs_of_bodies(a: Ints, b: Ints, robots: Robots) -> tuple[Ints, Ints, Ints]:
     """All pairs of bodies of those of the pairs of slots in which there is a train: both slots, and the pair's row."""
     rows = np.flatnonzero((robots["train"][a] > 0) | (robots["train"][b] > 0))
+    if not len(rows):
+        return rows, rows, rows
     in_trains = np.flatnonzero(robots["train"])
     members = in_trains[np.argsort(robots["train"][in_trains], kind="stable")]
     pulling = robots["train"][members] - 1
