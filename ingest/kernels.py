@@ -55,8 +55,11 @@ def copy_rows(values: NDArray[Any], into: NDArray[Any]) -> None:
             into[row, column] = values[row, column]
 
 
-def kernel(signature: object) -> Callable[[_Function], _Function]:
-    """A function that Python calls, compiled for the types of `signature` and no others."""
+def kernel(signature: object, *, for_kernels: bool = False) -> Callable[[_Function], _Function]:
+    """A function that Python calls, compiled for the types of `signature` and no others.
+
+    With `for_kernels` other kernels may call it, too, and are compiled with a copy of it.
+    """
 
     def compiled(function: _Function) -> _Function:
         try:
@@ -65,7 +68,8 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
                 _postponed.setdefault(function.__module__, []).append(partial(_compile, dispatcher, signature))
                 return cast(_Function, dispatcher)
             dispatcher = numba.njit(signature, cache=True, **_OPTIONS)(function)
-            _drop_copy_for_inlining(dispatcher)
+            if not for_kernels:
+                _drop_copy_for_kernels(dispatcher)
             return cast(_Function, dispatcher)
         except RuntimeError as error:
             if "cannot cache function" not in str(error):
@@ -75,8 +79,8 @@ def kernel(signature: object) -> Callable[[_Function], _Function]:
     return compiled
 
 
-def _drop_copy_for_inlining(dispatcher: Any) -> None:
-    """Free what numba keeps of a loaded kernel to compile it into another one: a third of a MB. No kernel calls one.
+def _drop_copy_for_kernels(dispatcher: Any) -> None:
+    """Free what numba keeps of a loaded kernel to compile it into another one: a third of a MB.
 
     numba has no option for it. If it names the field otherwise one day, this does nothing.
     """

@@ -271,7 +271,7 @@ class ConflictLifecycle:
             a, b = watched.pair
             is_look = a in updated or b in updated
             is_absent = watched.advisory and not (scene.is_present(a) and scene.is_present(b))
-            is_unchanged = code == NO_CHANGE and not is_look and not is_absent
+            is_unchanged = watched.advisory and code == NO_CHANGE and not is_look and not is_absent
             if is_unchanged or _is_later(watched.advisory, until_s):
                 continue
             if is_look:

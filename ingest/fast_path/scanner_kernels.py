@@ -422,7 +422,7 @@ def _status_value(text: Text, end: int, at: int, key: int, rows: Floats, marks: 
     return at
 
 
-@kernel(types.boolean(_TEXT_POINTER, types.int64, _ROWS, _MARKS))
+@kernel(types.boolean(_TEXT_POINTER, types.int64, _ROWS, _MARKS), for_kernels=True)
 def _scan_status(text: Text, end: int, rows: Floats, marks: Ints) -> bool:
     """Whether a status is plain. Writes it into `rows` and `marks`."""
     at, seen = _skip(text, end, 0, _OPEN_BRACE), 0

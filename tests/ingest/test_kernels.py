@@ -1,7 +1,9 @@
 """Kernels are kept on disk where that can be written to, and work where it can't."""
 
+import ast
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 SOURCE = """
@@ -91,3 +93,73 @@ def test_where_nothing_can_be_written_it_is_compiled_each_time(tmp_path: Path) -
     (tmp_path / "__pycache__").write_text("")
     home.write_text("")
     assert run(module, home)[0] == "0.25"
+
+
+PAIR = """
+import numba
+from ingest.kernels import kernel
+
+@kernel(numba.float64(numba.float64), for_kernels=True)
+def half(x):
+    return x / 2
+
+@kernel(numba.float64(numba.float64))
+def quarter(x):
+    return half(half(x))
+
+print(quarter(1.0), sum(half.stats.cache_hits.values()), sum(quarter.stats.cache_hits.values()))
+"""
+
+
+def test_a_kernel_from_disk_is_compiled_into_another_one_that_is_not_there(tmp_path: Path) -> None:
+    module = tmp_path / "made.py"
+    module.write_text(PAIR)
+    assert run(module, tmp_path) == ["0.25", "0", "0"]
+    for kept in (tmp_path / "__pycache__").glob("made.quarter-*"):
+        kept.unlink()
+    assert run(module, tmp_path) == ["0.25", "1", "0"]
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def compiled_functions(tree: ast.Module) -> Iterator[tuple[ast.FunctionDef, bool, bool]]:
+    """Each compiled function of a file, whether it is a kernel, and whether other kernels may call it."""
+    for node in tree.body:
+        for decorator in node.decorator_list if isinstance(node, ast.FunctionDef) else ():
+            text = ast.unparse(decorator)
+            if text == "inner" or text.startswith("kernel("):
+                assert isinstance(node, ast.FunctionDef)
+                yield node, text != "inner", "for_kernels=True" in text
+
+
+def called_names(tree: ast.Module, function: ast.FunctionDef) -> Iterator[tuple[str, str]]:
+    """The module, "" for its own, and the name of each function that a compiled function calls by its name."""
+    origins = {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    for node in ast.walk(function):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            yield origins.get(node.func.id, ("", node.func.id))
+
+
+def test_a_kernel_that_other_kernels_call_says_so() -> None:
+    """Else the caller can't be compiled while the other one is on disk."""
+    paths = [path for package in ("deconflict", "ingest", "metrics") for path in (ROOT / package).rglob("*.py")]
+    trees = {".".join(path.relative_to(ROOT).with_suffix("").parts): ast.parse(path.read_text()) for path in paths}
+    kernels = {
+        (module, function.name): for_kernels
+        for module, tree in trees.items()
+        for function, is_kernel, for_kernels in compiled_functions(tree)
+        if is_kernel
+    }
+    called = {
+        (origin or module, name)
+        for module, tree in trees.items()
+        for function, _, _ in compiled_functions(tree)
+        for origin, name in called_names(tree, function)
+    }
+    assert called & kernels.keys() == {kernel for kernel, for_kernels in kernels.items() if for_kernels}

@@ -19,7 +19,7 @@ Place = tuple[float, float]
 
 def spots(places: Sequence[Place]) -> list[shapely.Geometry]:
     """The convex hull of the places of each spot, in metres."""
-    at_m = np.array(places)
+    at_m = np.array(places, np.float64)
     spot = _spot_of(at_m)
     by_spot = np.argsort(spot, kind="stable")
     return list(shapely.convex_hull(shapely.multipoints(at_m[by_spot], indices=spot[by_spot])))
@@ -27,7 +27,7 @@ def spots(places: Sequence[Place]) -> list[shapely.Geometry]:
 
 def count_spots(places: Sequence[Place]) -> int:
     """How many spots the places are of."""
-    return int(_spot_of(np.array(places)).max()) + 1 if places else 0
+    return int(_spot_of(np.array(places, np.float64)).max()) + 1 if places else 0
 
 
 def _spot_of(at_m: Floats) -> Ints:
@@ -40,7 +40,7 @@ def outline(group: Group) -> tuple[Place, ...]:
     """Corners of the area around the places of its advisories, in metres; empty without a place."""
     if not group.datum:
         return ()
-    places = [(member.x_m, member.y_m) for member in group.members.values()]
+    places = sorted((member.x_m, member.y_m) for member in group.members.values())
     area = next((area for area in _areas(places) if len(area.exterior.coords) <= MOST_CORNERS + 1), None)
     area = area or _around(shapely.multipoints(places).envelope)
     return tuple((round(x, 2), round(y, 2)) for x, y in area.exterior.coords[:-1])

@@ -45,6 +45,12 @@ class Subscription:
         if self._ended:
             return 0
         config = self._config()
+        try:
+            return await self._begin(js, config)
+        except TypeError as error:  # a consumer described without its name: probably ended meanwhile
+            raise ConsumerEndedError from error
+
+    async def _begin(self, js: JetStreamContext, config: api.ConsumerConfig) -> int:
         self._subscribed = await js.subscribe(
             self._subject,
             stream=self._stream,
@@ -58,10 +64,7 @@ class Subscription:
             await self._unsubscribe()
             return 0
         config.opt_start_time = None  # else the client sends both it and a number when it recreates a lost consumer
-        try:
-            state = await self._subscribed.consumer_info()
-        except TypeError as error:  # described without its name: probably ended meanwhile
-            raise ConsumerEndedError from error
+        state = await self._subscribed.consumer_info()
         return (state.num_pending or 0) + (state.delivered.consumer_seq if state.delivered else 0)
 
     async def end(self) -> None:
