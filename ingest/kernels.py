@@ -80,7 +80,7 @@ def kernel(signature: object, *, for_kernels: bool = False) -> Callable[[_Functi
 
 
 def _drop_copy_for_kernels(dispatcher: Any) -> None:
-    """Free what numba keeps of a loaded kernel to compile it into another one: a third of a MB.
+    """Free the second copy of a loaded kernel, which numba keeps to compile the kernel into others: a third of a MB.
 
     numba has no option for it. If it names the field otherwise one day, this does nothing.
     """

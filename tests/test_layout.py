@@ -296,7 +296,7 @@ NO_FACE = {"fastapi", "prometheus_client", "pyproj", "rich", "uvicorn"}
         ("deconflict.roles.__main__", NO_ENGINE | NO_FACE),
         ("deconflict.roles.__main__, deconflict.roles.receiver_role", NO_ENGINE | NO_FACE),
         ("deconflict.roles.__main__, deconflict.roles.operator_role", NO_ENGINE | {"pyproj"}),
-        ("deconflict.roles.engine_role", {"ortools", "pandas", "scipy.sparse", "scipy.spatial", "scipy.special"}),
+        ("deconflict.roles.engine_role", {"scipy.sparse", "scipy.spatial", "scipy.special"}),
     ],
 )
 def test_a_process_starts_without_what_it_does_not_need(modules: str, slow: set[str]) -> None:

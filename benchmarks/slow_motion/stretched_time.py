@@ -1,7 +1,7 @@
 """Stretched time for a process: its clocks run slower than the wall by a factor, and so does every wait of its loops.
 
-A role in stretched time does in one simulated second what it would do in a real one: as many ticks, heartbeats and
-messages, with the same leases. It only has more processor time for that. The NATS server's own clock is not stretched,
+In a simulated second a role does what it does in a real second: as many ticks, heartbeats and messages, with the same
+leases. It only has more processor time for that. The NATS server's own clock is not stretched,
 so ages that it is told are multiplied instead. `perf_counter`, `process_time` and `thread_time` still measure costs.
 """
 

@@ -119,9 +119,10 @@ class ConflictLifecycle:
 
     def mark_silent(self, silent: set[str], now_s: float, scene: ConflictScene) -> list[ConflictAdvisory]:
         """The revisions that say that these robots have fallen silent; none if their advisories say so already."""
+        if not silent:
+            return []
         revisions = []
-        some = self.advisories.items() if silent else ()
-        concerned = [(pair, advisory) for pair, advisory in some if not silent.isdisjoint(pair)]
+        concerned = [(pair, advisory) for pair, advisory in self.advisories.items() if not silent.isdisjoint(pair)]
         for pair, advisory in sorted(concerned):
             if not all(map(scene.is_present, pair)):
                 continue

@@ -114,10 +114,10 @@ def updated(before: Situation, group: Group, assessment: Assessment, now_s: floa
     return before.next_revision(**facts)
 
 
-def described(updated: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
-    """The next revision with its own texts and outline, which take much longer than the rest."""
+def described(revision: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
+    """The `revision` that `updated` made, with its own texts and outline. These take much longer than the rest."""
     texts = {} if assessment.keeps_sentence else _texts(assessment, place, now_s)
-    return updated.model_copy(update={"outline": outline(group), **texts})
+    return revision.model_copy(update={"outline": outline(group), **texts})
 
 
 def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:

@@ -127,9 +127,9 @@ def slots_of(code: Ints) -> tuple[Ints, Ints]:
 def has_robot_of(code: Ints, slots: Ints) -> Bools:
     """(n,) whether each pair has a robot of `slots`."""
     a, b = slots_of(code)
-    is_one = np.zeros(max(int(column.max(initial=-1)) for column in (a, b, slots)) + 1, np.bool_)
-    is_one[slots] = True
-    return is_one[a] | is_one[b]
+    is_chosen = np.zeros(max(int(column.max(initial=-1)) for column in (a, b, slots)) + 1, np.bool_)
+    is_chosen[slots] = True
+    return is_chosen[a] | is_chosen[b]
 
 
 @kernel(

@@ -22,6 +22,25 @@ def _root(parent: Ints, slot: int) -> int:
     return slot
 
 
+@inner
+def _join(parent: Ints, a: int, b: int) -> None:
+    """Make one island of the islands of two slots."""
+    of_a, of_b = _root(parent, a), _root(parent, b)
+    parent[max(of_a, of_b)] = min(of_a, of_b)
+
+
+@inner
+def _numbers(parent: Ints) -> Ints:
+    """(n,) the number of the island of each slot, from 0 by their lowest slots; `_APART` for a slot that has none."""
+    number, islands = np.full(len(parent), _APART), 0
+    for slot in range(len(parent)):
+        if parent[slot] == slot:
+            number[slot], islands = islands, islands + 1
+        elif parent[slot] != _APART:
+            number[slot] = number[_root(parent, slot)]
+    return number
+
+
 @kernel(numba.types.UniTuple(_INTS, 2)(_INTS, _INTS, numba.int64))  # type: ignore[no-untyped-call]
 def islands_of(a: Ints, b: Ints, slots: int) -> tuple[Ints, Ints]:
     """The slots (n,) of all robots of the pairs `a`, `b` (p,), ascending, and the island of each, (n,).
@@ -34,19 +53,10 @@ def islands_of(a: Ints, b: Ints, slots: int) -> tuple[Ints, Ints]:
         for slot in (a[row], b[row]):
             if parent[slot] == _APART:
                 parent[slot] = slot
-        of_a, of_b = _root(parent, a[row]), _root(parent, b[row])
-        parent[max(of_a, of_b)] = min(of_a, of_b)
-    number, islands, n = np.empty(slots, np.int64), 0, 0
-    for slot in range(slots):
-        if parent[slot] == slot:
-            number[slot], islands = islands, islands + 1
-        n += parent[slot] != _APART
-    found, island, n = np.empty(n, np.int64), np.empty(n, np.int64), 0
-    for slot in range(slots):
-        if parent[slot] != _APART:
-            found[n], island[n] = slot, number[_root(parent, slot)]
-            n += 1
-    return found, island
+        _join(parent, a[row], b[row])
+    number = _numbers(parent)
+    found = np.flatnonzero(number != _APART)
+    return found, number[found]
 
 
 @kernel(_INTS(numba.float64[::1], numba.float64[::1], numba.float64))
@@ -56,12 +66,5 @@ def spots_of(x_m: Floats, y_m: Floats, within_m: float) -> Ints:
     for a in range(len(x_m)):
         for b in range(a):
             if hypot(x_m[a] - x_m[b], y_m[a] - y_m[b]) <= within_m:
-                of_a, of_b = _root(parent, a), _root(parent, b)
-                parent[max(of_a, of_b)] = min(of_a, of_b)
-    number, spots = np.empty(len(x_m), np.int64), 0
-    for place in range(len(x_m)):
-        if parent[place] == place:
-            number[place], spots = spots, spots + 1
-        else:
-            number[place] = number[_root(parent, place)]
-    return number
+                _join(parent, a, b)
+    return _numbers(parent)
