@@ -22,8 +22,8 @@ from typing import Any
 
 from benchmarks import broker_offer, offer
 from benchmarks.broker_offer import BrokerLoad
+from deconflict.roles.processes.supervisor import Supervisor
 from deconflict.roles.service import runtime_directory
-from deconflict.roles.supervisor import Supervisor
 from deconflict.runtime.rpc import Caller, LinkDownError
 from deconflict.settings.site import DEFAULT, Site
 from ingest.measures.measures import Histogram
@@ -77,7 +77,11 @@ class Running:
     """A running service that is measured."""
 
     def __init__(self, supervisor: Supervisor, runtime: Path, data: Path, robots_port: int, operator_port: int) -> None:
-        self.roles, self._caller = supervisor.roles, Caller(runtime, "operator")
+        self.roles, self.fork_server, self._caller = (
+            supervisor.roles,
+            supervisor.fork_server,
+            Caller(runtime, "operator"),
+        )
         self.data, self.url, self.face = data, f"ws://127.0.0.1:{robots_port}", f"127.0.0.1:{operator_port}"
         self._at_s, self._before, self._used = time.monotonic(), self.measures(), self.usage()
 
@@ -99,7 +103,7 @@ class Running:
         return sums
 
     def usage(self) -> dict[str, Usage]:
-        return {role.role: usage(role.process.pid) for role in self.roles if role.process}
+        return {role.role: usage(role.pid) for role in self.roles if role.pid}
 
     def row(self, robots: int) -> Row:
         """The figures since the last row."""

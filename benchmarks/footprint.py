@@ -46,26 +46,33 @@ def measured(robots: int) -> dict[str, float]:
 
 
 def service_mb() -> dict[str, float]:
-    """Resident memory of each role and of the process that supervises them, and of all with shared files once."""
+    """Resident memory of each process of the service, and of all with what they share counted once."""
     from benchmarks.endtoend import service  # noqa: PLC0415 - the other measurement is of a process without it
 
     with service() as running:
         running.documents()
         time.sleep(SETTLED_S)
-        pids = {role.role: role.process.pid for role in running.roles if role.process} | {"supervisor": os.getpid()}
+        processes = (*running.roles, running.fork_server)
+        pids = {process.role: process.pid for process in processes if process.pid} | {"supervisor": os.getpid()}
         maps = {name: mapped_kb(pid) for name, pid in pids.items()}
+        private = sum(private_kb(pid) for pid in pids.values())
     files: Counter[str] = Counter()
     for own in maps.values():
         for file, kb in own.items():
             files[file] = max(files[file], kb)
-    private = sum(own[PRIVATE] for own in maps.values())
     shared = sum(kb for file, kb in files.items() if file != PRIVATE)
     rows = {name: sum(own.values()) / 1024 for name, own in maps.items()}
     return {name: round(mb) for name, mb in (rows | {"all_once": (private + shared) / 1024}).items()}
 
 
+def private_kb(pid: int) -> int:
+    """Memory that belongs to no file. What forks share is divided among them."""
+    rollup = (Path("/proc") / str(pid) / "smaps_rollup").read_text()
+    return int(rollup.split("Pss_Anon:")[1].split()[0])
+
+
 def mapped_kb(pid: int) -> Counter[str]:
-    """Resident memory by mapped file; what no other process can share counts as `PRIVATE`."""
+    """Resident memory by mapped file; what belongs to no file counts as `PRIVATE`."""
     kb: Counter[str] = Counter()
     file = PRIVATE
     for line in (Path("/proc") / str(pid) / "smaps").read_text().splitlines():

@@ -24,7 +24,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
-from deconflict.roles.supervisor import RoleProcess
+from deconflict.roles.processes.role_process import RoleProcess
 from ingest.recording.log_reader import LogReader, segments
 
 
@@ -79,10 +79,10 @@ def kill_at_random(running: Running, face: str, kills: int, rng: random.Random) 
     for _ in range(kills):
         time.sleep(rng.uniform(0.3, 2.0))
         victim: RoleProcess = rng.choice(running.roles)
-        if victim.process is None:
+        if victim.pid is None:
             continue
         restarts = victim.restarts
-        os.kill(victim.process.pid, signal.SIGKILL)
+        os.kill(victim.pid, signal.SIGKILL)
         took_s.append(_until_whole(face, victim.role, restarts + 1))
     return took_s
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from deconflict.__main__ import parser
-from deconflict.roles.supervisor import STOP_TIMEOUT_S
+from deconflict.roles.processes.role_process import STOP_TIMEOUT_S
 from deconflict.settings.site import DEFAULT
 
 ROOT = Path(__file__).parent.parent

@@ -13,7 +13,7 @@ from typing import Any
 from benchmarks import offer
 from benchmarks.endtoend import Usage, usage
 from deconflict.engine.load_shedding import LONGEST_TICK_S
-from deconflict.roles.supervisor import MEMORY
+from deconflict.roles.processes.role_process import MEMORY
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import DEFAULT, Site

@@ -10,6 +10,7 @@ import sys
 import threading
 from dataclasses import asdict
 from math import inf
+from pathlib import Path
 
 from benchmarks.slow_motion.stretched_time import stretch_time
 
@@ -22,9 +23,11 @@ def main() -> int:
         url, *numbers = sys.argv[2:]
         _load(url, *map(int, numbers))
         return 0
-    from deconflict.roles.__main__ import main as run_role  # noqa: PLC0415 - its modules keep references to clocks
+    from deconflict.roles.__main__ import begin, run  # noqa: PLC0415 - its modules keep references to clocks
 
-    return run_role()
+    role, runtime, data = sys.argv[1:]
+    begin()
+    return run(role, Path(runtime), Path(data))
 
 
 def _load(url: str, robots: int, floor: int, calm: int) -> None:

@@ -1,15 +1,17 @@
-"""One process of the service, which the supervisor starts: `python -m deconflict.roles ROLE RUNTIME DATA`.
+"""The fork server of the roles, which the supervisor starts: `python -m deconflict.roles RUNTIME DATA ROLE...`.
 
-The composition root of a role. It loads what the role needs, and nothing of the command line.
+The composition root of the roles. It loads what they need, and nothing of the command line.
 """
 
 import gc
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from deconflict.roles.service import run_role
+from deconflict.roles.processes.fork_server import ForkServer
+from deconflict.roles.service import load_role, run_role
 from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED
 from deconflict.runtime.logging_setup import VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
@@ -20,12 +22,23 @@ from ingest.security.tokens import SecretError
 
 
 def main() -> int:
-    """Run until the supervisor closes standard input. Returns the exit code."""
+    """Serve, or run a role in a forked process, until the supervisor closes standard input. Returns the exit code."""
+    begin()
+    runtime, data, *roles = sys.argv[1:]
+    role = ForkServer(Path(runtime), roles, partial(load_role, Path(runtime))).serve()
+    return 0 if role is None else run(role, Path(runtime), Path(data))
+
+
+def begin() -> None:
+    """Set up a process that runs a role."""
     gc.set_threshold(*GC_THRESHOLDS)
     begin_log(os.environ.get(VARIABLE, "text"))
-    role, runtime, data = sys.argv[1:]
+
+
+def run(role: str, runtime: Path, data: Path) -> int:
+    """Run a role until the supervisor closes standard input. Returns the exit code."""
     try:
-        run_role(role, Path(runtime), Path(data), _render)
+        run_role(role, runtime, data, _render)
     except (PortTakenError, SecretError, CertificateError) as error:
         sys.stderr.write(f"deconflict: {visible_lines(str(error))}\n")
         return MISUSED

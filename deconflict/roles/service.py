@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import os
 import tempfile
 import threading
 import time
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.role_files import PreparationProgress, restarts
-from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, Heartbeat
+from deconflict.runtime.heartbeat import Heartbeat
 from deconflict.runtime.kernel_preparation import compile_kernels
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
@@ -62,38 +61,43 @@ async def run_in_one_process(
                 stop.set()
 
 
-def _engine_role(site: Site, runtime: Path, beat: Callable[[], object] = lambda: None) -> "EngineRole":
+def load_role(runtime: Path, role: str, beat: Callable[[], None]) -> None:
+    """Load the code of a role, so that `run_role` need not. Calls `beat` while kernels are compiled."""
+    site = _site(runtime)
+    if role == "engine" and not site.cluster:
+        _engine_class(runtime, beat)
+    else:
+        _async_class(role)
+
+
+def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
+    """Run one role as a process of its own, until the supervisor closes standard input."""
+    site = _site(runtime)
+    heartbeat = Heartbeat()
+    if role == "engine" and not site.cluster:
+        ended = threading.Event()
+        heartbeat.at_end(ended.set)
+        _engine_role(site, runtime).run(ended, heartbeat.beat)
+        return
+    asyncio.run(_run_async_role(role, site, runtime, data, exposition, heartbeat))
+
+
+def _site(runtime: Path) -> Site:
+    return Site.model_validate_json((runtime / SITE_FILE).read_text())
+
+
+def _engine_role(site: Site, runtime: Path) -> "EngineRole":
+    return _engine_class(runtime)(site, runtime, is_first=restarts(runtime).get("engine") == 0)
+
+
+def _engine_class(runtime: Path, beat: Callable[[], object] = lambda: None) -> type["EngineRole"]:
     from ingest.kernels import before_compiling  # noqa: PLC0415 - loads numba
 
     progress = PreparationProgress(runtime, beat)
     with before_compiling(partial(compile_kernels, ("deconflict",), progress.report)):
         from deconflict.roles.engine_role import EngineRole  # noqa: PLC0415 - loads kernels
     progress.end()
-    return EngineRole(site, runtime, is_first=restarts(runtime).get("engine") == 0)
-
-
-def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
-    """Run one role as a supervisor's child process, until the supervisor closes standard input."""
-    site = Site.model_validate_json((runtime / SITE_FILE).read_text())
-    heartbeat = Heartbeat()
-    if role == "engine" and not site.cluster:
-        _run_engine_role(site, runtime, heartbeat)
-        return
-    asyncio.run(_run_async_role(role, site, runtime, data, exposition, heartbeat))
-
-
-def _run_engine_role(site: Site, runtime: Path, heartbeat: Heartbeat) -> None:
-    ended, loaded = threading.Event(), threading.Event()
-
-    def end() -> None:
-        ended.set()
-        if not loaded.is_set():  # it may be compiling for a minute, and has nothing to save
-            os._exit(0)
-
-    heartbeat.at_end(end)
-    role = _engine_role(site, runtime, partial(heartbeat.beat, LONG_SILENCE_LIMIT_S))
-    loaded.set()
-    role.run(ended, heartbeat.beat)
+    return EngineRole
 
 
 async def _run_async_role(
@@ -118,15 +122,28 @@ async def _report_port_open(ready: asyncio.Event, heartbeat: Heartbeat) -> None:
 
 
 def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> "Role":
+    arguments: dict[str, tuple[object, ...]] = {"receiver": (data / "log",), "operator": (data, exposition)}
+    if role in arguments:
+        return _async_class(role)(site, runtime, *arguments[role])
+    return _async_class(role)(site, site.cluster, runtime)
+
+
+def _async_class(role: str) -> Callable[..., "Role"]:
+    """The class of a role that runs on an event loop."""
     if role == "receiver":
-        from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - each role loads only itself
+        from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - not every supervisor needs it
 
-        return ReceiverRole(site, runtime, data / "log")
-    if role == "operator" or not site.cluster:
-        from deconflict.roles.operator_role import OperatorRole  # noqa: PLC0415 - each role loads only itself
+        return ReceiverRole
+    if role == "operator":
+        from deconflict.roles.operator_role import OperatorRole  # noqa: PLC0415 - not every supervisor needs it
 
-        return OperatorRole(site, runtime, data, exposition)
-    return _cluster_role(role, site, site.cluster, runtime)
+        return OperatorRole
+    from deconflict.cluster.engine_member import EngineMember  # noqa: PLC0415 - brings the NATS client
+    from deconflict.cluster.ingest_feed import IngestFeed  # noqa: PLC0415 - brings the NATS client
+    from deconflict.cluster.store_follower import StoreFollower  # noqa: PLC0415 - brings the NATS client
+
+    classes: dict[str, Callable[..., Role]] = {"feed": IngestFeed, "follower": StoreFollower, "engine": EngineMember}
+    return classes[role]
 
 
 def cluster_problems(settings: Cluster | None, parts: Iterable[str]) -> list[str]:
@@ -148,13 +165,3 @@ class Role(Protocol):
     """A role that runs on an event loop."""
 
     async def run(self, stop: asyncio.Event) -> None: ...
-
-
-def _cluster_role(role: str, site: Site, settings: Cluster, runtime: Path) -> Role:
-    from deconflict.cluster.engine_member import EngineMember  # noqa: PLC0415 - brings the NATS client
-    from deconflict.cluster.ingest_feed import IngestFeed  # noqa: PLC0415 - brings the NATS client
-    from deconflict.cluster.store_follower import StoreFollower  # noqa: PLC0415 - brings the NATS client
-
-    if role == "feed":
-        return IngestFeed(site, settings, runtime)
-    return StoreFollower(site, settings, runtime) if role == "follower" else EngineMember(site, settings, runtime)

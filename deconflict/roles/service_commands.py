@@ -12,8 +12,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from deconflict.roles.processes.supervisor import PARTS, Supervisor
 from deconflict.roles.service import cluster_problems, runtime_directory
-from deconflict.roles.supervisor import PARTS, Supervisor
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import create_data_directory, locked
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal

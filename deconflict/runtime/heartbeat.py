@@ -61,11 +61,18 @@ class HeartbeatMonitor:
 class Heartbeat:
     """The role's side. Without a supervisor, when standard input is not a socket, nothing is sent."""
 
-    def __init__(self) -> None:
+    def __init__(self, connection: socket.socket | None = None) -> None:
+        """`connection` is another one than standard input."""
+        self._socket: socket.socket | None
         try:
-            self._socket: socket.socket | None = socket.socket(fileno=sys.stdin.fileno())
+            self._socket = connection or socket.socket(fileno=os.dup(sys.stdin.fileno()))
         except OSError:
             self._socket = None
+
+    def close(self) -> None:
+        """Close the connection, but not standard input."""
+        if self._socket:
+            self._socket.close()
 
     def at_end(self, callback: Callable[[], object]) -> None:
         """Call `callback`, on a thread of its own, once the supervisor closes the connection or ends."""

@@ -26,8 +26,8 @@ from deconflict.advisory import AdvisoryState
 from deconflict.engine.load_shedding import LONGEST_TICK_S
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
+from deconflict.roles.processes.supervisor import Supervisor
 from deconflict.roles.service import runtime_directory
-from deconflict.roles.supervisor import Supervisor
 from deconflict.runtime.data_lock import create_data_directory
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.site import LossSettings, Site

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.roles.supervisor import STEADY_S, RoleProcess
+from deconflict.roles.processes.role_process import STEADY_S, RoleProcess, by_command
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S
 from tests.deconflict.roles.made_service import Served, healthy
-from tests.deconflict.roles.role_processes import children
+from tests.deconflict.roles.role_processes import children, fork_servers
 from tests.helpers.patience import PATIENCE_S
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
@@ -25,9 +25,12 @@ async def test_a_killed_engine_shows_in_health_and_resumes_its_advisory(tmp_path
         await service.until("/healthz", healthy)
         async with service.with_robots(time.time() - 21.0):
             before = await service.until("/advisories", lambda answer: len(answer["advisories"]) == 1)
-            os.kill(children(pid)["engine"], signal.SIGKILL)
+            (fork_server,), engine = fork_servers(pid), children(pid)["engine"]
+            os.kill(fork_server, signal.SIGSTOP)
+            os.kill(engine, signal.SIGKILL)
             row = await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1)
             assert (row["status"], row["roles"]["engine"]) == ("degraded", "down"), "healthy before it can be"
+            os.kill(fork_server, signal.SIGCONT)
             await service.until("/healthz", healthy)
             revision = before["advisories"][0]["revision"]
             after = await service.until(
@@ -37,7 +40,7 @@ async def test_a_killed_engine_shows_in_health_and_resumes_its_advisory(tmp_path
 
 
 def test_a_role_restarts_at_once_and_with_growing_waits_if_it_keeps_ending() -> None:
-    role, now_s, waits_s = RoleProcess("engine", [sys.executable, "-c", ""]), 0.0, []
+    role, now_s, waits_s = RoleProcess("engine", by_command([sys.executable, "-c", ""])), 0.0, []
     for ran_for_s in (0.0, 0.0, 0.0, STEADY_S + 1.0, 0.0):
         if role.process is None:
             role.ensure(now_s)
@@ -72,7 +75,7 @@ libc.fclose(file)
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another malloc")
 def test_the_threads_of_a_role_share_a_heap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def heaps() -> int:
-        role = RoleProcess("engine", [sys.executable, "-c", THREADED, str(tmp_path / "heaps")])
+        role = RoleProcess("engine", by_command([sys.executable, "-c", THREADED, str(tmp_path / "heaps")]))
         role.ensure(0.0)
         assert role.process
         assert role.process.wait(PATIENCE_S) == 0
@@ -86,7 +89,7 @@ def test_the_threads_of_a_role_share_a_heap(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_a_role_that_hangs_is_killed_and_restarted() -> None:
-    role, now_s = RoleProcess("engine", [sys.executable, "-c", "import time; time.sleep(600)"]), 0.0
+    role, now_s = RoleProcess("engine", by_command([sys.executable, "-c", "import time; time.sleep(600)"])), 0.0
     role.ensure(now_s)
     first = role.process
     assert first
@@ -162,3 +165,19 @@ async def test_health_shows_that_the_supervisor_is_stopped(tmp_path: Path) -> No
         assert (row["status"], "restarts no role" in row["supervisor"]["reason"]) == ("degraded", True)
         os.kill(pid, signal.SIGCONT)
         await service.until("/healthz", healthy)
+
+
+async def test_roles_outlive_a_killed_fork_server_and_restart_from_the_next_one(tmp_path: Path) -> None:
+    service = Served(tmp_path)
+    with service.running() as pid:
+        await service.until("/healthz", healthy)
+        (first,), engine = fork_servers(pid), children(pid)["engine"]
+        os.kill(first, signal.SIGKILL)
+        async with asyncio.timeout(PATIENCE_S):
+            while fork_servers(pid) in ([], [first]):
+                await asyncio.sleep(0.05)
+        health = await service.until("/healthz", healthy)
+        assert health["restarts"] == {"operator": 0, "receiver": 0, "engine": 0}, "the roles run on"
+        os.kill(engine, signal.SIGKILL)
+        await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1 and healthy(health))
+        assert children(pid).keys() == {"engine"}

@@ -1,0 +1,169 @@
+"""The fork server in a process of its own, and the processes that it forks, as their supervisor sees them."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from deconflict.roles.processes.forked_process import UNKNOWN_CODE, ForkedProcess, forked
+from deconflict.roles.processes.role_process import RoleProcess, by_command
+from tests.deconflict.roles.processes.forking import LOADED
+from tests.helpers.dependencies import ROOT
+from tests.helpers.patience import PATIENCE_S
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/comm").exists(), reason="needs Linux's /proc")
+
+
+class Server:
+    """A running fork server."""
+
+    def __init__(self, runtime: Path, process: subprocess.Popen[bytes]) -> None:
+        self.runtime, self.process = runtime, process
+        self._forked: list[tuple[ForkedProcess, socket.socket]] = []
+
+    def forked(self, role: str) -> tuple[ForkedProcess, socket.socket]:
+        """A process of a role, and the supervisor's end of its standard input."""
+        ours, theirs = socket.socketpair()
+        until_s = time.monotonic() + PATIENCE_S
+        while (process := forked(self.runtime, role, theirs)) is None:
+            assert time.monotonic() < until_s, "the fork server does not answer"
+            time.sleep(0.02)
+        theirs.close()
+        self._forked.append((process, ours))
+        return process, ours
+
+    def end(self) -> None:
+        for process, ours in self._forked:
+            ours.close()
+            process.wait(PATIENCE_S)
+        self.process.wait(PATIENCE_S)
+
+    def running(self, role: str) -> tuple[ForkedProcess, socket.socket]:
+        """The same, once the process is there."""
+        process, ours = self.forked(role)
+        until_s = time.monotonic() + PATIENCE_S
+        while process.pid is None:
+            assert (process.poll(), time.monotonic() < until_s) == (None, True)
+            time.sleep(0.02)
+        return process, ours
+
+
+@contextmanager
+def _server(runtime: Path, *roles: str) -> Iterator[Server]:
+    module = [sys.executable, "-m", "tests.deconflict.roles.processes.forking"]
+    ours, theirs = socket.socketpair()
+    with subprocess.Popen([*module, str(runtime), *roles], stdin=theirs.fileno(), cwd=ROOT) as process:
+        theirs.close()
+        server = Server(runtime, process)
+        try:
+            yield server
+        finally:
+            process.send_signal(signal.SIGCONT)
+            ours.close()
+            server.end()
+
+
+def test_the_exit_code_of_a_forked_process_is_known(tmp_path: Path) -> None:
+    with _server(tmp_path) as server:
+        ended, _ = server.forked("ends 7")
+        waiting, ours = server.running("waits 1")
+        assert Path(f"/proc/{waiting.pid}/comm").read_text() == "waits 1\n", "people can tell the roles apart"
+        assert ended.wait(PATIENCE_S) == 7
+        assert waiting.poll() is None
+        with pytest.raises(subprocess.TimeoutExpired):
+            waiting.wait(0.01)
+        killed, _ = server.running("waits 2")
+        killed.kill()
+        assert killed.wait(PATIENCE_S) == -signal.SIGKILL
+        ours.close()
+        assert waiting.wait(PATIENCE_S) == 1
+
+
+def test_no_process_holds_the_standard_input_of_another_one(tmp_path: Path) -> None:
+    with _server(tmp_path) as server:
+        first, ours = server.running("waits 1")
+        second, _ = server.running("waits 2")
+        ours.close()
+        assert first.wait(PATIENCE_S) == 1
+        assert second.poll() is None
+
+
+def test_code_is_loaded_once_and_ahead_of_requests(tmp_path: Path) -> None:
+    with _server(tmp_path, "ends 1", "ends 2") as server:
+        assert [server.forked(role)[0].wait(PATIENCE_S) for role in ("ends 2", "ends 2")] == [2, 2]
+        until_s = time.monotonic() + PATIENCE_S
+        while (loaded := (tmp_path / LOADED).read_text().splitlines()) != ["ends 2", "ends 1"]:
+            assert (len(loaded) < 2, time.monotonic() < until_s) == (True, True), loaded
+            time.sleep(0.05)
+
+
+def test_without_a_fork_server_nothing_starts_and_nothing_counts_as_a_restart(tmp_path: Path) -> None:
+    role = RoleProcess("engine", lambda heartbeats: forked(tmp_path, "ends 1", heartbeats))
+    assert [role.ensure(now_s) for now_s in (0.0, 0.1, 0.2)] == [False] * 3
+    assert (role.process, role.restarts, role.due_s) == (None, 0, float("-inf"))
+
+
+def test_a_process_outlives_its_fork_server_and_its_end_is_seen(tmp_path: Path) -> None:
+    with _server(tmp_path) as server:
+        ending, ours = server.running("waits 1")
+        hanging, _ = server.running("waits 2")
+        server.process.kill()
+        server.process.wait(PATIENCE_S)
+        assert [ending.poll(), hanging.poll()] == [None, None]
+        ours.close()
+        assert ending.wait(PATIENCE_S) == UNKNOWN_CODE
+        assert hanging.poll() is None
+        hanging.kill()
+        assert hanging.wait(PATIENCE_S) == UNKNOWN_CODE
+
+
+def test_the_end_of_a_process_is_seen_although_its_fork_server_hangs(tmp_path: Path) -> None:
+    with _server(tmp_path) as server:
+        waiting, ours = server.running("waits 1")
+        os.kill(server.process.pid, signal.SIGSTOP)
+        ours.close()
+        assert waiting.wait(PATIENCE_S) == UNKNOWN_CODE
+
+
+def test_a_request_that_the_fork_server_takes_with_it_is_made_again(tmp_path: Path) -> None:
+    with _server(tmp_path, "slow 1") as server:
+        waiting, _ = server.forked("slow 1")
+        while not (tmp_path / LOADED).exists():
+            assert waiting.poll() is None
+            time.sleep(0.02)
+        server.process.kill()
+        assert waiting.wait(PATIENCE_S) == UNKNOWN_CODE
+
+
+def test_a_process_that_is_killed_before_it_is_there_ends_when_it_is(tmp_path: Path) -> None:
+    with _server(tmp_path) as server:
+        server.running("waits 1")[1].close()
+        os.kill(server.process.pid, signal.SIGSTOP)
+        waiting, ours = server.forked("waits 2")
+        waiting.kill()
+        assert waiting.poll() == UNKNOWN_CODE
+        ours.close()
+        os.kill(server.process.pid, signal.SIGCONT)
+        after, _ = server.running("waits 3")
+        children = Path(f"/proc/{server.process.pid}/task/{server.process.pid}/children")
+        until_s = time.monotonic() + PATIENCE_S
+        while children.read_text().split() != [str(after.pid)]:
+            assert time.monotonic() < until_s, "the process that nobody wanted is there for ever"
+            time.sleep(0.02)
+
+
+def test_the_fork_server_ends_with_its_supervisor(tmp_path: Path) -> None:
+    role = RoleProcess(
+        "fork server", by_command([sys.executable, "-m", "tests.deconflict.roles.processes.forking", str(tmp_path)])
+    )
+    role.ensure(0.0)
+    assert role.process
+    role.stop()
+    assert role.process.poll() == 0
