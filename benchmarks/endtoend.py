@@ -31,6 +31,7 @@ from ingest.settings import Datum, Vendor
 
 LATENCY = "deconflict_message_to_advisory_seconds"
 LATE_S = 1.0
+PREPARED_WITHIN_S = 300.0
 WEBSOCKETS, MIXED = "massrobotics", "mixed"
 """The language of robots that are not at a broker; and as many robots of each language."""
 
@@ -103,7 +104,8 @@ class Running:
         return sums
 
     def usage(self) -> dict[str, Usage]:
-        return {role.role: usage(role.pid) for role in self.roles if role.pid}
+        """Of each role, and of the fork server, which holds the code that they share."""
+        return {process.role: usage(process.pid) for process in (*self.roles, self.fork_server) if process.pid}
 
     def row(self, robots: int) -> Row:
         """The figures since the last row."""
@@ -165,6 +167,7 @@ def service(
         running = threading.Thread(target=supervisor.run, args=(stop,))
         running.start()
         try:
+            _wait_for_processes(supervisor)
             measured_service = Running(supervisor, Path(runtime), Path(data), robots_port, operator_port)
             _wait_for(robots_port)
             yield measured_service
@@ -289,6 +292,15 @@ def _free_ports() -> tuple[int, int]:
         return first.getsockname()[1], second.getsockname()[1]
 
 
+def _wait_for_processes(supervisor: Supervisor) -> None:
+    """Wait until each role has a process. The engine has none while its kernels are compiled."""
+    until_s = time.monotonic() + PREPARED_WITHIN_S
+    while not all(role.pid for role in supervisor.roles):
+        if time.monotonic() > until_s:
+            raise TimeoutError("the roles do not start; run `deconflict prepare` first")
+        time.sleep(0.05)
+
+
 def _wait_for(port: int) -> None:
     until_s = time.monotonic() + 30
     while True:
@@ -303,13 +315,13 @@ def _wait_for(port: int) -> None:
 
 
 def usage(pid: int) -> Usage:
-    """Processor time, resident memory and open files from /proc (Linux)."""
+    """Processor time, memory and open files from /proc (Linux). What processes share is divided among them."""
     of = Path("/proc") / str(pid)
     ticks = (of / "stat").read_text().rsplit(")", 1)[1].split()
-    pages = int((of / "statm").read_text().split()[1])
+    memory_kb = int((of / "smaps_rollup").read_text().split("Pss:")[1].split()[0])
     return Usage(
         core_s=(int(ticks[11]) + int(ticks[12])) / os.sysconf("SC_CLK_TCK"),
-        memory_mb=pages * os.sysconf("SC_PAGE_SIZE") / 1e6,
+        memory_mb=memory_kb * 1024 / 1e6,
         files=len(list((of / "fd").iterdir())),
     )
 
