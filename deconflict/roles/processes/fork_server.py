@@ -1,18 +1,20 @@
 """The fork server: it loads the code of the roles, and becomes a role in a copy of its process at each request.
 
-It runs nothing but this, in one thread, so that a copy of it is safe. The supervisor connects to its socket for each
-process that it wants, and sends the role and the connection for its heartbeats. It receives the process id with a
-descriptor of the process, and at last the exit code.
+It forks with one thread only, and runs nothing else, so that a copy of it is safe. The supervisor connects to its
+socket for each process that it wants, and sends the role and the connection for its heartbeats. It receives the process
+id with a descriptor of the process, and at last the exit code.
 """
 
 import gc
 import os
+import select
 import selectors
 import socket
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Thread
 
 from deconflict.runtime.heartbeat import HEARTBEAT_S, LONG_SILENCE_LIMIT_S, Heartbeat
 
@@ -75,23 +77,16 @@ class ForkServer:
         """Load the code of a role, if it is not loaded. `pending` is the connection of a process that waits for it."""
 
         def beat() -> None:
-            self._end_with_supervisor()
             self._heartbeat.beat(LONG_SILENCE_LIMIT_S)
             pending.beat(LONG_SILENCE_LIMIT_S)
 
         if role in self._unloaded:
             beat()
-            self._load(role, beat)
+            with _ending_with_supervisor():
+                self._load(role, beat)
             self._unloaded.remove(role)
             gc.collect()
             gc.freeze()  # a collection in a copy would write to these pages, and so would copy them
-
-    def _end_with_supervisor(self) -> None:
-        """End at once if the supervisor has ended: compiling takes a minute, and there is nothing to save."""
-        with selectors.DefaultSelector() as selector:
-            selector.register(sys.stdin, selectors.EVENT_READ)
-            if selector.select(0):
-                os._exit(0)
 
     def _become(self, role: str, heartbeats: socket.socket, connection: socket.socket) -> None:
         """Make this copy of the process a role: it keeps nothing of the fork server's connections."""
@@ -115,6 +110,25 @@ class ForkServer:
         with suppress(OSError):
             connection.send(b"%d" % os.waitstatus_to_exitcode(status))
         connection.close()
+
+
+@contextmanager
+def _ending_with_supervisor() -> Iterator[None]:
+    """If the supervisor ends in this block, end at once: compiling takes a minute, and there is nothing to save."""
+    done, finish = socket.socketpair()
+
+    def watch() -> None:
+        if sys.stdin in select.select([sys.stdin, done], [], [])[0]:
+            os._exit(0)
+
+    thread = Thread(target=watch)
+    thread.start()
+    try:
+        yield
+    finally:
+        finish.close()
+        thread.join()
+        done.close()
 
 
 def _listener(path: Path) -> socket.socket:

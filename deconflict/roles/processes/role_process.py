@@ -117,6 +117,8 @@ class RoleProcess:
             return
         if self.heartbeats:
             self.heartbeats.close()
+        if self.pid is None:
+            self.process.kill()
         try:
             self.process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.roles.processes.fork_server import SOCKET_FILE
 from deconflict.roles.processes.forked_process import UNKNOWN_CODE, ForkedProcess, forked
 from deconflict.roles.processes.role_process import RoleProcess, by_command
 from tests.deconflict.roles.processes.forking import LOADED
@@ -159,11 +160,25 @@ def test_a_process_that_is_killed_before_it_is_there_ends_when_it_is(tmp_path: P
             time.sleep(0.02)
 
 
-def test_the_fork_server_ends_with_its_supervisor(tmp_path: Path) -> None:
-    role = RoleProcess(
-        "fork server", by_command([sys.executable, "-m", "tests.deconflict.roles.processes.forking", str(tmp_path)])
-    )
+@pytest.mark.parametrize("loaded", [(), ("slow 1",)])
+def test_the_fork_server_ends_with_its_supervisor_also_while_it_loads(tmp_path: Path, loaded: tuple[str, ...]) -> None:
+    command = [sys.executable, "-m", "tests.deconflict.roles.processes.forking", str(tmp_path), *loaded]
+    role = RoleProcess("fork server", by_command(command))
     role.ensure(0.0)
     assert role.process
+    until_s = time.monotonic() + PATIENCE_S
+    while not (tmp_path / (LOADED if loaded else SOCKET_FILE)).exists():
+        assert time.monotonic() < until_s
+        time.sleep(0.02)
     role.stop()
     assert role.process.poll() == 0
+
+
+def test_a_role_whose_code_is_still_loaded_stops_at_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with _server(tmp_path, "slow 1") as server:
+        role = RoleProcess("engine", lambda heartbeats: forked(server.runtime, "slow 1", heartbeats))
+        while not role.process:
+            role.ensure(time.monotonic())
+        role.stop()
+        assert role.process.poll() == UNKNOWN_CODE
+        assert "did not stop" not in caplog.text, "people wait for it"
