@@ -45,6 +45,8 @@ LIMITS = np.dtype(
         ("comparable_s", np.float64),  # `plausibility.COMPARABLE_S`
         ("moved_m", np.float64),  # `plausibility.MOVED_M`
         ("robot_jump_m", np.float64),  # `ownership_claims.JUMP_M`
+        ("robot_jump_mps", np.float64),  # `ownership_claims.JUMP_MPS`
+        ("robot_jump_s", np.float64),  # `ownership_claims.JUMP_S`
         ("max_turn_radps", np.float64),  # `plausibility.MAX_TURN_RADPS`
         ("slow_turn_rad", np.float64),  # `plausibility.SLOW_TURN_RAD`
     ]
@@ -138,14 +140,15 @@ def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, 
     deviation, and `ownership_claims` would see no jump."""
     gap_s, dx, dy = now[0] - before[0], now[1] - before[1], now[2] - before[2]
     moved2 = dx * dx + dy * dy
-    if not 0.0 < gap_s <= limits.comparable_s:
+    no_jump_m = limits.robot_jump_m + limits.robot_jump_mps * min(gap_s, limits.robot_jump_s)
+    if not (gap_s > 0.0 and moved2 < no_jump_m * no_jump_m * NEARLY):
         return False
-    if not moved2 < limits.robot_jump_m * limits.robot_jump_m * NEARLY:
+    if isnan(speed_mps) or isnan(now[3]) or not abs(turn_radps) <= limits.max_turn_radps:
         return False
+    if gap_s > limits.comparable_s:
+        return True
     observed_rad, reported_rad = _turn_between(before[3], now[3]), turn_radps * gap_s
-    if isnan(speed_mps) or not abs(turn_radps) <= limits.max_turn_radps:
-        return False
-    if not abs(reported_rad - observed_rad) <= limits.slow_turn_rad + abs(reported_rad) / 2:
+    if turn_radps != 0.0 and not abs(reported_rad - observed_rad) <= limits.slow_turn_rad + abs(reported_rad) / 2:
         return False
     if speed_mps == 0.0 or moved2 < limits.moved_m * limits.moved_m * NEARLY:
         return True

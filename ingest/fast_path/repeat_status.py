@@ -156,6 +156,8 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         plausibility.COMPARABLE_S,
         plausibility.MOVED_M,
         ownership_claims.JUMP_M,
+        ownership_claims.JUMP_MPS,
+        ownership_claims.JUMP_S,
         plausibility.MAX_TURN_RADPS,
         plausibility.SLOW_TURN_RAD,
     )
