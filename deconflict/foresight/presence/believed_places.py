@@ -77,6 +77,8 @@ class BelievedPlaces:
         """(9, n) fields of the places, in the order of `_names`."""
         self._radius_m = 0.0
         """Of the longest place."""
+        self._bounds_m: tuple[list[float], list[float]] = ([0.0, 0.0], [0.0, 0.0])
+        """Least and greatest x and y of the places."""
         self._tree: shapely.STRtree | None = None
 
     def __len__(self) -> int:
@@ -120,20 +122,28 @@ class BelievedPlaces:
 
     def _near(self, batch: Batch, legs: Legs, beyond_m: float) -> tuple[Ints, Ints]:
         """(n,) legs and (n,) places on one floor that may come within a distance of each other."""
-        tree = self._indexed()
-        long_m = np.hypot(*(np.diff(column)[:, 0] for column in (legs.x_m, legs.y_m)))
-        is_joined = _is_joined(legs)
+        tree, (from_x_m, to_x_m), (from_y_m, to_y_m) = self._indexed(), legs.x_m.T, legs.y_m.T
+        long_m, is_joined = np.hypot(to_x_m - from_x_m, to_y_m - from_y_m), _is_joined(legs)
         own_m = np.hypot(batch.forecasts.length_m[legs.rows], batch.forecasts.width_m[legs.rows]) / 2
         reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + self._radius_m + beyond_m
-        columns = [np.where(is_joined, at[:, 0] + at[:, 1], 2 * at[:, 1]) / 2 for at in (legs.x_m, legs.y_m)]
-        some = np.flatnonzero((long_m > MOVED_M) & np.isfinite(legs.took_s))
+        x_m = np.where(is_joined, (from_x_m + to_x_m) / 2, to_x_m)
+        y_m = np.where(is_joined, (from_y_m + to_y_m) / 2, to_y_m)
+        has_moved = (long_m > MOVED_M) & np.isfinite(legs.took_s)
+        some = np.flatnonzero(has_moved & self._are_in_bounds(x_m, y_m, reach_m))
         if not len(some):
             return NONE, NONE
-        near, place = tree.query(shapely.points(*columns)[some], "dwithin", reach_m[some])
+        near, place = tree.query(shapely.points(x_m[some], y_m[some]), "dwithin", reach_m[some])
         by_leg = np.lexsort((place, near))
         leg, place = some[near[by_leg]], place[by_leg]
         is_same_floor = legs.floor[leg, 1] == self._columns[3][place]
         return leg[is_same_floor], place[is_same_floor]
+
+    def _are_in_bounds(self, x_m: Floats, y_m: Floats, reach_m: Floats) -> Bools:
+        """(n,) whether points are as near to the rectangle around all places as they may reach. Needs the tree."""
+        (west_m, south_m), (east_m, north_m) = self._bounds_m
+        within_x = (x_m >= west_m - reach_m) & (x_m <= east_m + reach_m)
+        within: Bools = within_x & (y_m >= south_m - reach_m) & (y_m <= north_m + reach_m)
+        return within
 
     def _is_beside(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
         """(n,) whether the heights of robots and places overlap."""
@@ -172,6 +182,7 @@ class BelievedPlaces:
             self._names = list(self._places)
             self._columns = np.array(list(self._places.values()), np.float64).T
             self._radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
+            self._bounds_m = self._columns[:2].min(axis=1).tolist(), self._columns[:2].max(axis=1).tolist()
             self._tree = shapely.STRtree(shapely.points(self._columns[:2].T))
         return self._tree
 
