@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.interactions.forecast_ways import distance_along, gaps_to, shortest_way_left, way_from
+from deconflict.foresight.interactions.forecast_ways import distance_along, shortest_ways_left, way_from
 from deconflict.foresight.interactions.progress_kernels import (
     BRAKED,
     RESUMED,
@@ -237,11 +237,8 @@ class InteractionFinder:
         along_m = distance_along(way, self.recent.poses(slot, looks_s))
         speed_mps = np.gradient(along_m, looks_s).clip(0.0, interaction.speed_mps) if len(looks_s) > 1 else np.zeros(1)
         reach_m = speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M
-        gaps_m = np.empty(len(others))
-        for row, other in enumerate(others):
-            apart_m = gaps_to(self.recent.poses(other, looks_s), way, half_m[:, other], half_m[:, slot])
-            gaps_m[row] = shortest_way_left(apart_m, way[:, 3], along_m, reach_m)
-        return gaps_m
+        poses = np.array([self.recent.poses(other, looks_s) for other in others])
+        return shortest_ways_left(poses, way, along_m, reach_m, half_m[:, others], half_m[:, slot])
 
 
 def _interaction(

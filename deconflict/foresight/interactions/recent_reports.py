@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.foresight.history_rows import HistoryRows, with_rows
+from deconflict.foresight.interactions.forecast_ways import unwrapped
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, KEPT, STATE, Findings, add_reports
 from ingest.batch import Bools, Floats, Ints
 
 BY_ROW = "_states", "_t_s", "_tracks", "_floor", "_speed", "_follows"
 """Arrays by the row of a robot that does not rest."""
+FORECAST_S: Floats = np.arange(1.0, AHEAD_S + 1)
+"""Times of the samples of a forecast after its report."""
 
 
 class InteractionReports(NamedTuple):
@@ -121,10 +124,9 @@ class RecentReports:
         row = self.rows.of_slot[slot]
         if row < 0:
             return np.broadcast_to(self._rest[slot, :3], (len(looks_s), 3))
-        state = self._states[row]
-        places = (state["newest"] - np.arange(state["reports"])[::-1]) % KEPT
-        newest = self._tracks[row, state["newest"]]
-        t_s = np.concatenate([self._t_s[row, places], self._t_s[row, state["newest"]] + np.arange(1, AHEAD_S + 1)])
-        poses = np.concatenate([self._tracks[row, places, 0], newest[1:]])
-        columns = [np.interp(looks_s, t_s, poses[:, 0]), np.interp(looks_s, t_s, poses[:, 1])]
-        return np.column_stack([*columns, np.interp(looks_s, t_s, np.unwrap(poses[:, 2]))])
+        newest, kept = int(self._states["newest"][row]), int(self._states["reports"][row])
+        places = np.arange(newest - kept + 1, newest + 1) % KEPT
+        t_s = np.concatenate([self._t_s[row, places], self._t_s[row, newest] + FORECAST_S])
+        x_m, y_m, yaw_rad = np.concatenate([self._tracks[row, places, 0], self._tracks[row, newest, 1:]]).T
+        columns = x_m, y_m, unwrapped(yaw_rad)
+        return np.array([np.interp(looks_s, t_s, column) for column in columns]).T
