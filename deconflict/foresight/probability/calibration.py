@@ -6,6 +6,7 @@ a site that changes. Each pair of vendors has weights of its own, which are adde
 evidence they are near 0. They are needed because robots of one vendor keep an order among themselves.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -78,6 +79,17 @@ def _scored(features: Floats, model: Ints, coefficients: Floats, covariance: Flo
     return score, variance
 
 
+class VendorModels(NamedTuple):
+    """Of m pairs of vendors, the weights of all pairs plus their own."""
+
+    row_of: dict[int, int]
+    """The row of each pair of vendors."""
+    weights: Floats
+    """(m, features)"""
+    covariance: Floats
+    """(m, features, features)"""
+
+
 class Estimate(NamedTuple):
     """Probabilities of n pairs. Arrays are (n,)."""
 
@@ -102,11 +114,14 @@ class Posterior:
     """(features, features) inverse of the covariance of the weights."""
     as_of_s: float | None = None
     """When the information was last faded; None before the first time."""
+    _prior_information: Floats = field(init=False)
+    """(features, features)"""
     _covariance: Floats | None = None
     """Computed when it is needed; None after each change of the information."""
 
     def __post_init__(self) -> None:
-        self.weights, self.information = self.prior.mean.copy(), self._prior_information()
+        self._prior_information = np.diag(self.prior.sd**-2.0)
+        self.weights, self.information = self.prior.mean.copy(), self._prior_information
 
     @property
     def covariance(self) -> Floats:
@@ -121,7 +136,7 @@ class Posterior:
         kept = _kept(self.as_of_s, now_s)
         self.as_of_s = now_s
         certain = weight * expected * (1 - expected)
-        self.information = kept * self.information + (1 - kept) * self._prior_information()
+        self.information = kept * self.information + (1 - kept) * self._prior_information
         self.information += (features * certain[:, None]).T @ features
         self._covariance = None
         self.weights = self.weights + np.linalg.solve(self.information, features.T @ (weight * (happened - expected)))
@@ -137,9 +152,6 @@ class Posterior:
         self.weights = numbers(part, "weights", (features,))
         self.information = numbers(part, "information", (features, features))
         self.as_of_s = None if part.get("as_of_s") is None else float(numbers(part, "as_of_s", ()))
-
-    def _prior_information(self) -> Floats:
-        return np.diag(self.prior.sd**-2.0)
 
 
 def _kept(as_of_s: float | None, now_s: float) -> float:
@@ -157,6 +169,8 @@ class Calibration:
     ended: Floats = field(default_factory=lambda: np.zeros((2, PARTS + 1)))
     """(2, PARTS + 1) how many pairs became known, and how many left, in each part of the horizon, faded."""
     as_of_s: float | None = None
+    _models: VendorModels | None = None
+    """Computed when they are needed; None after each change."""
 
     def __post_init__(self) -> None:
         self.of_all = Posterior(self.prior)
@@ -165,8 +179,8 @@ class Calibration:
         """The probabilities of n pairs with these features (n, features), of these `vendors` (n,)."""
         score, variance = self._scores(features, vendors)
         spread = np.sqrt(variance)
-        ends = _share(score - NINETY * spread), _share(score + NINETY * spread)
-        return Estimate(_share(score), *ends, _share(score + CAUTION * spread))
+        scores = score, score - NINETY * spread, score + NINETY * spread, score + CAUTION * spread
+        return Estimate(*_share(np.array(scores)))
 
     def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
         """Learn from the outcomes of n pairs of these `vendors` (n,), which had these features (n, features)."""
@@ -181,6 +195,7 @@ class Calibration:
             own = self._own(code)
             own.learn(features[rows], expected[rows], happened[rows], weight[rows], now_s)
         self.of_all.learn(features, expected, happened, weight, now_s)
+        self._models = None
 
     def _own(self, code: int) -> Posterior:
         if code not in self.by_vendors:
@@ -193,13 +208,23 @@ class Calibration:
 
     def _scores(self, features: Floats, vendors: Ints) -> tuple[Floats, Floats]:
         """(n,) scores, and their variances."""
-        n_features = len(self.prior.mean)
-        known, model = np.unique(vendors, return_inverse=True)
-        own = [self._own(code) for code in known.tolist()]
-        weights = np.array([self.of_all.weights + posterior.weights for posterior in own])
-        covariance = np.array([self.of_all.covariance + posterior.covariance for posterior in own])
-        covariance = covariance.reshape(-1, n_features, n_features)
-        return _scored(features, model, weights.reshape(-1, n_features), covariance)
+        codes = vendors.tolist()
+        if self._models is None or not self._models.row_of.keys() >= set(codes):
+            self._models = self._summed(codes)
+        models = self._models
+        model = np.array([models.row_of[code] for code in codes], np.int64)
+        return _scored(features, model, models.weights, models.covariance)
+
+    def _summed(self, codes: Iterable[int]) -> VendorModels:
+        """The models of all pairs of vendors that are known, and of those of `codes`."""
+        for code in codes:
+            self._own(code)
+        own, of_all, features = self.by_vendors.values(), self.of_all, len(self.prior.mean)
+        return VendorModels(
+            {code: row for row, code in enumerate(self.by_vendors)},
+            np.array([of_all.weights + posterior.weights for posterior in own]).reshape(-1, features),
+            np.array([of_all.covariance + posterior.covariance for posterior in own]).reshape(-1, features, features),
+        )
 
     def learned(self) -> Part:
         """The weights, and the prior from which they were learned."""
@@ -229,6 +254,7 @@ class Calibration:
         for code, own, matrix in zip(codes.astype(np.int64).tolist(), own_weights, information, strict=True):
             posterior = self._own(code)
             posterior.weights, posterior.information, posterior.as_of_s = own, matrix, self.as_of_s
+        self._models = None
 
 
 def _share(score: Floats) -> Floats:

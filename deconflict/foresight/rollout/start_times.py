@@ -26,8 +26,10 @@ SHRUNK_S = 20.0
 """All kinds together count as this many seconds of standing of one kind."""
 LATE_S: Floats = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 30.0])
 """Delays that stand for all others: no delay, four delays, and one by which the robot stays for the horizon."""
-_UNTIL_S: Floats = np.array([0.5, 1.5, 3.0, 5.5, 10.0])
-"""Delays up to the first of these count as the first of `LATE_S`, and so on."""
+_UNTIL_S: Floats = np.array([0.0, 0.5, 1.5, 3.0, 5.5, 10.0])
+"""Delays from the first of these to the second count as the first of `LATE_S`, and so on."""
+_LASTS_S: Floats = np.diff(STOOD_S)
+"""Lengths of all bins of `STOOD_S` but the last."""
 HALF_LIFE_S = 6 * 3600.0
 
 
@@ -68,17 +70,17 @@ class StartTimes:
         """(n, len(LATE_S)) the probability of each delay of `LATE_S`, for robots of these kinds (n,) that have stood
         for `stood_s` (n,)."""
         per_s = self.per_s(kind, blocked)
-        times_s = np.maximum(stood_s, 0.0)[:, None] + np.concatenate([[0.0], _UNTIL_S])
-        hazard = _hazard(per_s, times_s)
-        stays = np.concatenate([np.exp(hazard[:, :1] - hazard), np.zeros((len(kind), 1))], axis=1)
+        hazard = _hazard(per_s, _before(per_s), np.maximum(stood_s, 0.0)[:, None] + _UNTIL_S)
+        stays = np.zeros((len(kind), len(LATE_S) + 1))
+        stays[:, :-1] = np.exp(hazard[:, :1] - hazard)
         return stays[:, :-1] - stays[:, 1:]
 
     def late_s(self, kind: Ints, stood_s: Floats, part: Floats) -> Floats:
         """(k, n) the delays of robots of these kinds (n,) whose way is free, at these parts (k, n) of the
         distribution."""
         per_s, stood_s = self.per_s(kind, np.zeros(len(kind), np.bool_)), np.maximum(stood_s, 0.0)
-        wanted = _hazard(per_s, stood_s[:, None])[:, 0] - np.log1p(-part)
         before, rows = _before(per_s), np.arange(len(kind))
+        wanted = _hazard(per_s, before, stood_s[:, None])[:, 0] - np.log1p(-part)
         bins = (wanted[:, :, None] >= before[:, 1:]).sum(axis=2)
         return STOOD_S[bins] + (wanted - before[rows, bins]) / per_s[rows, bins] - stood_s
 
@@ -100,13 +102,15 @@ class StartTimes:
 
 def _before(per_s: Floats) -> Floats:
     """(n, bins) cumulative hazard at the lower end of each bin."""
-    return np.concatenate([np.zeros((len(per_s), 1)), np.cumsum(per_s[:, :-1] * np.diff(STOOD_S), axis=1)], axis=1)
+    before = np.zeros_like(per_s)
+    np.cumsum(per_s[:, :-1] * _LASTS_S, axis=1, out=before[:, 1:])
+    return before
 
 
-def _hazard(per_s: Floats, stood_s: Floats) -> Floats:
-    """(n, k) cumulative hazard of robots that have stood for times (n, k)."""
+def _hazard(per_s: Floats, before: Floats, stood_s: Floats) -> Floats:
+    """(n, k) cumulative hazard of robots that have stood for times (n, k); for `before` see `_before`."""
     rows, bins = np.arange(len(per_s))[:, None], _bin(stood_s)
-    return _before(per_s)[rows, bins] + per_s[rows, bins] * (stood_s - STOOD_S[bins])
+    return before[rows, bins] + per_s[rows, bins] * (stood_s - STOOD_S[bins])
 
 
 def _bin(stood_s: Floats) -> Ints:
