@@ -250,17 +250,19 @@ class ProbabilityEstimator:
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The probability of every watched pair in no encounter of which both robots are heard, as of the last look."""
-        pairs, since_s, rank = self._pairs, self._looked_s - JOINED_S, self._robots.rank
-        heard = pairs[open_rows(pairs, self._pending.newest, since_s)]
-        a, b = slots_of(heard["code"])
-        heard = heard[np.argsort(rank[a] * len(rank) + rank[b])]
-        return list(zip(self._robots.pair_names(heard["code"]), heard["probability"].tolist(), strict=True))
+        return self._of_heard("probability")
 
     def contact_probabilities(self) -> list[tuple[Pair, float]]:
         """The same pairs with the probability of coming within the clearance alone."""
-        by_code = dict(zip(self._pairs["code"].tolist(), self._pairs["contact_probability"].tolist(), strict=True))
-        slots = self._robots.slots
-        return [((a, b), by_code[self._robots.pair_code(slots[a], slots[b])]) for (a, b), _ in self.probabilities()]
+        return self._of_heard("contact_probability")
+
+    def _of_heard(self, column: str) -> list[tuple[Pair, float]]:
+        """What a column of the table has of each pair in no encounter of which both robots are heard."""
+        rank = self._robots.rank
+        heard = self._pairs[open_rows(self._pairs, self._pending.newest, self._looked_s - JOINED_S)]
+        a, b = slots_of(heard["code"])
+        heard = heard[np.argsort(rank[a] * len(rank) + rank[b])]
+        return list(zip(self._robots.pair_names(heard["code"]), heard[column].tolist(), strict=True))
 
     def note_advice(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots are advised to wait until these times, by UUID."""

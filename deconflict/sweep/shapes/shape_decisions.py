@@ -49,7 +49,9 @@ class ShapeDecisions:
         if limits.is_confirmed:
             new = self._new_contacts(pairs, contacts, span) & ~self._are_plain(pairs)
             denied = self._deny(new, pairs, poses, contacts)
-            self._deny((contacts["contact"] < inf) & ~new & _of_same_robots(pairs, denied), pairs, poses, contacts)
+            if len(denied):
+                going_on = (contacts["contact"] < inf) & ~new
+                self._deny(going_on & _of_same_robots(pairs, denied), pairs, poses, contacts)
         for row in np.flatnonzero(contacts["open"] < inf).tolist():
             self._decide(pairs[row : row + 1], contacts, row, span)
         return contacts
@@ -72,6 +74,8 @@ class ShapeDecisions:
     def _deny(self, asked: Bools, pairs: Pairs, poses: Poses, contacts: Contacts) -> Ints:
         """Ask FCL about contacts, and leave open those that it denies. Returns their rows."""
         rows = np.flatnonzero(asked)
+        if not len(rows):
+            return rows
         denied = rows[~self._are_confirmed(pairs[rows], poses[rows])]
         contacts["open"][denied] = contacts["contact"][denied]
         return denied
@@ -106,8 +110,6 @@ class ShapeDecisions:
 
 def _of_same_robots(pairs: Pairs, rows: Ints) -> Bools:
     """Which pairs of boxes are of the same two robots as those of `rows`."""
-    if not len(rows):
-        return np.zeros(len(pairs), bool)
     code = pairs["a"].astype(np.int64) << 32 | pairs["b"]
     return np.isin(code, code[rows])
 
