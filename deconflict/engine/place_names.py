@@ -96,16 +96,18 @@ class PlaceNames:
 
     def _phrases(self, datum_id: str, at_m: Sequence[tuple[float, float]]) -> list[str]:
         """Where each of some points of one floor is, without the floor."""
-        phrases = [f"near ({x_m:.1f}, {y_m:.1f})" for x_m, y_m in at_m]
         points = shapely.points(at_m)
-        if marks := self._marks.get(datum_id):
-            for row, (distance_m, name) in _nearest(marks, points, self._obstacles.get(datum_id)).items():
-                phrases[row] = f"at {name}" if distance_m < AT_M else f"{distance_m:.0f} m from {name}"
-        for row, names in _holding(self._areas.get(datum_id), points).items():
-            phrases[row] = f"where {names[0]} meets {names[1]}" if len(names) > 1 else f"in {names[0]}"
-        for row, names in _holding(self._inside.get(datum_id), points).items():
-            phrases[row] = names[0]
-        return phrases
+        phrases = {
+            row: f"where {names[0]} meets {names[1]}" if len(names) > 1 else f"in {names[0]}"
+            for row, names in _holding(self._areas.get(datum_id), points).items()
+        }
+        phrases |= {row: names[0] for row, names in _holding(self._inside.get(datum_id), points).items()}
+        elsewhere = [row for row in range(len(points)) if row not in phrases]
+        if elsewhere and (marks := self._marks.get(datum_id)):
+            nearest = _nearest(marks, points[elsewhere], self._obstacles.get(datum_id))
+            for at, (distance_m, name) in nearest.items():
+                phrases[elsewhere[at]] = f"at {name}" if distance_m < AT_M else f"{distance_m:.0f} m from {name}"
+        return [phrases.get(row, f"near ({x_m:.1f}, {y_m:.1f})") for row, (x_m, y_m) in enumerate(at_m)]
 
 
 def _holding(named: NamedShapes | None, points: NDArray[np.object_]) -> dict[int, list[str]]:

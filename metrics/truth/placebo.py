@@ -69,14 +69,14 @@ class Placebo:
 
     def check(self, interaction: Interaction, half_m: Floats, levels_m: Floats) -> None:
         """Test an interaction that was just found, with all others at their positions of a minute before."""
-        now = _joined(self._newest)
-        own = _rows(now, now.slot == interaction.robot)
-        until_s = float(own.event_s[-1])
-        if until_s - self._first_s < SHIFT_S + OWN_S:
+        if self._last_s(interaction.robot) - self._first_s < SHIFT_S + OWN_S:
             return
         self._offered += 1
         if (self._offered - 1) % EVERY:
             return
+        now = _joined(self._newest)
+        own = _rows(now, now.slot == interaction.robot)
+        until_s = float(own.event_s[-1])
         others = _elsewhere(self._a_minute_before(until_s), now)
         found = found_again(interaction, own, _near(others, own.track[-1, 0]), half_m, levels_m)
         self._looked_at += 1
@@ -97,6 +97,11 @@ class Placebo:
             "same_looked_at": self._same_looked_at,
             "same_robot": self._same / self._same_looked_at if self._same_looked_at else None,
         }
+
+    def _last_s(self, slot: int) -> float:
+        """The time of the last report of a robot that has reported lately."""
+        of_robot = (reports.event_s[reports.slot == slot] for reports in reversed(self._newest))
+        return next(float(event_s[-1]) for event_s in of_robot if len(event_s))
 
     def _a_minute_before(self, until_s: float) -> InteractionReports:
         """The reports of a minute before, with times shifted by a minute."""

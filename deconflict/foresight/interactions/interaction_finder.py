@@ -218,9 +218,8 @@ class InteractionFinder:
         reach_m = interaction.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + interaction.speed_mps * EARLIER_S
         sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
         moved_m = speed_mps * (now_s - interaction.onset_s + EARLIER_S)
-        near = (away_m < reach_m + sizes_m + moved_m) & (place[:, 2] == interaction.floor) & (known != slot)
-        near &= heights_overlap(*levels_m[:, known], *levels_m[:, slot])
-        others = known[near].tolist()
+        near = known[(away_m < reach_m + sizes_m + moved_m) & (place[:, 2] == interaction.floor) & (known != slot)]
+        others = near[heights_overlap(*levels_m[:, near], *levels_m[:, slot])].tolist()
         if not others:
             return -1, inf
         looks_s = np.arange(interaction.onset_s - EARLIER_S, max(now_s, interaction.onset_s) + 1e-9, LOOK_S)

@@ -47,14 +47,21 @@ class ShapeDecisions:
         bounds = limits.target_m, limits.tolerance_m, limits.accuracy_m
         contacts, poses = shape_contacts(pairs, since, *state, span, *shapes, *bounds, limits.rounds)
         if limits.is_confirmed:
-            new = self._new_contacts(pairs, contacts, span) & ~self._are_plain(pairs)
-            denied = self._deny(new, pairs, poses, contacts)
-            if len(denied):
-                going_on = (contacts["contact"] < inf) & ~new
-                self._deny(going_on & _of_same_robots(pairs, denied), pairs, poses, contacts)
+            self._confirm(pairs, poses, contacts, span)
         for row in np.flatnonzero(contacts["open"] < inf).tolist():
             self._decide(pairs[row : row + 1], contacts, row, span)
         return contacts
+
+    def _confirm(self, pairs: Pairs, poses: Poses, contacts: Contacts, span: Span) -> None:
+        """Ask FCL about new contacts, and about those that go on from one that it denies."""
+        new = self._new_contacts(pairs, contacts, span)
+        if not new.any():
+            return
+        asked = new & ~self._are_plain(pairs)
+        denied = self._deny(asked, pairs, poses, contacts)
+        if len(denied):
+            others = (contacts["contact"] < inf) & ~asked
+            self._deny(others & _of_same_robots(pairs, denied), pairs, poses, contacts)
 
     def _are_plain(self, pairs: Pairs) -> Bools:
         """Which pairs are of rectangles and circles alone. Their distances are certain."""
