@@ -5,7 +5,7 @@ its way. The nearest robot ahead of it counts. If both are of one vendor, and it
 cleared its way, the two followed an order of their fleet. The live service, replays and scores use this same code.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
@@ -13,19 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.interactions.forecast_ways import distance_along, shortest_ways_left, way_from
-from deconflict.foresight.interactions.progress_kernels import (
-    BRAKED,
-    RESUMED,
-    Findings,
-)
+from deconflict.foresight.interactions.forecast_ways import way_from
+from deconflict.foresight.interactions.progress_kernels import BRAKED, RESUMED, Findings
 from deconflict.foresight.interactions.recent_reports import InteractionReports, RecentReports
+from deconflict.foresight.interactions.way_kernels import BEYOND_M
 from deconflict.foresight.motion_assumptions import BRAKES_MPS2
 from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Floats, Ints
 
-BEYOND_M = 1.0
-"""A robot is in the way of another one if it is on that one's way within its stopping distance plus this."""
 LOOK_S = 0.5
 """Time between two looks for robots in the way, from the onset on."""
 EARLIER_S = 1.0
@@ -194,8 +189,9 @@ class InteractionFinder:
             return _interaction(slot, interaction, InteractionOutcome.YIELDED, end_s)
         if interaction.settled:
             return _interaction(slot, interaction, InteractionOutcome.UNKNOWN, end_s)
-        ahead_m = self._gaps_ahead_m(slot, interaction, np.array([end_s]), [interaction.other], half_m)[0]
-        cleared = ahead_m > interaction.gap_m + CLEARED_M
+        of_way = interaction.way, interaction.speed_mps, half_m
+        left_m = self.recent.ways_left_m(slot, np.array([interaction.other]), np.array([end_s]), *of_way)
+        cleared = left_m[0] > interaction.gap_m + CLEARED_M
         return _interaction(
             slot, interaction, InteractionOutcome.ORDERED if cleared else InteractionOutcome.YIELDED, end_s
         )
@@ -219,25 +215,13 @@ class InteractionFinder:
         sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
         moved_m = speed_mps * (now_s - interaction.onset_s + EARLIER_S)
         near = known[(away_m < reach_m + sizes_m + moved_m) & (place[:, 2] == interaction.floor) & (known != slot)]
-        others = near[heights_overlap(*levels_m[:, near], *levels_m[:, slot])].tolist()
-        if not others:
+        others = near[heights_overlap(*levels_m[:, near], *levels_m[:, slot])]
+        if not len(others):
             return -1, inf
         looks_s = np.arange(interaction.onset_s - EARLIER_S, max(now_s, interaction.onset_s) + 1e-9, LOOK_S)
-        gaps_m = self._gaps_ahead_m(slot, interaction, looks_s, others, half_m)
-        nearest = int(np.argmin(gaps_m))
-        return (others[nearest], float(gaps_m[nearest])) if gaps_m[nearest] < inf else (-1, inf)
-
-    def _gaps_ahead_m(
-        self, slot: int, interaction: _OpenInteraction, looks_s: Floats, others: Sequence[int], half_m: Floats
-    ) -> Floats:
-        """(n,) the shortest way that a robot has left to each of the robots `others`, at any of the times `looks_s`
-        (k,); inf if it does not reach that robot within its stopping distance plus `BEYOND_M`."""
-        way = interaction.way
-        along_m = distance_along(way, self.recent.poses(slot, looks_s))
-        speed_mps = np.gradient(along_m, looks_s).clip(0.0, interaction.speed_mps) if len(looks_s) > 1 else np.zeros(1)
-        reach_m = speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M
-        poses = np.array([self.recent.poses(other, looks_s) for other in others])
-        return shortest_ways_left(poses, way, along_m, reach_m, half_m[:, others], half_m[:, slot])
+        left_m = self.recent.ways_left_m(slot, others, looks_s, interaction.way, interaction.speed_mps, half_m)
+        nearest = int(np.argmin(left_m))
+        return (int(others[nearest]), float(left_m[nearest])) if left_m[nearest] < inf else (-1, inf)
 
 
 def _interaction(

@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.foresight.history_rows import HistoryRows, with_rows
-from deconflict.foresight.interactions.forecast_ways import unwrapped
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, KEPT, STATE, Findings, add_reports
+from deconflict.foresight.interactions.way_kernels import ways_left_m
 from ingest.batch import Bools, Floats, Ints
 
 BY_ROW = "_states", "_t_s", "_tracks", "_floor", "_speed", "_follows"
 """Arrays by the row of a robot that does not rest."""
-FORECAST_S: Floats = np.arange(1.0, AHEAD_S + 1)
-"""Times of the samples of a forecast after its report."""
 
 
 class InteractionReports(NamedTuple):
@@ -119,14 +117,9 @@ class RecentReports:
         speed_mps = np.concatenate([self._speed[rows, newest], np.zeros(len(resting))])
         return slots[order], place[order], speed_mps[order]
 
-    def poses(self, slot: int, looks_s: Floats) -> Floats:
-        """(n, 3) poses of a robot at these times: between its reports, and after the newest one by its forecast."""
-        row = self.rows.of_slot[slot]
-        if row < 0:
-            return np.broadcast_to(self._rest[slot, :3], (len(looks_s), 3))
-        newest, kept = int(self._states["newest"][row]), int(self._states["reports"][row])
-        places = np.arange(newest - kept + 1, newest + 1) % KEPT
-        t_s = np.concatenate([self._t_s[row, places], self._t_s[row, newest] + FORECAST_S])
-        x_m, y_m, yaw_rad = np.concatenate([self._tracks[row, places, 0], self._tracks[row, newest, 1:]]).T
-        columns = x_m, y_m, unwrapped(yaw_rad)
-        return np.array([np.interp(looks_s, t_s, column) for column in columns]).T
+    def ways_left_m(
+        self, slot: int, others: Ints, looks_s: Floats, way: Floats, most_mps: float, half_m: Floats
+    ) -> Floats:
+        """(r,) the shortest way that a robot has left to each of the robots `others` (r,): see `way_kernels`."""
+        history = self._states, self._t_s, self._tracks, self.rows.of_slot, self._rest
+        return ways_left_m(*history, slot, others, looks_s, way, most_mps, half_m)

@@ -235,10 +235,9 @@ class ProbabilityEstimator:
     def _set_probabilities(self, now_s: float) -> None:
         """Set the probabilities of the watched pairs, from their features and from the other pairs of their robots."""
         pairs, robots = self._pairs, self._robots
-        stands, records = robots.is_standing(slice(None)), robots.records
+        stands, crowded, records = robots.is_standing(slice(None)), robots.is_crowded(), robots.records
         stays = records["stays"] | (now_s - records["stood_since_s"] >= STAYS_S)
-        limits = (now_s, PREEMPTED_S, SETTLED_S)
-        set_preemption(pairs, stands, stays, self._rollouts.waits_for, robots.is_crowded(), *limits)
+        set_preemption(pairs, stands, stays, self._rollouts.waits_for, crowded, now_s, PREEMPTED_S, SETTLED_S)
         rows = np.flatnonzero(pairs["watched"])
         features, code = pairs["features"][rows], pairs["code"][rows]
         vendors, present = robots.pair_vendors(code), robots.both_present(code)
@@ -258,10 +257,9 @@ class ProbabilityEstimator:
 
     def _of_heard(self, column: str) -> list[tuple[Pair, float]]:
         """What a column of the table has of each pair in no encounter of which both robots are heard."""
-        rank = self._robots.rank
-        heard = self._pairs[open_rows(self._pairs, self._pending.newest, self._looked_s - JOINED_S)]
-        a, b = slots_of(heard["code"])
-        heard = heard[np.argsort(rank[a] * len(rank) + rank[b])]
+        rank, rows = self._robots.rank, open_rows(self._pairs, self._pending.newest, self._looked_s - JOINED_S)
+        a, b = slots_of(self._pairs["code"][rows])
+        heard = self._pairs[rows[np.argsort(rank[a] * len(rank) + rank[b])]]
         return list(zip(self._robots.pair_names(heard["code"]), heard[column].tolist(), strict=True))
 
     def note_advice(self, now_s: float, until_s: Mapping[str, float]) -> None:
