@@ -88,6 +88,8 @@ class LossFinder:
     def rest(self, slots: Ints) -> list[Interaction]:
         """These robots have been silent for long: losses of them, and to them, end. Returns the interactions that end
         with that."""
+        if not len(slots):
+            return []
         self._leave(slots)
         ended = self._interactions.rest(slots)
         self._fit()

@@ -58,7 +58,9 @@ class PairRollouts:
             is_swapped = robots.rank[result.a] > robots.rank[result.b]
             first, second = np.where(is_swapped, result.b, result.a), np.where(is_swapped, result.a, result.b)
             self._schedule.store(slots, result, codes(first, second), now_s)
-            due = np.union1d(due, np.flatnonzero(has_robot_of(pairs["code"], slots)))
+            is_due = has_robot_of(pairs["code"], slots)
+            is_due[due] = True
+            due = np.flatnonzero(is_due)
         pairs["features"][due, DRIVEN] = self._schedule.features_of(pairs["code"][due])
         a, b = slots_of(pairs["code"][due])
         pairs["features"][due[is_crowded[a] | is_crowded[b]], DRIVEN] = EVEN
@@ -67,10 +69,11 @@ class PairRollouts:
         columns, newest = self._robots, self._pending.newest[slots]
         records = columns.records[slots]
         waiting = np.flatnonzero(are_waiting(records))
-        stood_s = now_s - records["stood_since_s"][waiting]
         starts_s = np.zeros((SAMPLES, len(slots)))
-        part = quantiles(columns.key[slots[waiting]], START)
-        starts_s[:, waiting] = start_times.late_s(records["kind"][waiting], stood_s, part)
+        if len(waiting):
+            stood_s = now_s - records["stood_since_s"][waiting]
+            part = quantiles(columns.key[slots[waiting]], START)
+            starts_s[:, waiting] = start_times.late_s(records["kind"][waiting], stood_s, part)
         return RolloutInput(
             slot=slots,
             key=columns.key[slots],

@@ -144,8 +144,8 @@ class TrackedRobots:
     def let_sleep(self, uuids: Collection[str], now_s: float, heard_s: Floats) -> Ints:
         """Let robots sleep that stand in silence; `heard_s` (slots,) is when each was last heard. (n,) the slots of
         those that rest from now on: they sleep, and were not heard for `RESTS_AFTER_S`."""
-        self.is_dormant[self.slots_of(uuids)] = True
         if uuids:
+            self.is_dormant[self.slots_of(uuids)] = True
             self._sleeping.append((now_s, uuids))
         resting: list[str] = []
         while self._sleeping and self._sleeping[0][0] <= now_s - RESTS_AFTER_S:
