@@ -296,9 +296,9 @@ class ResourceUse:
         found = self._resources.touched(
             batch.datums(destinations.floor), boxes_m, lambda rows: shapely.points(spots[rows])
         )
-        robot = np.repeat(np.arange(len(batch)), np.diff(destinations.start))
-        for row, places in found.items():
-            goals[robot[row]] |= places
+        robots = np.searchsorted(destinations.start, [*found], side="right") - 1
+        for robot, places in zip(robots.tolist(), found.values(), strict=True):
+            goals[robot] |= places
         return goals
 
 
@@ -330,11 +330,12 @@ class _PlaceOutlines:
         self, datums: Sequence[str], boxes_m: Floats, shapes: Callable[[Ints], Any]
     ) -> dict[int, frozenset[str]]:
         """By row, the places that the shape in a box (n, 4) touches. `shapes` makes the shapes of the given rows."""
-        pairs = touching_boxes(boxes_m, self._boxes_m).tolist()
-        near = np.array([pair for pair in pairs if datums[pair[0]] == self._datums[pair[1]]], np.int64).reshape(-1, 2)
-        found: dict[int, frozenset[str]] = {}
-        if len(near):
-            touches = shapely.intersects(shapes(near[:, 0]), self._shapes[near[:, 1]])
-            for row, place in near[touches].tolist():
-                found[row] = found.get(row, frozenset()) | {self._places[place]}
+        pairs = touching_boxes(boxes_m, self._boxes_m).tolist() if self._places and len(boxes_m) else []
+        pairs = [pair for pair in pairs if datums[pair[0]] == self._datums[pair[1]]]
+        if not pairs:
+            return {}
+        found, near = dict[int, frozenset[str]](), np.array(pairs)
+        touches = shapely.intersects(shapes(near[:, 0]), self._shapes[near[:, 1]])
+        for row, place in near[touches].tolist():
+            found[row] = found.get(row, NOWHERE) | {self._places[place]}
         return found

@@ -126,7 +126,7 @@ class Silences:
         self._known[rows] += 1
         self._there_s[rows] += gap_s
         minutes = (heard_s / MINUTE_S).astype(np.int64)
-        for minute in np.unique(minutes).tolist():
+        for minute in sorted(set(minutes.tolist())):
             self.by_minute_s[minute] += float(gap_s[minutes == minute].sum())
 
     def _ends_silence(self, row: int, now_s: float) -> bool:

@@ -85,8 +85,9 @@ class PendingForecasts:
 
     def rest(self, slots: Ints) -> None:
         """These robots have been silent for so long that their kept forecasts are of no use."""
-        self._history.made_s[self._rows.release(slots)] = LONG_AGO_S
-        self._fit()
+        if len(slots):
+            self._history.made_s[self._rows.release(slots)] = LONG_AGO_S
+            self._fit()
 
     def _fit(self) -> None:
         rows, before = len(self._rows), len(self._history.made_s)
