@@ -95,6 +95,16 @@ class Faltering(Bus):
         return await super().follow_channel(channel, take)
 
 
+RUN_ROLE = """
+import sys
+from pathlib import Path
+from deconflict.roles.__main__ import begin, run
+begin()
+sys.exit(run(sys.argv[1], *map(Path, sys.argv[2:])))
+"""
+"""One role, without a supervisor and a fork server."""
+
+
 class Machines:
     """Roles that were started, each as a machine of its own: with a runtime directory and data of its own."""
 
@@ -119,7 +129,7 @@ class Machines:
         home.mkdir()
         (home / SITE_FILE).write_text(self.site(robots_port).model_dump_json())
         for role in roles:
-            command = [sys.executable, "-m", "deconflict.roles", role, str(home), str(home)]
+            command = [sys.executable, "-c", RUN_ROLE, role, str(home), str(home)]
             with (home / f"{role}.log").open("wb") as log:
                 self._processes[machine, role] = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=log)
         return robots_port
