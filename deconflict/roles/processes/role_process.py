@@ -117,7 +117,7 @@ class RoleProcess:
             return
         if self.heartbeats:
             self.heartbeats.close()
-        if self.pid is None:
+        if self.process.poll() is None and self.pid is None:
             self.process.kill()
         try:
             self.process.wait(STOP_TIMEOUT_S)

@@ -182,3 +182,18 @@ def test_a_role_whose_code_is_still_loaded_stops_at_once(tmp_path: Path, caplog:
         role.stop()
         assert role.process.poll() == UNKNOWN_CODE
         assert "did not stop" not in caplog.text, "people wait for it"
+
+
+def test_a_role_that_was_forked_just_now_is_waited_for_when_it_stops(tmp_path: Path) -> None:
+    with _server(tmp_path) as server:
+        role = RoleProcess("engine", lambda heartbeats: forked(server.runtime, "waits 1", heartbeats))
+        while not role.process:
+            role.ensure(time.monotonic())
+        children = Path(f"/proc/{server.process.pid}/task/{server.process.pid}/children")
+        until_s = time.monotonic() + PATIENCE_S
+        while not children.read_text():
+            assert time.monotonic() < until_s
+            time.sleep(0.02)
+        server.running("waits 2")[1].close()  # answered in order, so the id of the first one has been sent
+        role.stop()
+        assert role.process.returncode == 1, "it holds its files and ports until it ends"
