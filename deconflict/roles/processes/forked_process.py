@@ -61,7 +61,7 @@ class ForkedProcess:
     def _receive(self) -> None:
         """Take what the fork server sent. If it sends nothing, the process has ended."""
         if not _is_readable(CODE_WITHIN_S, self._connection.fileno()):
-            self._end(UNKNOWN_CODE)
+            self._end(_orphan_code(self._process))
             return
         try:
             message, descriptors, *_ = socket.recv_fds(self._connection, MOST_BYTES, 1)
@@ -82,6 +82,17 @@ class ForkedProcess:
         if self._process >= 0:
             os.close(self._process)
             self._process = -1
+
+
+def _orphan_code(process: int) -> int:
+    """Reap a process that has ended. In a container it is ours once its fork server is dead: we are process 1 there."""
+    try:
+        ended = os.waitid(os.P_PIDFD, process, os.WEXITED | os.WNOHANG)
+    except ChildProcessError:
+        return UNKNOWN_CODE
+    if ended is None:
+        return UNKNOWN_CODE
+    return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
 
 
 def _is_readable(timeout_s: float, *descriptors: int) -> bool:

@@ -1,5 +1,6 @@
 """The fork server in a process of its own, and the processes that it forks, as their supervisor sees them."""
 
+import ctypes
 import os
 import signal
 import socket
@@ -197,3 +198,22 @@ def test_a_role_that_was_forked_just_now_is_waited_for_when_it_stops(tmp_path: P
         server.running("waits 2")[1].close()  # answered in order, so the id of the first one has been sent
         role.stop()
         assert role.process.returncode == 1, "it holds its files and ports until it ends"
+
+
+SET_CHILD_SUBREAPER = 36
+"""For `prctl`."""
+
+
+def test_process_1_of_a_container_leaves_no_zombie_of_a_dead_fork_server(tmp_path: Path) -> None:
+    prctl = ctypes.CDLL(None).prctl
+    assert prctl(SET_CHILD_SUBREAPER, 1, 0, 0, 0) == 0
+    try:
+        with _server(tmp_path) as server:
+            ending, ours = server.running("waits 1")
+            server.process.kill()
+            server.process.wait(PATIENCE_S)
+            ours.close()
+            assert ending.wait(PATIENCE_S) == 1
+            assert not Path(f"/proc/{ending.pid}").exists()
+    finally:
+        prctl(SET_CHILD_SUBREAPER, 0, 0, 0, 0)
