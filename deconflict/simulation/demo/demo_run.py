@@ -103,6 +103,8 @@ async def _show(site: Site, runtime: Path, console: Console, floor: DemoFloor, s
     operator = AsyncCaller(runtime, "operator")
     console.print("Starting the service …")
     await _until_ports_open(operator, stop)
+    if stop.is_set():
+        return view
     _print_addresses(site, console, floor)
     limit = _stop_later(operator, view, console, seconds, stop)
     async with _background(_follow(site, floor, view, console), _measure(operator, floor, view), limit):

@@ -1,4 +1,5 @@
 import json
+import signal
 import subprocess
 import sys
 from contextlib import closing
@@ -48,6 +49,20 @@ def test_further_halls_are_drawn_and_have_places_of_their_own() -> None:
 def _holds(place: Resource, floor: str, bay: Bay) -> bool:
     point = shapely.Point(bay.place)
     return any(datum == floor and shapely.Polygon(outline).contains(point) for datum, outline in outlines(place))
+
+
+def test_a_demo_that_is_interrupted_while_it_starts_ends_quietly(tmp_path: Path) -> None:
+    robots, operator = free_ports(2)
+    command = [sys.executable, "-m", "deconflict", "demo", "--data", str(tmp_path)]
+    ports = ["--robots-port", str(robots), "--operator-port", str(operator)]
+    with subprocess.Popen([*command, *ports], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        while "Starting the service" not in process.stdout.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, "Traceback" in errors) == (0, False), errors
+    assert json.loads(output.splitlines()[-1])["messages"] == 0
 
 
 def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None:
