@@ -24,7 +24,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
-from deconflict.roles.processes.role_process import RoleProcess
+from deconflict.roles.processes.role_process import STEADY_S, RoleProcess
 from ingest.recording.log_reader import LogReader, segments
 
 
@@ -74,12 +74,15 @@ def faults(revisions: Iterable[dict[str, Any]]) -> list[str]:
 
 
 def kill_at_random(running: Running, face: str, kills: int, rng: random.Random) -> list[float]:
-    """Kill `kills` times. Returns the seconds until the service was complete again, for each time."""
-    took_s = []
-    for _ in range(kills):
+    """Kill `kills` times. Returns the seconds until the service was complete again, for each time.
+
+    A role that has just been killed is left alone: the supervisor makes one that ends again and again wait on purpose.
+    """
+    took_s = list[float]()
+    while len(took_s) < kills:
         time.sleep(rng.uniform(0.3, 2.0))
         victim: RoleProcess = rng.choice(running.roles)
-        if victim.pid is None:
+        if victim.pid is None or time.monotonic() - victim.started_s <= STEADY_S:
             continue
         restarts = victim.restarts
         os.kill(victim.pid, signal.SIGKILL)
