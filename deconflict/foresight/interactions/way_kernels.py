@@ -1,4 +1,4 @@
-"""How much of its forecast way a robot has left until it meets another one, by the reports of both.
+"""The way that a robot has left, along its forecast, until it meets another robot. Both are where they report to be.
 
 The kernel is long because it takes the history of reports column by column, and compiled because it goes through looks,
 places of a way and other robots number by number.
@@ -90,12 +90,16 @@ def _set_along(way: Floats, poses: Floats, along_m: Floats) -> None:
 
 
 @inner
-def _speed_mps(along_m: Floats, looks_s: Floats, look: int) -> float:
-    """The speed at a look, from the look before to the one after; 0 if there is only one look."""
-    before, after = max(look - 1, 0), min(look + 1, len(looks_s) - 1)
-    if before == after:
-        return 0.0
-    return float((along_m[after] - along_m[before]) / (looks_s[after] - looks_s[before]))
+def _set_reach(along_m: Floats, looks_s: Floats, most_mps: float, reach_m: Floats) -> None:
+    """Write how far ahead robots are in the way at each look: the stopping distance, plus `BEYOND_M`. The speed is that
+    from the look before to the look after, 0 if there is only one look."""
+    last = len(looks_s) - 1
+    for look in range(len(looks_s)):
+        before, after, speed_mps = max(look - 1, 0), min(look + 1, last), 0.0
+        if before < after:
+            speed_mps = (along_m[after] - along_m[before]) / (looks_s[after] - looks_s[before])
+        speed_mps = min(max(speed_mps, 0.0), most_mps)
+        reach_m[look] = speed_mps * speed_mps / (2 * BRAKES_MPS2) + BEYOND_M
 
 
 @inner
@@ -147,7 +151,7 @@ def ways_left_m(
     -1 for others, the poses `rest` (slots, 4) of those that rest, and half sides `half_m` (2, slots).
     """
     left_m, along_m, poses = np.full(len(others), inf), np.empty(len(looks_s)), np.empty((len(looks_s), 3))
-    known_s, known = np.empty(KEPT + AHEAD_S), np.empty((KEPT + AHEAD_S, 3))
+    known_s, known, reach_m = np.empty(KEPT + AHEAD_S), np.empty((KEPT + AHEAD_S, 3)), np.empty(len(looks_s))
     for number in range(-1, len(others)):
         robot = slot if number < 0 else others[number]
         row = row_of[robot]
@@ -160,10 +164,10 @@ def ways_left_m(
                     poses[look, part] = rest[robot, part]
         if number < 0:
             _set_along(way, poses, along_m)
+            _set_reach(along_m, looks_s, most_mps, reach_m)
             continue
         half, other = (half_m[0, slot], half_m[1, slot]), (half_m[0, robot], half_m[1, robot])
         for look in range(len(looks_s)):
-            speed_mps = min(max(_speed_mps(along_m, looks_s, look), 0.0), most_mps)
-            reach_m = min(speed_mps * speed_mps / (2 * BRAKES_MPS2) + BEYOND_M, left_m[number])
-            left_m[number] = min(left_m[number], _way_left_m(way, along_m[look], reach_m, poses[look], half, other))
+            nearest_m = min(reach_m[look], left_m[number])
+            left_m[number] = min(left_m[number], _way_left_m(way, along_m[look], nearest_m, poses[look], half, other))
     return left_m
