@@ -78,11 +78,8 @@ class Running:
     """A running service that is measured."""
 
     def __init__(self, supervisor: Supervisor, runtime: Path, data: Path, robots_port: int, operator_port: int) -> None:
-        self.roles, self.fork_server, self._caller = (
-            supervisor.roles,
-            supervisor.fork_server,
-            Caller(runtime, "operator"),
-        )
+        self.roles, self.fork_server = supervisor.roles, supervisor.fork_server
+        self._caller = Caller(runtime, "operator")
         self.data, self.url, self.face = data, f"ws://127.0.0.1:{robots_port}", f"127.0.0.1:{operator_port}"
         self._at_s, self._before, self._used = time.monotonic(), self.measures(), self.usage()
 

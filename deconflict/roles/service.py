@@ -63,8 +63,7 @@ async def run_in_one_process(
 
 def load_role(runtime: Path, role: str, beat: Callable[[], None]) -> None:
     """Load the code of a role, so that `run_role` need not. Calls `beat` while kernels are compiled."""
-    site = _site(runtime)
-    if role == "engine" and not site.cluster:
+    if _has_no_event_loop(role, _site(runtime)):
         _engine_class(runtime, beat)
     else:
         _async_class(role)
@@ -74,12 +73,17 @@ def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> No
     """Run one role as a process of its own, until the supervisor closes standard input."""
     site = _site(runtime)
     heartbeat = Heartbeat()
-    if role == "engine" and not site.cluster:
+    if _has_no_event_loop(role, site):
         ended = threading.Event()
         heartbeat.at_end(ended.set)
         _engine_role(site, runtime).run(ended, heartbeat.beat)
         return
     asyncio.run(_run_async_role(role, site, runtime, data, exposition, heartbeat))
+
+
+def _has_no_event_loop(role: str, site: Site) -> bool:
+    """Whether it is the engine of a single machine. An engine of a cluster runs on an event loop."""
+    return role == "engine" and not site.cluster
 
 
 def _site(runtime: Path) -> Site:
@@ -131,11 +135,11 @@ def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Ex
 def _async_class(role: str) -> Callable[..., "Role"]:
     """The class of a role that runs on an event loop."""
     if role == "receiver":
-        from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - not every supervisor needs it
+        from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - the supervisor needs no role
 
         return ReceiverRole
     if role == "operator":
-        from deconflict.roles.operator_role import OperatorRole  # noqa: PLC0415 - not every supervisor needs it
+        from deconflict.roles.operator_role import OperatorRole  # noqa: PLC0415 - the supervisor needs no role
 
         return OperatorRole
     from deconflict.cluster.engine_member import EngineMember  # noqa: PLC0415 - brings the NATS client

@@ -54,7 +54,7 @@ class ForkServer:
                 elif role := self._fork():
                     return role
             if not events and self._unloaded:
-                self._load_role(self._unloaded[0], Heartbeat())
+                self._load_role(self._unloaded[0], self._heartbeat)
 
     def _fork(self) -> str | None:
         """Fork the process of the next request. Returns its role in that process, and None in this one."""
@@ -74,7 +74,7 @@ class ForkServer:
         return None
 
     def _load_role(self, role: str, pending: Heartbeat) -> None:
-        """Load the code of a role, if it is not loaded. `pending` is the connection of a process that waits for it."""
+        """Load the code of a role, if it is not loaded. `pending` beats for the process that waits for it, if any."""
 
         def beat() -> None:
             self._heartbeat.beat(LONG_SILENCE_LIMIT_S)

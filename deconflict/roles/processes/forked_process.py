@@ -85,14 +85,12 @@ class ForkedProcess:
 
 
 def _orphan_code(process: int) -> int:
-    """Reap a process that has ended. In a container it is ours once its fork server is dead: we are process 1 there."""
-    try:
-        ended = os.waitid(os.P_PIDFD, process, os.WEXITED | os.WNOHANG)
-    except ChildProcessError:
-        return UNKNOWN_CODE
-    if ended is None:
-        return UNKNOWN_CODE
-    return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+    """Reap a process that has ended, and return its exit code. In a container the supervisor is process 1, so it gets
+    the processes of a fork server that is dead."""
+    with suppress(ChildProcessError):
+        if ended := os.waitid(os.P_PIDFD, process, os.WEXITED | os.WNOHANG):
+            return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+    return UNKNOWN_CODE
 
 
 def _is_readable(timeout_s: float, *descriptors: int) -> bool:
