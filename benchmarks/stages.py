@@ -1,8 +1,8 @@
 """The processor time of a message from its bytes to advisories, by stage: `python -m benchmarks.stages --robots 100`.
 
-The load of `benchmarks.offer` without its sockets passes through a fleet and an engine in this process, with ten passes
-per second. Results are microseconds of one core per message, in the second half of the run. Here advice is computed
-within the pass; in the service a thread of the engine computes it.
+The load of `benchmarks.offer` without its sockets passes through a fleet, an engine and its situations in this process,
+with ten passes per second. Results are microseconds of one core per message, in the second half of the run. Here advice
+is computed within the pass; in the service a thread of the engine computes it.
 
 With `--silent 2000` it compares two such floors, on one of which so many robots have stopped reporting. Their passes
 alternate. Results are the time of a pass with them and without, and their memory.
@@ -27,8 +27,10 @@ from benchmarks.offer import DATUM, MARGIN_M, ROBOTS, ROBOTS_A_CONNECTION, SPACI
 from benchmarks.replay import timed
 from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
+from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.runtime.command_parsers import GC_THRESHOLDS
 from deconflict.settings.fleet_factory import fast_fleet_of
@@ -53,6 +55,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "life": ((ConflictLifecycle, "revise"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "advice": ((HoldRequests, "step"),),
+    "situations": ((SituationPublisher, "published"),),
 }
 
 
@@ -64,11 +67,12 @@ class Floor:
     world: Circling = field(init=False)
     messages: int = 0
     passes_s: list[float] = field(default_factory=list)
-    """Processor time of each step of the engine."""
+    """Processor time of each pass of the engine."""
 
     def __post_init__(self) -> None:
         self.world, site = Circling(self.robots), benchmark_site(0, 0)
         self.fleet, self.engine = fast_fleet_of(site, Measures()), Engine(site)
+        self.situations = SituationPublisher(PlaceNames.of(site).describe)
         self.connections = [
             Connection(n + 1, f"10.0.{n // 250}.{n % 250}", "/", vendor_of(n * ROBOTS_A_CONNECTION))
             for n in range(-(-self.robots // ROBOTS_A_CONNECTION))
@@ -109,7 +113,8 @@ class Floor:
             batch = Batch.from_bytes(self.fleet.next_batch(START_S + now_s).to_bytes())
             began_s = process_time()
             self.engine.receive(batch)
-            self.engine.step(START_S + now_s)
+            revisions = self.engine.step(START_S + now_s)
+            self.situations.published(START_S + now_s, revisions, self.engine.measures)
             self.passes_s.append(process_time() - began_s)
             self.messages += len(due)
 
@@ -125,7 +130,7 @@ def measured(robots: int, seconds: float) -> tuple[dict[str, float], list[float]
             for owner, name in calls:
                 timers.enter_context(timed(spent, stage, owner, name))
         floor.run(ticks[len(ticks) // 2 :])
-    inside = ("sweep", "probabilities", "life", "contention", "advice")
+    inside = ("sweep", "probabilities", "life", "contention", "advice", "situations")
     spent["the rest of a pass"] = sum(floor.passes_s) - sum(spent[stage] for stage in inside)
     return {stage: stage_s / floor.messages * 1e6 for stage, stage_s in spent.items()}, floor.passes_s
 

@@ -41,15 +41,16 @@ def outline(group: Group) -> tuple[Place, ...]:
     if not group.datum:
         return ()
     places = sorted((member.x_m, member.y_m) for member in group.members.values())
-    area = next((area for area in _areas(places) if len(area.exterior.coords) <= MOST_CORNERS + 1), None)
-    area = area or _around(shapely.multipoints(places).envelope)
-    return tuple((round(x, 2), round(y, 2)) for x, y in area.exterior.coords[:-1])
+    rings = (shapely.get_exterior_ring(area) for area in _areas(places))
+    ring = next(ring for ring in rings if shapely.get_num_coordinates(ring) <= MOST_CORNERS + 1)
+    return tuple((x_m, y_m) for x_m, y_m in shapely.get_coordinates(ring)[:-1].round(2).tolist())
 
 
 def _areas(places: Sequence[Place]) -> Iterator[shapely.Polygon]:
-    """Areas around the places, the closest to them first. They may have too many corners."""
+    """Areas around the places, the closest to them first. Only the last one never has too many corners."""
     yield _linked(spots(places))
     yield _around(shapely.multipoints(places).convex_hull)
+    yield _around(shapely.multipoints(places).envelope)
 
 
 def _around(shape: shapely.Geometry) -> shapely.Polygon:
