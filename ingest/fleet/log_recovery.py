@@ -1,6 +1,6 @@
 """Rebuilds the state of a fleet from the end of its message log."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,11 +22,14 @@ class Recovered(NamedTuple):
     """The highest connection number in the log, 0 if it has none. New connections get higher numbers."""
 
 
-def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
+def recover(
+    fleet: Fleet, files: Sequence[Path], now_s: float, note_message: Callable[[int], object] = lambda _: None
+) -> Recovered:
     """Restore the state of a fleet from the newest `files` of a log.
 
     Identities are read whatever their age, statuses only if they are too recent for their robot to be silent. Nothing
-    is counted in the fleet's measures, since it was counted when it arrived.
+    is counted in the fleet's measures, since it was counted when it arrived. Calls `note_message` with the number of
+    each message that was read, from 1.
     """
     measures, fleet.measures = fleet.measures, Measures()
     since_s, messages, connection = now_s - fleet.reading.silent_after_s, 0, 0
@@ -41,6 +44,7 @@ def recover(fleet: Fleet, files: Sequence[Path], now_s: float) -> Recovered:
         if event.arrival_s >= since_s or not front_end.has_pose(event.raw, event.connection.topic):
             fleet.receive(event.raw, event.arrival_s, event.connection)
             messages += 1
+            note_message(messages)
     fleet.measures = measures
     for robot in fleet.robots.values():
         robot.statuses = 0

@@ -12,6 +12,7 @@ from websockets.asyncio.client import connect
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, FAST_PATH_AFTER, ReceiverRole
 from deconflict.runtime.rpc import AsyncCaller
+from deconflict.settings.fleet_factory import load_fast_path
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.port.connection import Connection
@@ -113,6 +114,20 @@ async def test_a_stalled_disk_delays_no_batch_and_loses_nothing(
     assert isinstance(events[0], EngineStarted)
     assert sum(isinstance(event, Tick) for event in events) == ticks
     assert sum(isinstance(event, Received) for event in events) == 1
+
+
+async def test_a_restarted_receiver_reads_a_long_recording_with_the_fast_path(tmp_path: Path) -> None:
+    assert load_fast_path(), "as in a copy of a process that has the engine's code"
+    for is_long in (False, True):
+        async with serving(tmp_path) as role:
+            assert bool(role.fleet._repeat_readers) == is_long
+            began_s = time.time() - 20
+            for number in range(FAST_PATH_AFTER):
+                arrival_s = began_s + number * 0.01
+                assert role._deliver(status("A-1", arrival_s), arrival_s, Connection(1)) is None
+            before = {uuid: robot.seen for uuid, robot in role.fleet.robots.items()}
+    async with serving(tmp_path) as role:
+        assert {uuid: robot.seen for uuid, robot in role.fleet.robots.items()} == before
 
 
 async def test_a_receiver_that_has_read_a_thousand_messages_loads_the_fast_path(tmp_path: Path) -> None:
