@@ -64,12 +64,19 @@ class ConflictLifecycle:
     pairs: WatchedPairs = field(init=False)
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
+    _changed: set[Pair] = field(default_factory=set)
+    """The pairs whose newest revision nobody has asked for."""
     budget: RevisionBudget = field(default_factory=RevisionBudget)
     started_s: float | None = None
     """When the first pass was; None before."""
 
     def __post_init__(self) -> None:
         self.pairs = WatchedPairs(self.settings)
+
+    def take_changed(self) -> set[Pair]:
+        """The pairs with a new revision since the last call; those that ended are in `advisories` no more."""
+        changed, self._changed = self._changed, set()
+        return changed
 
     def restore(self, open_advisories: Iterable[ConflictAdvisory]) -> None:
         """Continue advisories that were open before a restart."""
@@ -172,6 +179,7 @@ class ConflictLifecycle:
 
     def _set_newest(self, watched: WatchedPair, revision: ConflictAdvisory, floor: int | None = None) -> None:
         """Make this the newest revision of a pair; for `floor` see `WatchedPairs.set_advisory`."""
+        self._changed.add(watched.pair)
         self.advisories.pop(watched.pair, None)
         advisory = None if revision.state is AdvisoryState.CLEARED else revision
         self.pairs.set_advisory(watched, advisory, floor)

@@ -34,6 +34,8 @@ class EngineAdvice:
         """`submit` has an answer worked out; `burdens_s` are the seconds that each vendor has waited by now. `crowds`
         has the robots that are in a crowd, and may change. `last_waited_s` is when a robot last waited as advised."""
         self._live, self._sweeper, self._crowds, self._last_waited_s = live, sweeper, crowds, last_waited_s
+        self._crowded: frozenset[str] = frozenset()
+        """The robots that were in a crowd in the last pass."""
         self._priorities = Priorities(site.vendors)
         self.submit = submit
         self._answers = AsyncAnswers(submit)
@@ -53,9 +55,11 @@ class EngineAdvice:
     def add_holds(self, now_s: float, conflicts: ConflictLifecycle) -> list[ConflictAdvisory]:
         """The revisions that give conflicts the holds that are due; none of robots in a crowd, whose places are
         doubted."""
-        placed = self._crowds.keys().isdisjoint
-        open_conflicts = [advisory for pair, advisory in conflicts.advisories.items() if placed(pair)]
-        due = self._holds.step(now_s, open_conflicts, self._nearby)
+        changed, crowded = conflicts.take_changed(), frozenset(self._crowds)
+        if crowded != self._crowded:
+            self._crowded, changed = crowded, changed | conflicts.advisories.keys()
+        placed = {pair: conflicts.advisories.get(pair) if crowded.isdisjoint(pair) else None for pair in changed}
+        due = self._holds.step(now_s, placed, self._nearby)
         revisions = (conflicts.add_advice(pair, advice, now_s) for pair, advice in due)
         return [revision for revision in revisions if revision]
 

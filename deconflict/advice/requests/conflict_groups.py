@@ -1,8 +1,10 @@
 """Groups of future conflicts that share robots."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import datetime
+from heapq import heappop, heappush
 from itertools import chain
+from math import inf
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -31,23 +33,41 @@ class ConflictGroups:
     def __init__(self) -> None:
         self.all: dict[Pairs, ConflictGroup] = {}
         self._of_robot: dict[str, ConflictGroup] = {}
-        self._ahead: dict[Pair, ConflictAdvisory] = {}
-        """The conflicts that are grouped."""
+        self._open: dict[Pair, ConflictAdvisory] = {}
+        """The newest revision of each open conflict."""
+        self._begins: list[tuple[datetime, Pair]] = []
+        """A heap of the times for which conflicts were predicted, and of some for which they no longer are."""
+        self._from_s = -inf
+        """The last time from which conflicts were in the future."""
 
     def group_of(self, pair: Pair) -> ConflictGroup | None:
         """The group of a conflict; None if the conflict is not in the future."""
         return self._of_robot.get(pair[0])
 
-    def update(self, from_s: float, conflicts: Iterable[ConflictAdvisory]) -> None:
-        """Group those of the open `conflicts` that are predicted for later than `from_s`."""
-        from_then, before = moment(from_s), self._ahead
-        self._ahead = {advisory.robots: advisory for advisory in conflicts if advisory.predicted_at > from_then}
-        changed = {pair for pair, advisory in self._ahead.items() if before.get(pair) is not advisory}
-        changed |= before.keys() - self._ahead.keys()
-        pairs = changed.union(*(group.pairs for group in self._take_groups(changed)))
-        for group in _connected(self._ahead[pair] for pair in sorted(pairs) if pair in self._ahead):
+    def update(self, from_s: float, changed: Mapping[Pair, ConflictAdvisory | None]) -> None:
+        """Take in conflicts that changed, None for one that has ended. Groups are of those that are predicted for later
+        than `from_s`."""
+        if from_s < self._from_s:  # the clock has gone back
+            changed = {**self._open, **changed}
+        self._from_s, from_then = from_s, moment(from_s)
+        for pair, advisory in changed.items():
+            self._open.pop(pair, None)
+            if advisory:
+                self._open[pair] = advisory
+                heappush(self._begins, (advisory.predicted_at, pair))
+        touched = changed.keys() | self._take_begun(from_then)
+        pairs = touched.union(*(group.pairs for group in self._take_groups(touched)))
+        conflicts = [self._open[pair] for pair in sorted(pairs) if pair in self._open]
+        for group in _connected(advisory for advisory in conflicts if advisory.predicted_at > from_then):
             self.all[group.pairs] = group
             self._of_robot |= {robot: group for pair in group.pairs for robot in pair}
+
+    def _take_begun(self, from_then: datetime) -> set[Pair]:
+        """The pairs with a predicted time that is in the future no more."""
+        begun = set()
+        while self._begins and self._begins[0][0] <= from_then:
+            begun.add(heappop(self._begins)[1])
+        return begun
 
     def _take_groups(self, changed: Iterable[Pair]) -> list[ConflictGroup]:
         """Remove the groups with a robot of these pairs."""

@@ -6,7 +6,7 @@ Questions are bounded so that answers are ready in time. Holds begin when the an
 to follow their forecasts.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop
@@ -68,12 +68,13 @@ class HoldRequests:
     def step(
         self,
         now_s: float,
-        conflicts: Iterable[ConflictAdvisory],
+        changed: Mapping[Pair, ConflictAdvisory | None],
         find_nearby: FindNearby,
     ) -> list[tuple[Pair, Recommendation]]:
-        """The advice that is due, by pair; then ask about the open `conflicts`."""
+        """The advice that is due, by pair; then take in the conflicts that `changed`, None for one that has ended, and
+        ask about those that are open."""
         due = self._due_answers(now_s)
-        self._groups.update(now_s + ANSWER_AFTER_S, conflicts)
+        self._groups.update(now_s + ANSWER_AFTER_S, changed)
         self._questions = {
             pairs: question
             for pairs, question in self._questions.items()

@@ -118,12 +118,17 @@ class SituationLifecycle:
         for group in groups:
             self._watched.setdefault(group.id, _Watched(group)).look_s = now_s
         made = [revision for join in joins for revision in self._joined(join, now_s)]
-        while due := [watched for watched in self._watched.values() if watched.look_s <= now_s]:
+        due = [watched for watched in self._watched.values() if watched.look_s <= now_s]
+        while due:
+            losing: list[_Watched] = []
             for watched in due:
+                if watched.look_s > now_s:
+                    continue
                 watched.look_s = now_s + LOOK_S
                 if revision := self._revision(watched, now_s):
                     made.append(revision)
-                    self._keep(watched, revision, now_s)
+                    losing += self._keep(watched, revision, now_s)
+            due = losing
         return made
 
     def _follow_clock(self, now_s: float) -> None:
@@ -145,12 +150,15 @@ class SituationLifecycle:
         self._advisories[revision.id] = revision
         return Member.of(revision)
 
-    def _keep(self, watched: _Watched, revision: Situation, now_s: float) -> None:
+    def _keep(self, watched: _Watched, revision: Situation, now_s: float) -> list[_Watched]:
+        """Keep a revision. Those whose robots it takes are to be looked at again, and are returned."""
         is_open = revision.state is not AdvisoryState.CLEARED
         watched.situation = revision if is_open else None
         watched.group.opened_s = revision.raised_at.timestamp() if is_open else None
-        for losing in self._advised.keep(revision, watched.urgency):
-            self._watched[losing].look_s = now_s
+        losing = [self._watched[name] for name in sorted(self._advised.keep(revision, watched.urgency))]
+        for each in losing:
+            each.look_s = now_s
+        return losing
 
     def _joined(self, join: Join, now_s: float) -> Iterator[Situation]:
         """The last revision of a situation that became part of another one."""

@@ -43,7 +43,7 @@ def outline(group: Group) -> tuple[Place, ...]:
     places = sorted((member.x_m, member.y_m) for member in group.members.values())
     rings = (shapely.get_exterior_ring(area) for area in _areas(places))
     ring = next(ring for ring in rings if shapely.get_num_coordinates(ring) <= MOST_CORNERS + 1)
-    return tuple((x_m, y_m) for x_m, y_m in shapely.get_coordinates(ring)[:-1].round(2).tolist())
+    return tuple((round(x_m, 2), round(y_m, 2)) for x_m, y_m in shapely.get_coordinates(ring)[:-1].tolist())
 
 
 def _areas(places: Sequence[Place]) -> Iterator[shapely.Polygon]:

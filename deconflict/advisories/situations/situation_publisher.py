@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Sequence
+from math import inf
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
 from deconflict.advisories.situations.situation_counts import (
@@ -13,6 +14,9 @@ from deconflict.advisories.situations.situation_lifecycle import Describe, Situa
 from deconflict.advisory import AnyAdvisory
 from ingest.measures.measures import Measures
 
+MEASURED_EVERY_S = 1.0
+"""How many situations are open is measured so often: no more often than somebody reads it."""
+
 log = logging.getLogger(__name__)
 
 
@@ -21,6 +25,8 @@ class SituationPublisher:
 
     def __init__(self, describe: Describe) -> None:
         self._lifecycle = SituationLifecycle(describe)
+        self._measured_s = -inf
+        """When it was last measured how many are open."""
 
     def renew(self, describe: Describe) -> None:
         """Name places by a changed site."""
@@ -39,7 +45,9 @@ class SituationPublisher:
             measures.count(SITUATION_FAILURES)
             published = [*revisions, *self._begin_anew(now_s)]
         count_situations(measures, situations_of(published))
-        set_open_situations(measures, self._lifecycle.open())
+        if not 0.0 <= now_s - self._measured_s < MEASURED_EVERY_S:
+            self._measured_s = now_s
+            set_open_situations(measures, self._lifecycle.open())
         return published
 
     def _begin_anew(self, now_s: float) -> list[Situation]:

@@ -6,7 +6,6 @@ a site that changes. Each pair of vendors has weights of its own, which are adde
 evidence they are near 0. They are needed because robots of one vendor keep an order among themselves.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -82,12 +81,18 @@ def _scored(features: Floats, model: Ints, coefficients: Floats, covariance: Flo
 class VendorModels(NamedTuple):
     """Of m pairs of vendors, the weights of all pairs plus their own."""
 
-    row_of: dict[int, int]
-    """The row of each pair of vendors."""
+    vendors: Ints
+    """(m,) their codes, ascending."""
     weights: Floats
     """(m, features)"""
     covariance: Floats
     """(m, features, features)"""
+
+    def rows_of(self, vendors: Ints) -> Ints | None:
+        """(n,) the rows of pairs of `vendors` (n,); None if some are not known."""
+        rows = np.searchsorted(self.vendors, vendors)
+        are_known = (rows < len(self.vendors)).all() and (self.vendors[rows] == vendors).all()
+        return rows if are_known else None
 
 
 class Estimate(NamedTuple):
@@ -208,20 +213,20 @@ class Calibration:
 
     def _scores(self, features: Floats, vendors: Ints) -> tuple[Floats, Floats]:
         """(n,) scores, and their variances."""
-        codes = vendors.tolist()
-        if self._models is None or not self._models.row_of.keys() >= set(codes):
-            self._models = self._summed(codes)
-        models = self._models
-        model = np.array([models.row_of[code] for code in codes], np.int64)
-        return _scored(features, model, models.weights, models.covariance)
+        models = self._models or self._summed(vendors)
+        rows = models.rows_of(vendors)
+        if rows is None:
+            models = self._summed(vendors)
+            rows = np.searchsorted(models.vendors, vendors)
+        self._models = models
+        return _scored(features, rows, models.weights, models.covariance)
 
-    def _summed(self, codes: Iterable[int]) -> VendorModels:
-        """The models of all pairs of vendors that are known, and of those of `codes`."""
-        for code in codes:
-            self._own(code)
-        own, of_all, features = self.by_vendors.values(), self.of_all, len(self.prior.mean)
+    def _summed(self, vendors: Ints) -> VendorModels:
+        """The models of all pairs of vendors that are known, and of `vendors`."""
+        own = [self._own(code) for code in sorted({*self.by_vendors, *vendors.tolist()})]
+        codes, of_all, features = np.array(sorted(self.by_vendors), np.int64), self.of_all, len(self.prior.mean)
         return VendorModels(
-            {code: row for row, code in enumerate(self.by_vendors)},
+            codes,
             np.array([of_all.weights + posterior.weights for posterior in own]).reshape(-1, features),
             np.array([of_all.covariance + posterior.covariance for posterior in own]).reshape(-1, features, features),
         )

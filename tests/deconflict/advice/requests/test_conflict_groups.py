@@ -1,6 +1,6 @@
 """Groups of conflicts that share robots."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -22,6 +22,13 @@ def conflict(rng: np.random.Generator, pair: tuple[str, str], now_s: float) -> C
     return made(1, robots=pair, predicted_at=moment(now_s + rng.uniform(-0.5, 5.0)), recommendation=advice)
 
 
+def changes(
+    before: Mapping[Pair, ConflictAdvisory], conflicts: Mapping[Pair, ConflictAdvisory]
+) -> dict[Pair, ConflictAdvisory | None]:
+    pairs = before.keys() | conflicts.keys()
+    return {pair: conflicts.get(pair) for pair in pairs if before.get(pair) is not conflicts.get(pair)}
+
+
 def is_connected(pairs: Sequence[Pair]) -> bool:
     """Whether one reaches each robot of the pairs from the first one, over shared robots."""
     reached = set(pairs[0])
@@ -35,13 +42,13 @@ def is_connected(pairs: Sequence[Pair]) -> bool:
 @pytest.mark.parametrize("seed", range(10))
 def test_groups_hold_all_conflicts_ahead_and_share_no_robot(seed: int) -> None:
     rng, groups, sizes = np.random.default_rng(seed), ConflictGroups(), set[int]()
+    conflicts: dict[Pair, ConflictAdvisory] = {}
     for step in range(50):
-        now_s = NOW_S + step / 10
-        conflicts = [
-            conflict(rng, PAIRS[row], now_s) for row in rng.choice(len(PAIRS), rng.integers(12), replace=False)
-        ]
-        groups.update(now_s, conflicts)
-        ahead = sorted(advisory.robots for advisory in conflicts if advisory.predicted_at > moment(now_s))
+        now_s, before = NOW_S + step / 10, conflicts
+        rows = rng.choice(len(PAIRS), rng.integers(12), replace=False)
+        conflicts = {PAIRS[row]: conflict(rng, PAIRS[row], now_s) for row in rows}
+        groups.update(now_s, changes(before, conflicts))
+        ahead = sorted(pair for pair, advisory in conflicts.items() if advisory.predicted_at > moment(now_s))
         assert sorted(pair for pairs in groups.all for pair in pairs) == ahead
         robots = [{robot for pair in pairs for robot in pair} for pairs in groups.all]
         assert sum(map(len, robots)) == len(set[str]().union(*robots))
@@ -54,14 +61,14 @@ def test_groups_hold_all_conflicts_ahead_and_share_no_robot(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_groups_that_are_kept_are_those_that_would_be_made(seed: int) -> None:
     rng, groups, conflicts = np.random.default_rng(seed), ConflictGroups(), dict[Pair, ConflictAdvisory]()
-    for step in range(50):
-        now_s = NOW_S + step / 10
+    for step in range(60):
+        now_s, before = NOW_S + (step if step < 30 else step - 20) / 10, dict(conflicts)
         for row in rng.choice(len(PAIRS), rng.integers(4), replace=False):
             if conflicts.pop(PAIRS[row], None) is None:
                 conflicts[PAIRS[row]] = conflict(rng, PAIRS[row], now_s)
-        groups.update(now_s, conflicts.values())
+        groups.update(now_s, changes(before, conflicts))
         made_anew = ConflictGroups()
-        made_anew.update(now_s, conflicts.values())
+        made_anew.update(now_s, conflicts)
         assert groups.all == made_anew.all
         assert all(groups.group_of(pair) == made_anew.group_of(pair) for pair in conflicts)
 
@@ -75,7 +82,7 @@ def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first
         pair: made(1, robots=pair, predicted_at=moment(NOW_S + in_s))
         for pair, in_s in {("b", "c"): 4.0, ("a", "b"): 3.0, ("x", "y"): 2.0}.items()
     }
-    groups.update(NOW_S, conflicts.values())
+    groups.update(NOW_S, conflicts)
     assert set(groups.all.values()) == {
         ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), (), (LOSS_S, LOSS_S)),
         ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), (), (LOSS_S,)),

@@ -104,13 +104,16 @@ class Asking:
     def __init__(self) -> None:
         self.desk = HoldRequests(SITE, Burden(), Measures(), lambda _: ReadyAnswer(NO_HOLDS))
         self.now_s = NOW_S
+        self.open: list[Pair] = []
 
     def steps(self, count: int, *pairs: str) -> list[tuple[float, str]]:
         """The pairs that are answered while these are open, and when."""
         answers = []
         for _ in range(count):
-            conflicts = [made(1, robots=(pair[0], pair[1]), predicted_at=moment(NOW_S + 30)) for pair in pairs]
-            due = self.desk.step(self.now_s, conflicts, lambda _: near([]))
+            changed: dict[Pair, ConflictAdvisory | None] = dict.fromkeys(self.open)
+            self.open = [(pair[0], pair[1]) for pair in pairs]
+            changed |= {pair: made(1, robots=pair, predicted_at=moment(NOW_S + 30)) for pair in self.open}
+            due = self.desk.step(self.now_s, changed, lambda _: near([]))
             answers += [(self.now_s - NOW_S, "".join(pair)) for pair, _ in due]
             self.now_s += 0.25
         return answers
@@ -194,12 +197,12 @@ def test_a_crowded_floor_is_advised_in_parts_the_soonest_conflicts_first() -> No
 
     measures = Measures()
     desk = HoldRequests(SITE, Burden(), measures)
-    desk.step(NOW_S, conflicts.values(), nobody)
+    desk.step(NOW_S, conflicts, nobody)
     assert asked == [{f"a{n}", f"b{n}"} for n in reversed(range(40, pairs))]
     assert measures.values["deconflict_advice_waiting"] == {(): 40}
-    desk.step(NOW_S + 1, conflicts.values(), nobody)
+    desk.step(NOW_S + 1, {}, nobody)
     assert len(asked) == MOST_PAIRS + PAIRS_PER_S
-    desk.step(NOW_S + 2, conflicts.values(), nobody)
+    desk.step(NOW_S + 2, {}, nobody)
     assert sorted(map(sorted, asked)) == sorted(map(sorted, conflicts))
 
 
