@@ -5,7 +5,7 @@ in shares, by its present probability (expectation maximisation). Silences at a 
 for the vendor, so that a busy exit does not make every silence of the vendor look like leaving.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import product
@@ -88,9 +88,11 @@ class SilenceCase:
 
     vendor: str
     last: LastSeen
-    cells: tuple[tuple[Cell, float], ...]
-    """The cells around its place with their shares, by how near their middles are. The shares add up to 1."""
-    vendor_weight: float
+    cells: tuple[Cell, ...]
+    """The n cells around its place."""
+    shares: Floats
+    """(n,) their shares, by how near their middles are. They add up to 1."""
+    vendor_weight: float = 1.0
     """How much it counts for its vendor: 1 if nothing is known of the place."""
     counted: Floats = field(default_factory=NOTHING.copy)
     """(5,) the tally that it is counted with now."""
@@ -115,9 +117,11 @@ class SilenceOutcomes:
 
     def case(self, vendor: str, spot: FloorPoint, last: LastSeen) -> SilenceCase:
         """The case of a silence that begins. It is not counted yet."""
-        cells = tuple(_cells_around(spot, last))
-        _, cases = self._local(cells, NOTHING)
-        return SilenceCase(vendor, last, cells, (PLACE_CASES / (cases + PLACE_CASES)) ** 2)
+        cells, shares = zip(*_cells_around(spot, last), strict=True)
+        case = SilenceCase(vendor, last, cells, np.array(shares))
+        _, cases = self._local(case)
+        case.vendor_weight = (PLACE_CASES / (cases + PLACE_CASES)) ** 2
+        return case
 
     def there(self, case: SilenceCase, silent_s: float, least_s: float) -> float:
         """The probability that the robot is still present after `silent_s`. Silences count from `least_s` on."""
@@ -125,7 +129,7 @@ class SilenceOutcomes:
         tally = vendor.tally - case.vendor_weight * case.counted
         prior_gone = PRIOR_CASES * PRIOR_GONE[case.last]
         gone = (_gone(tally) + prior_gone) / (max(float(tally.sum()), 0.0) + PRIOR_CASES)
-        local_gone, local = self._local(case.cells, case.counted)
+        local_gone, local = self._local(case)
         gone = (local_gone + PLACE_CASES * gone) / (local + PLACE_CASES)
         stays = STAYS[case.last]
         outlasts = stays + (1.0 - stays) * silence_survival.share_longer(vendor.lasted, silent_s, least_s)
@@ -140,10 +144,10 @@ class SilenceOutcomes:
         change, case.counted = tally - case.counted, tally
         vendor = self._vendors.setdefault((case.vendor, case.last), VendorSilences())
         vendor.tally = np.maximum(_aged(vendor.tally, change) + case.vendor_weight * change, 0.0)
-        for cell, share in case.cells:
-            if cell not in self._cells and len(self._cells) >= MOST_CELLS:
-                self._make_room()
-            self._cells[cell] = _added(self._cells.get(cell, NOTHING), share * change)
+        if len(self._cells) > MOST_CELLS - len(case.cells) and not all(cell in self._cells for cell in case.cells):
+            self._make_room()
+        tallies = [self._cells.get(cell, NOTHING) for cell in case.cells]
+        self._cells.update(zip(case.cells, _added(np.array(tallies), np.outer(case.shares, change)), strict=True))
 
     def count_length(self, case: SilenceCase, silent_s: float) -> None:
         """Count the length of a silence that has ended with the robot where it was."""
@@ -192,16 +196,21 @@ class SilenceOutcomes:
             for key, tally, counts in zip(vendors, of_vendors, lasted, strict=True)
         }
 
-    def _local(self, cells: Iterable[tuple[Cell, float]], own: Floats) -> tuple[float, float]:
-        """The cases around a place after which a robot was gone, and all cases there; without the case whose tally is
-        `own`. A case at the very same place counts as one."""
-        tally, same = NOTHING, 0.0
-        for cell, share in cells:
-            for last in AS_WELL[cell.last]:
-                tally = tally + share * self._cells.get(cell._replace(last=last), NOTHING)
-            tally = tally - share * share * own
-            same += share * share
+    def _local(self, case: SilenceCase) -> tuple[float, float]:
+        """The cases around a place after which a robot was gone, and all cases there; without `case` itself. A case at
+        the very same place counts as one."""
+        tallies = np.array([self._of_place(cell) for cell in case.cells])
+        same = float(case.shares @ case.shares)
+        tally = case.shares @ tallies - same * case.counted
         return max(_gone(tally), 0.0) / same, max(float(tally.sum()), 0.0) / same
+
+    def _of_place(self, cell: Cell) -> Floats:
+        """(5,) the tally of a cell, with those of other ways in which robots were last seen there that say as much."""
+        tally = NOTHING
+        for last in AS_WELL[cell.last]:
+            other = self._cells.get(cell if last is cell.last else cell._replace(last=last))
+            tally = tally if other is None else tally + other
+        return tally
 
     def _make_room(self) -> None:
         """Forget the tenth of the cells with the least evidence."""
@@ -243,11 +252,13 @@ def _gone(tally: Floats) -> float:
     return float(tally[ELSEWHERE]) + _left(tally)
 
 
-def _added(tally: Floats, change: Floats) -> Floats:
-    """The tally of a cell after a change."""
-    tally = np.maximum(tally + change, 0.0)
-    tally[KNOWN] *= PLACE_MEMORY_CASES / max(float(tally[KNOWN].sum()), PLACE_MEMORY_CASES)
-    return tally
+def _added(tallies: Floats, changes: Floats) -> Floats:
+    """The tallies (n, 5) of cells after changes (n, 5)."""
+    tallies = np.maximum(tallies + changes, 0.0)
+    tallies[:, KNOWN] *= PLACE_MEMORY_CASES / np.maximum(
+        tallies[:, KNOWN].sum(axis=1, keepdims=True), PLACE_MEMORY_CASES
+    )
+    return tallies
 
 
 def _aged(tally: Floats, change: Floats) -> Floats:
