@@ -43,10 +43,12 @@ from ingest.port.connection import Connection
 
 START_S = 1_790_000_000.0
 TICK_S = 0.1
-IN_A_BATCH = 20
-"""Robots of a batch in which others fall silent."""
-ARRIVING_S, SILENT_FOR_S, SETTLING_S = 4, 300.0, 40.0
-"""Robots that fall silent report for so long, so long before the others are measured, which then report for so long."""
+AT_A_TIME = 20
+"""Robots that fall silent together."""
+ARRIVING_S, SETTLING_S = 4, 40.0
+"""Robots that fall silent report for so long; and the others, before they are measured."""
+LONGEST_SILENCE_S, SHORTEST_SILENCE_S = 3600.0, 300.0
+"""For how long robots have been silent when others are measured. A silent robot is looked at less and less often."""
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "read messages": ((Fleet, "receive"),),
     "batches": ((Fleet, "next_batch"), (Batch, "to_bytes")),
@@ -85,22 +87,23 @@ class Floor:
     def fall_silent(self, robots: int) -> None:
         """Let so many robots arrive beside the circles, where they stop reporting; some arrive where others stand.
 
-        Few are in one batch, as on a floor on which others report, too.
+        Few arrive at a time, as on a floor on which others report, too.
         """
         rng = np.random.default_rng(2)
         x_m = MARGIN_M + rng.uniform(0, robots / 10, robots)
         y_m = SPACING_M * np.sqrt(self.robots) + 3 * MARGIN_M + rng.uniform(0, 40, robots)
-        for second in range(ARRIVING_S):
-            left_m, before_s = float(ARRIVING_S - 1 - second), second - SILENT_FOR_S
-            for robot, (x, y) in enumerate(zip(x_m.tolist(), y_m.tolist(), strict=True)):
-                connection = Connection(-1 - robot, "10.1.0.1", "/", VENDORS[robot % len(VENDORS)])
-                t_s = second - SILENT_FOR_S + robot / robots
-                status = _arriving(f"silent {robot}", x - left_m, y, left_m, t_s)
-                self.fleet.receive(status, START_S + t_s, connection)
-                if robot % IN_A_BATCH == IN_A_BATCH - 1:
-                    self.run(np.array([before_s, t_s]), with_circles=False)
-                    before_s = t_s
-        self.run(np.arange(ARRIVING_S - SILENT_FOR_S, 1 - SETTLING_S, 10.0), with_circles=False)
+        begins_s = np.linspace(-LONGEST_SILENCE_S, -SHORTEST_SILENCE_S, -(-robots // AT_A_TIME)).round()
+        now_s = begins_s[0]
+        for robot, begin_s in zip(range(0, robots, AT_A_TIME), begins_s.tolist(), strict=True):
+            for second in range(ARRIVING_S):
+                t_s, left_m = begin_s + second, float(ARRIVING_S - 1 - second)
+                for each in range(robot, min(robot + AT_A_TIME, robots)):
+                    connection = Connection(-1 - each, "10.1.0.1", "/", VENDORS[each % len(VENDORS)])
+                    status = _arriving(f"silent {each}", x_m[each] - left_m, y_m[each], left_m, t_s)
+                    self.fleet.receive(status, START_S + t_s, connection)
+                self.run(np.array([now_s, t_s]), with_circles=False)
+                now_s = t_s
+        self.run(np.arange(now_s, 1 - SETTLING_S, 10.0), with_circles=False)
 
     def run(self, ticks: Floats, *, with_circles: bool = True) -> None:
         """Feed every message that is due between ticks, and make a pass at each tick."""
