@@ -11,7 +11,6 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
 from deconflict.advisories.situations.situation import REVISION, AnyRevision
@@ -32,6 +31,7 @@ from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL
 
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
@@ -222,7 +222,7 @@ async def cluster(
 
 async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
     """The JSON at `path` once it is as wanted, whatever the status."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(300):
+    async with http_client() as client, asyncio.timeout(300):
         while not wanted(answer := (await client.get(base + path)).json()):
             await asyncio.sleep(0.1)
         return answer
@@ -230,7 +230,7 @@ async def until(base: str, path: str, wanted: Callable[[Any], bool]) -> Any:
 
 async def lives(base: str, of: str = "advisories") -> list[list[AnyRevision]]:
     """Every revision of each advisory or situation, in order."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         listed = (await client.get(f"{base}/{of}?state=all&limit=1000")).json()[of]
         document = [(await client.get(f"{base}/{of}/{each['id']}")).json()[of] for each in listed]
     return [[REVISION.validate_python(each) for each in life] for life in document]

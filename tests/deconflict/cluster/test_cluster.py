@@ -5,12 +5,10 @@ import time
 from math import pi
 from pathlib import Path
 
-import httpx
-
 from deconflict.advisory import AdvisoryState
 from tests.deconflict.cluster.made_cluster import cluster, lives, needs_server, until
 from tests.deconflict.roles.made_service import Course, drive
-from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 PAIRS = 6
 pytestmark = needs_server
@@ -66,7 +64,7 @@ async def test_no_advisory_is_lost_or_doubled_if_an_engine_is_killed(tmp_path: P
             assert [each.revision for each in life] == list(range(1, len(life) + 1))
         numbers = sorted(each.seq for life in (*every, *situations) for each in life)
         assert numbers[: whole["seq"]] == list(range(1, whole["seq"] + 1))
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+        async with http_client() as client:
             answer = {"name": "Ada", "reason": "seen"}
             response = await client.post(f"{base}/advisories/{every[0][0].id}/acknowledgement", json=answer)
         assert (response.status_code, "is cleared" in response.json()["detail"]) == (409, True)

@@ -8,7 +8,6 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
-import httpx
 from websockets.asyncio.client import connect
 
 from deconflict.cluster.ingest_calls import IngestCalls
@@ -17,7 +16,7 @@ from deconflict.cluster.tiles.tile_channels import EVERY
 from deconflict.settings.cluster_settings import Cluster
 from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server, until
 from tests.deconflict.roles.made_service import drive
-from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot
 
 pytestmark = needs_server
@@ -37,7 +36,7 @@ async def test_an_operator_face_shows_the_robots_of_every_ingest(tmp_path: Path)
             "/vendors",
             lambda row: [(vendor["name"], vendor["robots"]) for vendor in row["vendors"]] == [("Alder", 2)],
         )
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+        async with http_client() as client:
             assert "deconflict_messages_total" in (await client.get(f"{base}/metrics")).text
             response = await client.get(f"{base}/robots/{robot('B')}")
         assert response.json()["uuid"] == robot("B")
@@ -70,7 +69,7 @@ async def test_health_shows_a_missing_ingest_and_then_a_missing_server(tmp_path:
             await until(base, "/healthz", roles(nats="up", ingest="up"))
         health = await until(base, "/healthz", roles(nats="up", ingest="down"))
         assert health["status"] == "degraded"
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+        async with http_client() as client:
             for path in ("/robots", "/quarantine"):
                 answer = await client.get(base + path)
                 fields = {"detail": "the ingest does not answer; try again shortly, or see /healthz", "role": "ingest"}

@@ -3,11 +3,9 @@
 import asyncio
 from pathlib import Path
 
-import httpx
-
 from tests.deconflict.cluster.made_cluster import cluster, face, needs_server, until
 from tests.deconflict.roles.made_service import wait_behind_another
-from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 TILE_M = 32.0
 pytestmark = needs_server
@@ -25,7 +23,7 @@ async def test_a_loss_at_the_border_of_two_engines_counts_once_in_every_ledger(t
         async with face(machines, tmp_path / "another") as other:
             again = await until(f"http://127.0.0.1:{other.port}", "/losses", lambda answer: answer["total"]["losses"])
             assert again["rows"] == found["rows"]
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+        async with http_client() as client:
             total = (await client.get(f"{base}/losses")).json()["total"]
         for each in driving:
             each.cancel()

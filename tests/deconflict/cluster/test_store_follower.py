@@ -4,7 +4,6 @@ import asyncio
 import time
 from pathlib import Path
 
-import httpx
 import pytest
 
 from deconflict.advisory import AnyAdvisory
@@ -19,6 +18,7 @@ from tests.deconflict.cluster.made_cluster import HOME, Broker, Machines, buses,
 from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 pytestmark = needs_server
 OTHERS = ("0c5b4a7e-0000-4000-8000-00000000000a", "0c5b4a7e-0000-4000-8000-00000000000b")
@@ -112,7 +112,7 @@ async def test_open_advisories_are_shown_again_after_a_server_lost_its_store(tmp
 
 async def acknowledge(service: Served, advisory_id: str) -> None:
     """So that the stream which the engine fills again does not have the same record at the last number stored."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         path = f"/advisories/{advisory_id}/acknowledgement"
         answer = await client.post(service.face_url + path, json={"name": "Ada", "reason": "seen"})
     assert answer.status_code == 201

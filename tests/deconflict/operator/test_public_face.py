@@ -7,7 +7,6 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from time import monotonic
 
-import httpx
 import pytest
 from pydantic_core import to_json
 from websockets.asyncio.client import connect
@@ -26,6 +25,7 @@ from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.outlets.made_outlets import SECRET, Hearer, hearing
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 PARCELS = 20
 
@@ -69,7 +69,7 @@ async def test_whatever_occupies_the_port_delays_neither_storing_nor_outlets(
     tmp_path: Path, outlet: Hearer, occupy: Callable[[threading.Event], None]
 ) -> None:
     released, took_s = threading.Event(), []
-    async with serving(tmp_path, outlet) as (role, engine), httpx.AsyncClient() as client:
+    async with serving(tmp_path, outlet) as (role, engine), http_client() as client:
         health = f"http://127.0.0.1:{role.port}/healthz"
         assert (await client.get(health)).json()["store"]["seq"] == 0
         assert role._face._loop
@@ -94,7 +94,7 @@ async def test_a_subscriber_and_an_answer_of_a_person_come_through_from_the_othe
     async with (
         serving(tmp_path, outlet) as (role, engine),
         connect(f"ws://127.0.0.1:{role.port}/advisories/stream") as stream,
-        httpx.AsyncClient() as client,
+        http_client() as client,
     ):
         for number in range(PARCELS):
             await engine.call("publish", packed_parcel({}, [to_json(made(number))]))

@@ -23,6 +23,7 @@ from deconflict.settings.site import Conflict, Operator, Site
 from ingest.settings import Datum, ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL, identity, points, status
 
 Course = Callable[[float], tuple[float, float, float]]
@@ -68,7 +69,7 @@ class Served:
 
     async def until(self, path: str, wanted: Any, within_s: float = PATIENCE_S) -> Any:
         """The JSON at `path` once it is as wanted, whatever the status."""
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(within_s):
+        async with http_client() as client, asyncio.timeout(within_s):
             while True:
                 try:
                     answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
@@ -115,7 +116,7 @@ class Running:
         self.face = f"127.0.0.1:{operator.port}"
 
     async def get(self, path: str) -> httpx.Response:
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+        async with http_client() as client:
             return await client.get(f"http://{self.face}{path}")
 
     async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:

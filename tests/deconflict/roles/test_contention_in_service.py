@@ -9,7 +9,6 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-import httpx
 from websockets.asyncio.client import connect
 
 from deconflict.advisories.situations.situation import AnyRevision
@@ -17,6 +16,7 @@ from deconflict.roles.service import run_in_one_process
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_queues import SITE, scripts
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.replayed import replayed
 from tests.helpers.saying import identity, robot
 
@@ -41,7 +41,7 @@ async def drive(url: str, start_s: float) -> None:
 
 async def until(url: str, *kinds: str) -> dict[str, Any]:
     """The first open advisory of each kind, once there are some of all."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
+    async with http_client() as client, asyncio.timeout(PATIENCE_S):
         while True:
             answer = await client.get(f"{url}/advisories")
             found = (
@@ -56,7 +56,7 @@ async def until(url: str, *kinds: str) -> dict[str, Any]:
 
 async def situations(url: str, advisory_id: str) -> list[dict[str, Any]]:
     """The open situations that an advisory is in, once there is one."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
+    async with http_client() as client, asyncio.timeout(PATIENCE_S):
         while True:
             listed = (await client.get(f"{url}/situations")).json()["situations"]
             if found := [situation for situation in listed if advisory_id in situation["advisories"]]:
@@ -66,14 +66,14 @@ async def situations(url: str, advisory_id: str) -> list[dict[str, Any]]:
 
 async def revisions(url: str, *ids: str) -> list[dict[str, Any]]:
     """Every revision of some advisories."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         answers = [(await client.get(f"{url}/advisories/{name}")).json()["advisories"] for name in ids]
     return [revision for answer in answers for revision in answer]
 
 
 async def told_in_metrics(url: str) -> None:
     """Demand, occupancy and wait at each place, deadlocks ahead, and what solves took."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client, asyncio.timeout(PATIENCE_S):
+    async with http_client() as client, asyncio.timeout(PATIENCE_S):
         while True:
             text = (await client.get(f"{url}/metrics")).text
             row = dict(re.findall(r"^(deconflict_[^ ]+) ([\d.e+-]+)$", text, re.M))

@@ -12,7 +12,6 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
@@ -22,6 +21,7 @@ from tests.deconflict.roles.made_service import Served, healthy
 from tests.deconflict.roles.role_processes import children
 from tests.helpers.made_site import toml
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL, identity, points, robot, status
 
 PAIRS, PAIRS_OF_A_FLEET = 50, 5
@@ -109,7 +109,7 @@ async def all_told(service: Served) -> None:
 
 async def counted(service: Served, vendor: str) -> Counter[str]:
     """Messages of a vendor by what became of them."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         text = (await client.get(f"{service.face_url}/metrics")).text
     found = Counter[str]()
     for line in text.splitlines():

@@ -8,7 +8,6 @@ from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-import httpx
 import pytest
 from pydantic_core import to_json
 
@@ -24,6 +23,7 @@ from deconflict.settings.site import Operator, Site, StoreSettings
 from metrics.monitoring.exposition import render
 from tests.deconflict.operator.http.served_face import until
 from tests.helpers.made_advisories import cleared, made
+from tests.helpers.plain_http import http_client
 
 EACH = 25
 """Advisories in a parcel, each raised and cleared."""
@@ -74,7 +74,7 @@ async def test_what_was_removed_to_bound_the_database_is_counted_and_shown(tmp_p
     store = Store(tmp_path)
     store.append([cleared(number, 1, updated_at=datetime.now(UTC)) for number in range(5)])
     store.close()
-    async with serving(tmp_path, advisories_bytes=1) as (role, _), httpx.AsyncClient() as client:
+    async with serving(tmp_path, advisories_bytes=1) as (role, _), http_client() as client:
         pruned = role._publisher.measures.values[PRUNED]
         await until(lambda: pruned.get(("size",)) == 5)
         health = (await client.get(f"http://127.0.0.1:{role.port}/healthz")).json()

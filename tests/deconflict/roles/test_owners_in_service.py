@@ -3,13 +3,13 @@
 import time
 from pathlib import Path
 
-import httpx
 from websockets.asyncio.client import connect
 
 from ingest.recording.log_reader import LogReader
 from ingest.settings import Vendor
 from metrics.replay.recorded_passes import PassReader
 from tests.deconflict.roles.made_service import SITE, Running, running
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot, status
 
 VENDORS = SITE.model_copy(update={"vendors": (Vendor(name="Alder"), Vendor(name="Basalt"))})
@@ -28,7 +28,7 @@ async def test_a_robot_is_given_to_a_vendor_in_the_running_service_and_in_its_re
         await report(service, "Alder", 2.0)
         (refused,) = (await service.until("/quarantine", lambda answer: answer["rejected"]))["rejected"]
         assert refused["rule"] == "uuid-of-another-vendor"
-        async with httpx.AsyncClient(base_url=f"http://{service.face}") as client:
+        async with http_client(f"http://{service.face}") as client:
             answer = await client.post(f"/robots/{robot('A-1')}/owner", json={"vendor": "Alder"})
         assert answer.json() == {"uuid": robot("A-1"), "vendor": "Alder", "before": "Basalt"}
         await report(service, "Alder", 3.0)

@@ -3,7 +3,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
 from deconflict.roles.service import run_in_one_process
@@ -13,6 +12,7 @@ from deconflict.settings.site_file import fit_problems, load
 from metrics.monitoring.exposition import render
 from tests.helpers.made_site import HALL, MARKS, put, sound, written
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 HIGH_PX = 1000.0
 
@@ -100,7 +100,7 @@ async def test_the_image_lies_below_the_map_the_right_way_up(tmp_path: Path) -> 
     playwright = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
     async with run_in_one_process(quarters(tmp_path), tmp_path / "data", render) as (_, operator):
         address = f"http://127.0.0.1:{operator.port}"
-        async with httpx.AsyncClient(base_url=address, timeout=PATIENCE_S) as client:
+        async with http_client(address) as client:
             floors = (await client.get("/site")).json()["floors"]
             plan = next(floor["plan"] for floor in floors if floor["id"] == HALL)
             image = await client.get(plan["image"])

@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
@@ -31,6 +30,7 @@ from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
 from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_site import toml
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL, identity, robot, status
 
 DOCS = Path(__file__).parents[3] / "docs" / "operation.md"
@@ -175,14 +175,14 @@ async def placed(service: Served, x: float) -> None:
 
 
 async def reloaded(service: Served) -> tuple[int, dict[str, Any]]:
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         answer = await client.post(f"{service.face_url}/site/reload")
         return answer.status_code, answer.json()
 
 
 async def reloads(service: Served) -> dict[str, float]:
     """By result, as Prometheus reads it."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         text = (await client.get(f"{service.face_url}/metrics")).text
     rows = [line for line in text.splitlines() if line.startswith("deconflict_site_reloads_total{")]
     return {row.split('"')[1]: float(row.split()[-1]) for row in rows}
@@ -259,7 +259,7 @@ async def test_limits_and_outlets_take_effect_without_closing_a_connection(tmp_p
 
 async def shed(service: Served, vendor: str) -> float:
     """Messages of a vendor that were shed, as Prometheus reads it."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         text = (await client.get(f"{service.face_url}/metrics")).text
     rows = [line for line in text.splitlines() if line.startswith("deconflict_messages_shed_total{") and vendor in line]
     return sum(float(row.split()[-1]) for row in rows)

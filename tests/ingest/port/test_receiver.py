@@ -9,7 +9,6 @@ import time
 from contextlib import ExitStack, suppress
 from functools import partial
 
-import httpx
 import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -20,6 +19,7 @@ from ingest.port.connection import Connection
 from ingest.port.rate_limits import READING_SHARE
 from ingest.settings import Vendor
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import status
 from tests.ingest.port.made_receiver import REFUSED, floor, until
 
@@ -131,7 +131,7 @@ async def test_the_path_tells_the_vendor(path: str, vendor: str | None) -> None:
 
 
 async def test_health_is_answered_over_plain_http() -> None:
-    async with floor() as served_floor, httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
+    async with floor() as served_floor, http_client() as client:
         answer = await client.get(served_floor.url.replace("ws", "http") + "/healthz")
         assert (answer.status_code, answer.text) == (200, "ok\n")
         assert served_floor.connections == 0

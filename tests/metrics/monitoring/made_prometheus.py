@@ -15,9 +15,9 @@ from deconflict.simulation.demo.demo_site import demo_site
 from metrics.monitoring.alert_rules import rules_file
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 ROBOTS = 24
-
 
 WINDOWS = {"$__rate_interval": "30s"}
 
@@ -54,7 +54,7 @@ async def prometheus(folder: Path, target: str) -> AsyncIterator[httpx.AsyncClie
             stderr=log,
         )
         try:
-            async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client:
+            async with http_client(f"http://127.0.0.1:{port}") as client:
                 await ready(client)
                 yield client
         finally:

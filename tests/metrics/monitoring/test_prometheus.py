@@ -15,6 +15,7 @@ from metrics.monitoring.alert_rules import RECORDING_RULES
 from metrics.monitoring.dashboards import dashboards
 from metrics.monitoring.exposition import render
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.metrics.monitoring.made_prometheus import ROBOTS, WINDOWS, on_free_ports, prometheus
 
 pytestmark = pytest.mark.skipif(not shutil.which("prometheus"), reason="prometheus is not installed")
@@ -55,7 +56,7 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
                 talking.cancel()
             document = (await client.get("/api/v1/rules")).json()["data"]["groups"]
             assert [rule["lastError"] for group in document for rule in group["rules"] if rule.get("lastError")] == []
-        async with httpx.AsyncClient(timeout=PATIENCE_S) as face:
+        async with http_client() as face:
             scrape = (await face.get(f"http://127.0.0.1:{operator.port}/metrics")).content
     checked = subprocess.run(["promtool", "check", "metrics"], input=scrape, capture_output=True, check=False)
     assert (checked.returncode, checked.stdout, checked.stderr) == (0, b"", b"")

@@ -6,7 +6,6 @@ from contextlib import suppress
 from pathlib import Path
 from unittest.mock import patch
 
-import httpx
 import pytest
 from nats.errors import MaxPayloadError
 from nats.js import JetStreamContext
@@ -30,6 +29,7 @@ from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_ser
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL
 
 pytestmark = needs_server
@@ -203,6 +203,6 @@ async def test_a_failed_or_cancelled_question_leaves_no_subscription(tmp_path: P
 
 async def subscriptions(port: int) -> int:
     """Of the one connection, as the server says."""
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+    async with http_client() as client:
         answer = await client.get(f"http://127.0.0.1:{port}/connz")
     return int(answer.json()["connections"][0]["subscriptions"])

@@ -2,7 +2,6 @@ import json
 import time
 from pathlib import Path
 
-import httpx
 import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
@@ -12,7 +11,7 @@ from deconflict.settings.site import Operator, Person, Site
 from ingest.settings import ReceiverSettings, Vendor
 from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.helpers.made_advisories import made
-from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 READER, LEADER, CHIEF = (f"{name}-0123456789abcdef" for name in ("reader", "leader", "chief"))
 
@@ -35,7 +34,7 @@ def bearer(token: str) -> dict[str, str]:
 async def test_without_people_everybody_has_access(tmp_path: Path) -> None:
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         assert (await client.get("/advisories")).status_code == 200
 
@@ -43,7 +42,7 @@ async def test_without_people_everybody_has_access(tmp_path: Path) -> None:
 async def test_without_a_token_only_health_is_served(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         paths = ["/", *(path for path in face.app.openapi()["paths"] if "{" not in path), "/openapi.json", "/absent"]
         answered = {path: (await client.get(path)).status_code for path in paths}
@@ -58,7 +57,7 @@ async def test_without_a_token_only_health_is_served(tmp_path: Path, people: tup
 
 async def test_a_token_opens_the_api_and_the_stream(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with served(tmp_path, people=people) as face:
-        async with httpx.AsyncClient(base_url=face.http, headers=bearer(READER), trust_env=False) as client:
+        async with http_client(face.http, headers=bearer(READER)) as client:
             assert (await client.get("/robots")).status_code == 200
         await face.publish(made(1))
         async with connect(face.stream("?after=0"), additional_headers=bearer(READER)) as stream:
@@ -68,7 +67,7 @@ async def test_a_token_opens_the_api_and_the_stream(tmp_path: Path, people: tupl
 async def test_a_browser_signs_in_once(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
+        http_client(face.http) as browser,
     ):
         page = await browser.get("/", headers={"accept": "text/html"})
         assert (page.status_code, 'action="/login"' in page.text) == (401, True)
@@ -85,7 +84,7 @@ async def test_reloading_the_site_needs_the_role_administer(tmp_path: Path, peop
     chief = Person(name="Grace", role="administer", token="env:CHIEF")
     async with (
         served(tmp_path, people=(*people, chief)) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         for token, may in ((READER, "read"), (LEADER, "acknowledge")):
             refused = await client.post("/site/reload", headers=bearer(token))
@@ -103,7 +102,7 @@ async def test_changed_people_apply_at_once_and_end_the_sessions_of_removed_peop
 ) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
+        http_client(face.http) as browser,
     ):
         await browser.post("/login", data={"token": READER})
         assert (await browser.get("/advisories")).status_code == 200
@@ -118,7 +117,7 @@ async def test_sessions_of_a_person_are_bounded_and_end_those_of_nobody_else(
     monkeypatch.setattr("deconflict.operator.http.access.MOST_SESSIONS", 2)
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         sessions = []
         for token in (LEADER, READER, READER, READER):
@@ -133,7 +132,7 @@ async def test_a_changed_token_ends_the_sessions_and_streams_that_the_old_one_op
 ) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as browser,
+        http_client(face.http) as browser,
         connect(face.stream(), additional_headers=bearer(READER)) as stolen,
         connect(face.stream(), additional_headers=bearer(LEADER)) as kept,
     ):
@@ -167,7 +166,7 @@ async def test_a_foreign_host_name_that_points_to_this_machine_is_refused(tmp_pa
     """DNS rebinding: the page's own origin, and the name that it was loaded by, are the same."""
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         port = face.address.rpartition(":")[2]
         rebound = {"host": f"elsewhere.example:{port}", "origin": f"http://elsewhere.example:{port}"}
@@ -180,7 +179,7 @@ async def test_a_foreign_host_name_that_points_to_this_machine_is_refused(tmp_pa
 async def test_the_role_read_may_not_acknowledge(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         refused = await client.post("/advisories/advisory-1/any", headers=bearer(READER))
         assert (refused.status_code, "takes the role acknowledge" in refused.text) == (403, True)
@@ -196,7 +195,7 @@ async def test_the_role_read_may_not_acknowledge(tmp_path: Path, people: tuple[P
 async def test_a_page_of_another_site_is_refused_even_without_people(tmp_path: Path) -> None:
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         assert (await client.get("/advisories", headers={"origin": "https://elsewhere.example"})).status_code == 403
         assert (await client.get("/advisories", headers={"origin": face.http})).status_code == 200
@@ -239,7 +238,7 @@ async def test_guessing_a_persons_token_is_slowed_down(
     monkeypatch.setattr("ingest.security.failed_sign_ins.STEP_S", 0.1)
     async with (
         served(tmp_path, people=people) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False) as client,
+        http_client(face.http) as client,
     ):
         began_s = time.monotonic()
         for _ in range(3):

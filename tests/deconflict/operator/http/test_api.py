@@ -11,7 +11,7 @@ from openapi_spec_validator import validate
 from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, BAD_KINDS, STORE_FAILED
 from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served
 from tests.helpers.made_advisories import ROBOTS, cleared, made
-from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 API_PAGE = Path(__file__).parents[4] / "docs" / "api.md"
 
@@ -24,7 +24,7 @@ async def face(tmp_path: Path) -> AsyncIterator[Served]:
 
 @pytest.fixture
 async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
-    async with httpx.AsyncClient(base_url=face.http, timeout=PATIENCE_S) as http:
+    async with http_client(face.http) as http:
         yield http
 
 

@@ -22,6 +22,7 @@ from tests.deconflict.operator.http.served_face import Served, served, stuck_sub
 from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
 from tests.helpers.made_site import written
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot, status
 
 NOW_S = 1_792_000_000.0
@@ -36,7 +37,7 @@ async def face(tmp_path: Path) -> AsyncIterator[Served]:
 
 @pytest.fixture
 async def client(face: Served) -> AsyncIterator[httpx.AsyncClient]:
-    async with httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as http:
+    async with http_client(face.http) as http:
         yield http
 
 

@@ -5,7 +5,6 @@ import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-import httpx
 import pytest
 
 from deconflict.operator.http.request_limits import (
@@ -20,7 +19,7 @@ from deconflict.operator.http.request_limits import (
 )
 from tests.deconflict.operator.http.served_face import served
 from tests.helpers.made_advisories import made
-from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 
 ACKNOWLEDGEMENT = "/advisories/{}/acknowledgement"
 HOSTILE = [
@@ -44,7 +43,7 @@ async def chunks() -> AsyncIterator[bytes]:
 async def test_no_body_leads_to_an_error_of_the_service(tmp_path: Path, body: bytes) -> None:
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         await face.publish(made(1))
         headers = {"content-type": "application/json"}
@@ -56,7 +55,7 @@ async def test_no_body_leads_to_an_error_of_the_service(tmp_path: Path, body: by
 async def test_no_origin_leads_to_an_error_of_the_service(tmp_path: Path, origin: str) -> None:
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         assert (await client.get("/robots", headers={"origin": origin})).status_code == 403
 
@@ -64,7 +63,7 @@ async def test_no_origin_leads_to_an_error_of_the_service(tmp_path: Path, origin
 async def test_a_long_body_is_refused_announced_or_not(tmp_path: Path) -> None:
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         for path in (ACKNOWLEDGEMENT.format("x"), "/absent"):
             announced = await client.post(path, content=b" " * (MOST_BODY_BYTES + 1))
@@ -76,7 +75,7 @@ async def test_no_cookie_takes_long_to_read(tmp_path: Path) -> None:
     quoted = 'deconflict_session="' + 60_000 * "\\" + '"'
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         plain_s: list[float] = []
         quoted_s: list[float] = []
@@ -91,7 +90,7 @@ async def test_no_cookie_takes_long_to_read(tmp_path: Path) -> None:
 async def test_every_answer_has_safe_headers(tmp_path: Path) -> None:
     async with (
         served(tmp_path) as face,
-        httpx.AsyncClient(base_url=face.http, trust_env=False, timeout=PATIENCE_S) as client,
+        http_client(face.http) as client,
     ):
         for path in ("/", "/robots", "/absent", "/healthz", "/metrics"):
             answer = await client.get(path)
@@ -119,7 +118,7 @@ async def test_a_flood_of_requests_waits_and_what_would_wait_for_long_is_refused
 ) -> None:
     monkeypatch.setattr("deconflict.operator.http.request_limits.MOST_WAIT_S", 0.3)
     monkeypatch.setattr("deconflict.operator.http.request_limits.BURST_S", 0.2)
-    async with served(tmp_path) as face, httpx.AsyncClient(base_url=face.http, trust_env=False) as client:
+    async with served(tmp_path) as face, http_client(face.http) as client:
         answers = await asyncio.gather(*(client.get("/schema/advisory") for _ in range(60)))
         assert {answer.status_code for answer in answers} == {200, 429}
         refused = next(answer for answer in answers if answer.status_code == 429)

@@ -17,6 +17,7 @@ from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.ingest.security.made_tls import trusting, write
 
 
@@ -140,7 +141,7 @@ async def test_who_keeps_many_connections_keeps_nobody_out(tmp_path: Path) -> No
         face.app.state.places.most = 8
         host, port = face.address.split(":")
         held = [await asyncio.open_connection(host, int(port)) for _ in range(20)]
-        async with httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
+        async with http_client() as client:
             assert (await client.get(f"{face.http}/healthz")).status_code == 200
         await until(lambda: face.connections() <= 8)
         assert refused(face, "face-replaced") >= 12
@@ -209,7 +210,7 @@ async def test_a_request_that_could_be_read_in_two_ways_is_refused(tmp_path: Pat
 
 
 async def test_a_plain_request_in_pieces_and_a_chunked_one_are_answered(tmp_path: Path) -> None:
-    async with served(tmp_path) as face, httpx.AsyncClient(trust_env=False, timeout=PATIENCE_S) as client:
+    async with served(tmp_path) as face, http_client() as client:
         host, port = face.address.split(":")
         reader, writer = await asyncio.open_connection(host, int(port))
         for piece in (b"GET /healthz HTTP/1.1\r", b"\nHost: localhost\r\n", b"Connection: close\r\n\r", b"\n"):

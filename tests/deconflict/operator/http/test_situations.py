@@ -2,13 +2,13 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import Severity
 from tests.deconflict.operator.http.served_face import Served, served
 from tests.helpers.made_advisories import ROBOTS, cleared_situation, made, situation
+from tests.helpers.plain_http import http_client
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ async def face(tmp_path: Path) -> AsyncIterator[Served]:
 
 
 async def got(face: Served, path: str) -> Any:
-    async with httpx.AsyncClient(base_url=face.http) as client:
+    async with http_client(face.http) as client:
         answer = await client.get(path)
     assert answer.is_success, answer.text
     return answer.json()
@@ -54,7 +54,7 @@ async def test_situations_by_state_kind_severity_vendor_robot_and_limit(face: Se
 
 @pytest.mark.parametrize("query", ["kind=conflict", "severity=high", "limit=0"])
 async def test_an_invalid_query_is_refused(face: Served, query: str) -> None:
-    async with httpx.AsyncClient(base_url=face.http) as client:
+    async with http_client(face.http) as client:
         assert (await client.get(f"/situations?{query}")).status_code == 422
 
 
@@ -69,14 +69,14 @@ async def test_one_situation_is_all_its_revisions_and_an_advisory_is_none(face: 
     await face.publish(situation(1), made(1), situation(1, 2), cleared_situation(1, 3))
     revisions = (await got(face, "/situations/situation-1"))["situations"]
     assert [(each["revision"], each["state"]) for each in revisions] == [(1, "raised"), (2, "updated"), (3, "cleared")]
-    async with httpx.AsyncClient(base_url=face.http) as client:
+    async with http_client(face.http) as client:
         assert (await client.get("/situations/advisory-1")).status_code == 404
 
 
 @pytest.mark.parametrize("path", ["/situations", "/advisories"])
 async def test_a_situation_is_acknowledged(face: Served, path: str) -> None:
     await face.publish(situation(1), made(1))
-    async with httpx.AsyncClient(base_url=face.http) as client:
+    async with http_client(face.http) as client:
         answer = {"name": "Kim", "reason": "on my way"}
         answered = await client.post(f"{path}/situation-1/acknowledgement", json=answer)
         assert (await client.post("/situations/advisory-1/acknowledgement", json=answer)).status_code == 404
@@ -88,7 +88,7 @@ async def test_a_situation_is_acknowledged(face: Served, path: str) -> None:
 async def test_an_open_situation_is_listed_after_a_restart_with_its_answer(tmp_path: Path) -> None:
     async with served(tmp_path) as first:
         await first.publish(situation(1), situation(2))
-        async with httpx.AsyncClient(base_url=first.http) as client:
+        async with http_client(first.http) as client:
             answer = {"name": "Kim", "reason": "on my way"}
             await client.post("/situations/situation-1/acknowledgement", json=answer)
     async with served(tmp_path) as second:
