@@ -18,6 +18,7 @@ from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.roles.health import recording_health
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import LogReader, Tick
 from tests.deconflict.operator.store.made_damage import damage, page
@@ -212,7 +213,10 @@ async def measured(service: Running, name: str) -> float:
     return float(next((line.split()[-1] for line in lines if line.startswith(name)), "nan"))
 
 
-async def test_a_full_disk_delays_no_advisory_and_shows_and_is_filled_up_later(small_disk: Path) -> None:
+async def test_a_full_disk_delays_no_advisory_and_shows_and_is_filled_up_later(
+    small_disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_health, "DROPPED_SHOWN_S", 5.0)
     async with running(small_disk) as service:
         await service.until("/healthz", lambda health: health["status"] == "ok")
         ballast = fill(small_disk)
