@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+import pytest_asyncio
 
 from deconflict.advisories.situations.situation import Situation, SituationAdvice
 from deconflict.advisory import Acknowledgement, Action, ConflictAdvisory, Location, Severity, moment
@@ -29,7 +30,10 @@ if TYPE_CHECKING:
 
 async_api = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
 CHROMIUM = shutil.which("chromium")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with"),
+    pytest.mark.asyncio(loop_scope="module"),
+]
 
 PICTURES = Path(__file__).parents[3] / "build" / "page"
 TICK_S = 0.2
@@ -65,14 +69,15 @@ def report(fleet: Fleet, now_s: float) -> None:
         fleet.receive(status(f"A-{i}", now_s, 2.0 * i, 0.0), now_s, Connection(1))
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="module")
 async def face(tmp_path: Path) -> AsyncIterator[Served]:
     async with served(tmp_path) as served_face, ticking(served_face):
         yield served_face
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def browser() -> AsyncIterator["Browser"]:
+    """One for all tests. Each page has cookies, storage and permissions of its own."""
     async with async_api.async_playwright() as playwright:
         chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield chromium
@@ -88,8 +93,10 @@ async def opened(browser: "Browser", face: Served, width: int = 1400, height: in
     await page.goto(face.http)
     await page.wait_for_selector('[data-state="live"]')
     await until(page, "!document.getElementById('none').textContent.startsWith('Loading')")
-    yield page
-    await page.close()
+    try:
+        yield page
+    finally:
+        await page.close()
     assert not wrong
 
 
