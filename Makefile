@@ -8,6 +8,9 @@ READY := $(VENV)/.ready
 # Python compiles what it imports when it first does; to compile all of it takes as long as to install it.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
+# Modules that were imported are kept compiled, also where the environment says otherwise: tests start many processes.
+export PYTHONDONTWRITEBYTECODE =
+
 .PHONY: demo check test lint types audit lock artefacts check-wheel release sign docs clean
 
 $(INSTALLED): pyproject.toml constraints.txt
@@ -23,8 +26,6 @@ $(READY): $(INSTALLED)
 	$(BIN)/deconflict prepare
 	touch $(READY)
 
-# The modules that are imported first are kept compiled, also where the environment says otherwise.
-demo: export PYTHONDONTWRITEBYTECODE =
 demo: $(INSTALLED)
 	$(BIN)/deconflict demo
 
