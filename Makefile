@@ -2,9 +2,10 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# What runs, and what tests need besides.
+# What runs, what tests need besides, and the kernels that they would compile each on its own.
 INSTALLED := $(VENV)/.installed
 READY := $(VENV)/.ready
+KERNELS := $(VENV)/.kernels
 # Python compiles what it imports when it first does; to compile all of it takes as long as to install it.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
@@ -23,17 +24,20 @@ $(INSTALLED): pyproject.toml constraints.txt
 $(READY): $(INSTALLED)
 	@echo "Installing what the tests need: 150 MB more"
 	$(PIP) --editable '.[dev]'
-	$(BIN)/deconflict prepare
 	touch $(READY)
+
+$(KERNELS): $(READY)
+	$(BIN)/deconflict prepare
+	touch $(KERNELS)
 
 demo: $(INSTALLED)
 	$(BIN)/deconflict demo
 
 # The short inner loop: what breaks most often, in under a minute.
-check: lint types
+check: lint types $(KERNELS)
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m 'not slow'
 
-test: lint types
+test: lint types $(KERNELS)
 	$(BIN)/python -m pytest -n 3 --dist worksteal
 
 lint: $(READY)
