@@ -37,8 +37,9 @@ demo: $(INSTALLED)
 check: lint types $(KERNELS)
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m 'not slow'
 
+# Many tests wait for a service that they have started, so more of them run at a time than there are cores.
 test: lint types $(KERNELS)
-	$(BIN)/python -m pytest -n 3 --dist worksteal
+	$(BIN)/python -m pytest -n 4 --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .
