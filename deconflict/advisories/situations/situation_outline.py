@@ -18,11 +18,12 @@ Place = tuple[float, float]
 
 
 def spots(places: Sequence[Place]) -> list[shapely.Geometry]:
-    """The convex hull of the places of each spot, in metres."""
+    """The convex hull of the places of each spot, in metres: that of a line through them, which is made faster than the
+    points. It passes each place twice, since a line has two points at least."""
     at_m = np.array(places, np.float64)
     spot = _spot_of(at_m)
-    by_spot = np.argsort(spot, kind="stable")
-    return list(shapely.convex_hull(shapely.multipoints(at_m[by_spot], indices=spot[by_spot])))
+    twice = np.repeat(np.argsort(spot, kind="stable"), 2)
+    return list(shapely.convex_hull(shapely.linestrings(at_m[twice], indices=spot[twice])))
 
 
 def count_spots(places: Sequence[Place]) -> int:
