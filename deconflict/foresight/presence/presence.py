@@ -285,8 +285,6 @@ class Presence:
     def _set_place(self, uuid: str, silence: LastingSilence, robot: LiveRobot, now_s: float) -> float:
         """Set the believed place of a silent robot that stands by now. Returns until when it moves by its forecast; inf
         if it stands."""
-        if self._places.get(uuid):
-            return inf
         forecast = robot.forecast
         stands_s = float(forecast.t_s[-1])
         if stands_s > now_s and not silence.stood:

@@ -4,14 +4,14 @@ Such silences are counted by their length, in addition to a prior: half of the s
 20 s, and the tail is heavy (log-logistic).
 """
 
-from math import log
+from math import log2
 
 import numpy as np
 
 from ingest.batch import Floats
 
-FIRST_EDGE_S, EDGE_RATIO = 5.0, 2.0**0.5
-EDGES_S: Floats = FIRST_EDGE_S * EDGE_RATIO ** np.arange(31)
+FIRST_EDGE_S, BINS = 5.0, 31
+EDGES_S: Floats = FIRST_EDGE_S * 2.0 ** (np.arange(BINS) / 2)
 """Lower edges of the bins of the length, up to two days."""
 MEDIAN_S = 10.0
 """Of the prior."""
@@ -36,7 +36,7 @@ def share_longer(counts: Floats, lasted_s: float, least_s: float) -> float:
 
 def _cases_longer(counts: Floats, lasted_s: float) -> float:
     """Cases and prior cases that outlast a time. Within a bin, cases are spread evenly over the logarithm of time."""
-    bins = log(lasted_s / FIRST_EDGE_S) / log(EDGE_RATIO) if lasted_s > FIRST_EDGE_S else 0.0
-    bin_now = min(int(bins), len(counts) - 1)
+    bins = min(2.0 * log2(lasted_s / FIRST_EDGE_S), BINS) if lasted_s > FIRST_EDGE_S else 0.0
+    bin_now = min(int(bins), BINS - 1)
     longer = float(counts[bin_now + 1 :].sum()) + float(counts[bin_now]) * max(bin_now + 1.0 - bins, 0.0)
     return longer + PRIOR_CASES / (1.0 + lasted_s / MEDIAN_S)

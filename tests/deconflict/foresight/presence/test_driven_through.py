@@ -166,6 +166,16 @@ def test_a_removed_robot_stays_removed_over_a_restart() -> None:
     assert robot("silent") in after.live.robots
 
 
+@pytest.mark.parametrize(("length_m", "removed"), [(0.6, False), (2.0, True)])
+def test_the_place_of_a_silent_robot_has_the_size_that_becomes_known_later(length_m: float, removed: bool) -> None:
+    watch = with_silent()
+    watch.identify("silent", baseRobotEnvelope={"x": length_m, "y": 0.8 * length_m, "z": 0.4})
+    watch.tick()
+    watch.wait(60.0)
+    watch.drive("other", 5.0, 0.45, seconds=9)
+    assert is_off(watch) == removed
+
+
 def test_a_later_identity_report_does_not_bring_a_removed_robot_back() -> None:
     watch = with_silent()
     watch.drive("other", 5.0, seconds=10)

@@ -20,6 +20,11 @@ def test_silences_that_lasted_long_make_a_long_one_usual() -> None:
     assert share_longer(counts, 300.0, 5.0) < 0.05
 
 
+def test_a_silence_counts_for_the_bin_whose_lower_edge_it_reaches() -> None:
+    for lasted_s in (10.0, 20.0, 40.0, 163_840.0):
+        assert EDGES_S[with_case(NOTHING, lasted_s).argmax()] == lasted_s
+
+
 def test_the_share_falls_with_time_and_counts_only_silences_longer_than_the_least() -> None:
     counts = NOTHING
     for lasted_s in (6.0, 12.0, 40.0, 200.0):
