@@ -20,7 +20,7 @@ from deconflict.operator.live.recent_batches import RecentBatches, is_empty, pac
 from deconflict.roles.engine_link.tick_times import TickTimes
 from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
-from deconflict.settings.fleet_factory import fleet_of, load_fast_path
+from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path, load_fast_path
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.clocks import SteadyClock
@@ -241,8 +241,8 @@ class ReceiverRole:
         return packed(batch, self._canary.take()) if with_canary else batch
 
     def _note_recovered(self, messages: int) -> None:
-        """Load the fast path at once if the engine's code is loaded, too, as after a restart: then it takes 0.1 s."""
-        if messages == FAST_PATH_AFTER and "numba" in sys.modules and (fast_path := load_fast_path()):
+        """Load the fast path at once if numba is loaded, as in a role that is started again."""
+        if messages == FAST_PATH_AFTER and "numba" in sys.modules and (fast_path := load_compiled_fast_path()):
             self._fast_path_asked = True
             self.fleet.use(fast_path)
 

@@ -1,11 +1,14 @@
 import asyncio
 import json
+import sys
 import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 from websockets.asyncio.client import connect
 
@@ -128,6 +131,21 @@ async def test_a_restarted_receiver_reads_a_long_recording_with_the_fast_path(tm
             before = {uuid: robot.seen for uuid, robot in role.fleet.robots.items()}
     async with serving(tmp_path) as role:
         assert {uuid: robot.seen for uuid, robot in role.fleet.robots.items()} == before
+
+
+async def test_a_restarted_receiver_does_without_a_fast_path_that_is_not_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with serving(tmp_path) as role:
+        arrivals_s = time.time() - 20 + 0.01 * np.arange(FAST_PATH_AFTER)
+        for arrival_s in arrivals_s.tolist():
+            assert role._deliver(status("A-1", arrival_s), arrival_s, Connection(1)) is None
+    for name in [name for name in sys.modules if name.startswith("ingest.fast_path")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    async with serving(tmp_path) as role:
+        assert not role.fleet._repeat_readers
+        assert len(role.fleet.robots) == 1
 
 
 async def test_a_receiver_that_has_read_a_thousand_messages_loads_the_fast_path(tmp_path: Path) -> None:
