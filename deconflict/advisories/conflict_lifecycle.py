@@ -65,7 +65,7 @@ class ConflictLifecycle:
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
     _changed: set[Pair] = field(default_factory=set)
-    """The pairs whose newest revision nobody has asked for."""
+    """The pairs with a new revision since the last `take_changed`."""
     budget: RevisionBudget = field(default_factory=RevisionBudget)
     started_s: float | None = None
     """When the first pass was; None before."""

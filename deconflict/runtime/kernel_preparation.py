@@ -65,7 +65,8 @@ def _kernels_of(package: str) -> list[tuple[str, int]]:
 
 
 def _prepare_worker() -> None:
-    """The collector would scan what numba knows of each function again and again, for a tenth of the time."""
+    """Begin a process that compiles. Python's garbage collector runs less often in it: it scanned again and again what
+    numba keeps of each function, for an eighth of the time."""
     prepare_worker()
     gc.set_threshold(*GC_THRESHOLDS)
 

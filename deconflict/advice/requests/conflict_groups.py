@@ -36,7 +36,7 @@ class ConflictGroups:
         self._open: dict[Pair, ConflictAdvisory] = {}
         """The newest revision of each open conflict."""
         self._begins: list[tuple[datetime, Pair]] = []
-        """A heap of the times for which conflicts were predicted, and of some for which they no longer are."""
+        """A heap: for each revision of a conflict, the time for which it was predicted then."""
         self._from_s = -inf
         """The last time from which conflicts were in the future."""
 

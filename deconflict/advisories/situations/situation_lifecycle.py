@@ -118,18 +118,20 @@ class SituationLifecycle:
         for group in groups:
             self._watched.setdefault(group.id, _Watched(group)).look_s = now_s
         made = [revision for join in joins for revision in self._joined(join, now_s)]
-        due = [watched for watched in self._watched.values() if watched.look_s <= now_s]
+        due = self._due(now_s)
         while due:
-            losing: list[_Watched] = []
+            is_any_losing = False
             for watched in due:
-                if watched.look_s > now_s:
-                    continue
                 watched.look_s = now_s + LOOK_S
                 if revision := self._revision(watched, now_s):
                     made.append(revision)
-                    losing += self._keep(watched, revision, now_s)
-            due = losing
+                    is_any_losing |= self._keep(watched, revision, now_s)
+            due = self._due(now_s) if is_any_losing else []
         return made
+
+    def _due(self, now_s: float) -> list[_Watched]:
+        """What is to be looked at by now."""
+        return [watched for watched in self._watched.values() if watched.look_s <= now_s]
 
     def _follow_clock(self, now_s: float) -> None:
         """Look at everything at once if the clock has gone back."""
@@ -150,15 +152,15 @@ class SituationLifecycle:
         self._advisories[revision.id] = revision
         return Member.of(revision)
 
-    def _keep(self, watched: _Watched, revision: Situation, now_s: float) -> list[_Watched]:
-        """Keep a revision. Those whose robots it takes are to be looked at again, and are returned."""
+    def _keep(self, watched: _Watched, revision: Situation, now_s: float) -> bool:
+        """Keep a revision. Situations that lose a robot to it are looked at again; returns whether there are any."""
         is_open = revision.state is not AdvisoryState.CLEARED
         watched.situation = revision if is_open else None
         watched.group.opened_s = revision.raised_at.timestamp() if is_open else None
-        losing = [self._watched[name] for name in sorted(self._advised.keep(revision, watched.urgency))]
-        for each in losing:
-            each.look_s = now_s
-        return losing
+        losing = self._advised.keep(revision, watched.urgency)
+        for name in losing:
+            self._watched[name].look_s = now_s
+        return bool(losing)
 
     def _joined(self, join: Join, now_s: float) -> Iterator[Situation]:
         """The last revision of a situation that became part of another one."""

@@ -15,7 +15,7 @@ from deconflict.advisory import AnyAdvisory
 from ingest.measures.measures import Measures
 
 MEASURED_EVERY_S = 1.0
-"""How many situations are open is measured so often: no more often than somebody reads it."""
+"""How many situations are open is measured so often, as often as measures leave the engine."""
 
 log = logging.getLogger(__name__)
 
@@ -25,8 +25,9 @@ class SituationPublisher:
 
     def __init__(self, describe: Describe) -> None:
         self._lifecycle = SituationLifecycle(describe)
+        self._measures: Measures | None = None
         self._measured_s = -inf
-        """When it was last measured how many are open."""
+        """When it was last measured how many are open, and where."""
 
     def renew(self, describe: Describe) -> None:
         """Name places by a changed site."""
@@ -45,8 +46,8 @@ class SituationPublisher:
             measures.count(SITUATION_FAILURES)
             published = [*revisions, *self._begin_anew(now_s)]
         count_situations(measures, situations_of(published))
-        if not 0.0 <= now_s - self._measured_s < MEASURED_EVERY_S:
-            self._measured_s = now_s
+        if measures is not self._measures or not 0.0 <= now_s - self._measured_s < MEASURED_EVERY_S:
+            self._measures, self._measured_s = measures, now_s
             set_open_situations(measures, self._lifecycle.open())
         return published
 
