@@ -8,7 +8,6 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import numba
-import numpy as np
 import pytest
 from websockets.asyncio.client import connect
 
@@ -119,15 +118,20 @@ async def test_a_stalled_disk_delays_no_batch_and_loses_nothing(
     assert sum(isinstance(event, Received) for event in events) == 1
 
 
+def deliver_recording(role: ReceiverRole) -> None:
+    """So many messages of the last seconds that they are worth the fast path."""
+    began_s = time.time() - 20
+    for number in range(FAST_PATH_AFTER):
+        arrival_s = began_s + number * 0.01
+        assert role._deliver(status("A-1", arrival_s), arrival_s, Connection(1)) is None
+
+
 async def test_a_restarted_receiver_reads_a_long_recording_with_the_fast_path(tmp_path: Path) -> None:
     assert load_fast_path(), "as in a copy of a process that has the engine's code"
     for is_long in (False, True):
         async with serving(tmp_path) as role:
             assert bool(role.fleet._repeat_readers) == is_long
-            began_s = time.time() - 20
-            for number in range(FAST_PATH_AFTER):
-                arrival_s = began_s + number * 0.01
-                assert role._deliver(status("A-1", arrival_s), arrival_s, Connection(1)) is None
+            deliver_recording(role)
             before = {uuid: robot.seen for uuid, robot in role.fleet.robots.items()}
     async with serving(tmp_path) as role:
         assert {uuid: robot.seen for uuid, robot in role.fleet.robots.items()} == before
@@ -137,9 +141,7 @@ async def test_a_restarted_receiver_does_without_a_fast_path_that_is_not_compile
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with serving(tmp_path) as role:
-        arrivals_s = time.time() - 20 + 0.01 * np.arange(FAST_PATH_AFTER)
-        for arrival_s in arrivals_s.tolist():
-            assert role._deliver(status("A-1", arrival_s), arrival_s, Connection(1)) is None
+        deliver_recording(role)
     for name in [name for name in sys.modules if name.startswith("ingest.fast_path")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
