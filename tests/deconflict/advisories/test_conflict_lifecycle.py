@@ -1,7 +1,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot
-from uuid import uuid5
+from uuid import RFC_4122, UUID
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ import pytest
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.conflict_scene import Party
-from deconflict.advisories.conflict_wording import ADVISORIES
+from deconflict.advisories.conflict_wording import new_id
 from deconflict.advisories.revision_rules import HELD_SHARE
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.settings.site import Conflict
@@ -177,11 +177,16 @@ def test_looks_within_the_update_gap_count_after_the_advisory_is_cleared() -> No
     assert story.predicted(8)
 
 
-def test_an_id_is_the_uuid_of_the_pair_and_the_moment() -> None:
-    for n in range(40):
-        story = Story(now_s=1_790_000_000.0 + n / 7)
-        advisory = story.raised()
-        assert advisory.id == str(uuid5(ADVISORIES, f"a b {round(story.now_s * 1e6)}"))
+def test_ids_are_in_the_order_of_their_times_and_differ_between_pairs_and_within_a_millisecond() -> None:
+    now_s = 1_790_000_000.0
+    stories = [Story(now_s=now_s + n / 7) for n in range(40)]
+    ids = [UUID(story.raised().id) for story in stories]
+    assert ids == sorted(set(ids))
+    assert {(each.version, each.variant) for each in ids} == {(7, RFC_4122)}
+    assert [each.int >> 80 for each in ids] == [int(story.now_s * 1000) for story in stories]
+    abouts = [("a b", now_s), ("a c", now_s), ("a b", now_s + 2e-6)]
+    assert len({new_id(about, at_s) for about, at_s in abouts}) == 3
+    assert new_id("a b", now_s) == new_id("a b", now_s)
 
 
 def test_two_looks_of_three_raise() -> None:
