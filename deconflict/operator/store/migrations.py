@@ -66,5 +66,11 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
         "ALTER TABLE advisories ADD COLUMN vendors TEXT NOT NULL DEFAULT ''",
         "CREATE INDEX advisories_by_vendors ON advisories (open, vendors, updated_s, revision)",
     ),
+    (
+        "DROP INDEX advisories_by_age",
+        "DROP INDEX advisories_by_vendors",
+        "CREATE INDEX cleared_by_age ON advisories (updated_s) WHERE open = 0",
+        "CREATE INDEX cleared_by_vendors ON advisories (vendors, updated_s, revision) WHERE open = 0",
+    ),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""

@@ -265,16 +265,16 @@ def add_burdens(db: sqlite3.Connection, advisory: AnyRevision) -> None:
 def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
     db.execute(
         """INSERT INTO encounters VALUES (?, ?, ?)
-        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = max(ordinal, excluded.ordinal)""",
+        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
         (*advisory.robots, advisory.encounter),
     )
 
 
 def remove_before(db: sqlite3.Connection, before_s: float, limit: int) -> int:
     """Remove up to `limit` cleared advisories last changed before a time, the oldest first; returns how many."""
-    return _remove(
-        db, "SELECT id FROM advisories WHERE open = 0 AND updated_s < ? ORDER BY updated_s LIMIT ?", before_s, limit
-    )
+    chosen = """SELECT id FROM advisories INDEXED BY cleared_by_age WHERE open = 0 AND updated_s < ?
+        ORDER BY updated_s LIMIT ?"""
+    return _remove(db, chosen, before_s, limit)
 
 
 def remove_of_most(db: sqlite3.Connection, limit: int) -> int:
@@ -284,8 +284,9 @@ def remove_of_most(db: sqlite3.Connection, limit: int) -> int:
     """
     return _remove(
         db,
-        """SELECT id FROM advisories WHERE open = 0 AND vendors = (
-            SELECT vendors FROM advisories WHERE open = 0 GROUP BY vendors ORDER BY sum(revision) DESC LIMIT 1
+        """SELECT id FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0 AND vendors = (
+            SELECT vendors FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0
+            GROUP BY vendors ORDER BY sum(revision) DESC LIMIT 1
         ) ORDER BY updated_s LIMIT ?""",
         limit,
     )

@@ -14,7 +14,7 @@ from deconflict.operator.store.listing_filter import ListingFilter
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
-from deconflict.operator.store.tables import latest
+from deconflict.operator.store.tables import latest, remove_before, remove_of_most
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made, situation
 
 ROOT = Path(__file__).parents[4]
@@ -409,7 +409,8 @@ def test_a_file_of_each_later_format_is_read_with_its_answers_positions_and_burd
         row = (advisory.seq, advisory.id, 1, answers, advisory.updated_at.timestamp(), advisory.model_dump_json())
         old.execute("INSERT INTO revisions VALUES (?, ?, ?, ?, ?, ?)", row)
     old.execute(
-        "INSERT INTO advisories VALUES (?, 1, 8, 1, ?, 'conflict', ?, 1)",
+        "INSERT INTO advisories (id, revision, seq, open, updated_s, kind, acknowledgement, answers)"
+        " VALUES (?, 1, 8, 1, ?, 'conflict', ?, 1)",
         (kept.id, kept.updated_at.timestamp(), given.model_dump_json()),
     )
     parties = zip(kept.robots, kept.vendors, strict=True)
@@ -448,6 +449,19 @@ def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None
     again = reopened(store)
     assert [(advisory.id, advisory.seq) for advisory in again.after(0)] == [("advisory-1", 1), ("advisory-2", 2)]
     again.close()
+
+
+def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store) -> None:
+    statements: list[str] = []
+    with closing(sqlite3.connect(store.path)) as db:
+        db.set_trace_callback(statements.append)
+        remove_before(db, 1.0, 5)
+        remove_of_most(db, 5)
+        db.set_trace_callback(None)
+        chosen = [statement for statement in statements if statement.startswith("SELECT")]
+        plans = [[row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statement}")] for statement in chosen]
+    assert plans[0] == ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"]
+    assert "SCAN advisories USING INDEX cleared_by_vendors" in plans[1]
 
 
 def test_situations_are_listed_by_an_index_of_their_own(store: Store) -> None:
