@@ -8,7 +8,7 @@ from deconflict.advisory import SITUATION, AdvisoryState
 
 StateFilter = Literal["open", "cleared", "all"]
 
-OPEN_VALUES: dict[StateFilter, tuple[int, int]] = {"open": (1, 1), "cleared": (0, 0), "all": (0, 1)}
+OPEN_VALUES: dict[StateFilter, tuple[int, ...]] = {"open": (1,), "cleared": (0,), "all": (0, 1)}
 
 
 @dataclass(frozen=True, slots=True)

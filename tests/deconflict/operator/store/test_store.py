@@ -10,7 +10,7 @@ from threading import Thread
 import pytest
 
 from deconflict.advisory import Acknowledgement, Hold, Recommendation
-from deconflict.operator.store.listing_filter import ListingFilter
+from deconflict.operator.store.listing_filter import ListingFilter, StateFilter
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
@@ -462,6 +462,22 @@ def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store
         plans = [[row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statement}")] for statement in chosen]
     assert plans[0] == ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"]
     assert "SCAN advisories USING INDEX cleared_by_vendors" in plans[1]
+
+
+@pytest.mark.parametrize("state", ["open", "cleared", "all"])
+def test_a_short_listing_does_not_sort_all_that_is_stored(store: Store, state: StateFilter) -> None:
+    store.append([made(1), made(2), made(3), cleared(2), cleared(3), made(4)])
+    statements: list[str] = []
+    with closing(sqlite3.connect(store.path)) as db:
+        db.set_trace_callback(statements.append)
+        found = latest(db, ListingFilter(state), 2)
+        plan = " ".join(row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statements[0]}"))
+    assert [each.id for each in found] == {
+        "open": ["advisory-4", "advisory-1"],
+        "cleared": ["advisory-3", "advisory-2"],
+        "all": ["advisory-4", "advisory-3"],
+    }[state]
+    assert "TEMP B-TREE" not in plan
 
 
 def test_situations_are_listed_by_an_index_of_their_own(store: Store) -> None:
