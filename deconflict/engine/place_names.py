@@ -61,7 +61,7 @@ class PlaceNames:
                 marks.setdefault(datum_id, []).append((obstacle.name, shape))
         self._obstacles = {datum_id: NamedShapes.of(named) for datum_id, named in hiding.items()}
         """By floor, what may hide a mark."""
-        self._marks = {datum_id: NamedShapes.of(named) for datum_id, named in marks.items()}
+        self._marks = {datum_id: NamedShapes.of(named) for datum_id, named in marks.items() if named}
         """By floor, what a point can be near to."""
         self._inside = {
             datum_id: NamedShapes.of([(phrase, shape) for _, phrase, shape in sorted(named, key=itemgetter(0, 1))])

@@ -271,7 +271,7 @@ class ProbabilityEstimator:
 
     def robots_following_advice(self, now_s: float) -> list[str]:
         """UUIDs of the robots that wait as advised, by their newest reports."""
-        return sorted(self._robots.uuids[slot] for slot in self._followers.waiting(now_s - JOINED_S).tolist())
+        return sorted(self._robots.names[self._followers.waiting(now_s - JOINED_S)].tolist())
 
     def last_advised_wait_s(self, uuid: str) -> float:
         """When a robot was last seen to wait as advised; -inf if it never was."""
@@ -287,7 +287,7 @@ class ProbabilityEstimator:
 
     def distrusted(self) -> list[str]:
         """UUIDs of the robots whose forecasts contradict their motion, in ascending order."""
-        return sorted(self._robots.uuids[slot] for slot in np.flatnonzero(self._contradicts(slice(None))).tolist())
+        return sorted(self._robots.names[self._contradicts(slice(None))].tolist())
 
     def _contradicts(self, slots: int | Ints | slice) -> Bools:
         """Which robots of `slots`, or whether that of one slot, contradict their forecasts by their motion."""

@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deconflict.foresight.forecast_errors.track_kernels import (
     ROBOT,
@@ -62,6 +63,7 @@ COLUMNS = (
     "vendor",
     "absence",
     "key",
+    "names",
 )
 """Columns by slot. All grow together."""
 
@@ -97,6 +99,8 @@ class TrackedRobots:
         """Probability that the robot is silent because it is absent."""
         self.key = np.zeros(0, np.int64)
         """See `start_samples.key_of`."""
+        self.names: NDArray[np.object_] = np.zeros(0, object)
+        """UUIDs. They keep those of robots that have left."""
 
     def __len__(self) -> int:
         """Slots, free and spare ones included."""
@@ -107,11 +111,6 @@ class TrackedRobots:
         """By UUID."""
         return self._slots.by_uuid
 
-    @property
-    def uuids(self) -> list[str]:
-        """By slot; "" for a free slot."""
-        return self._slots.uuids
-
     def add(self, batch: Batch) -> Ints:
         """(n,) the slots of the robots of a batch. Robots that are not known get one."""
         slots, new = self._slots.assign(batch.robots)
@@ -119,6 +118,7 @@ class TrackedRobots:
             self._grow(len(self._slots) + len(self._slots) // 8 + 16)
         for row in new:
             self.is_used[slots[row]], self.key[slots[row]] = True, key_of(batch.robots[row])
+            self.names[slots[row]] = batch.robots[row]
         if new:
             self.rank[[self.slots[name] for name in sorted(self.slots)]] = np.arange(len(self.slots))
         return slots
@@ -204,8 +204,8 @@ class TrackedRobots:
 
     def pair_names(self, code: Ints) -> list[Pair]:
         """The UUIDs of each pair of `code` (p,)."""
-        name_of, (a, b) = self.uuids.__getitem__, slots_of(code)
-        return list(zip(map(name_of, a.tolist()), map(name_of, b.tolist()), strict=True))
+        a, b = (self.names[slots].tolist() for slots in slots_of(code))
+        return list(zip(a, b, strict=True))
 
     def pair_vendors(self, code: Ints) -> Ints:
         """(p,) one number for the two vendors of each pair, whatever their order."""
