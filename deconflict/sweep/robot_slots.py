@@ -1,5 +1,6 @@
 """Slots of robots: the row of each robot in arrays that are kept over many batches."""
 
+from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import repeat
 from typing import Any
@@ -74,3 +75,44 @@ class RobotSlots:
             self.uuids.append(uuid)
         self.by_uuid[uuid] = slot
         return slot
+
+
+class RankedSlots(RobotSlots):
+    """Slots of robots with ranks. A robot that comes or leaves costs no sorting of all the others."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._ascending: list[str] = []
+        """The UUIDs in ascending order."""
+        self._slots_ascending: Ints = np.zeros(0, np.int64)
+        """Their slots."""
+        self._ranks: Ints | None = None
+        """See `ranks`; None if robots came or left since."""
+
+    def ranks(self) -> Ints:
+        """(slots,) the place of each robot's UUID among all UUIDs in ascending order; 0 for a free slot."""
+        if self._ranks is None:
+            self._ranks = np.zeros(len(self), np.int64)
+            self._ranks[self._slots_ascending] = np.arange(len(self._slots_ascending))
+        return self._ranks
+
+    def assign(self, uuids: Sequence[str]) -> tuple[Ints, list[int]]:
+        slots, new = super().assign(uuids)
+        if new:
+            added = sorted({uuids[row] for row in new})
+            places = [bisect_left(self._ascending, uuid) for uuid in added]
+            self._slots_ascending = np.insert(self._slots_ascending, places, self.find(added))
+            for more, (place, uuid) in enumerate(zip(places, added, strict=True)):
+                self._ascending.insert(place + more, uuid)
+            self._ranks = None
+        return slots, new
+
+    def release(self, uuids: Iterable[str]) -> Ints:
+        ranks, slots = self.ranks(), super().release(uuids)
+        if len(slots):
+            places = np.sort(ranks[slots])
+            self._slots_ascending = np.delete(self._slots_ascending, places)
+            for place in places[::-1].tolist():
+                del self._ascending[place]
+            self._ranks = None
+        return slots

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
-from deconflict.sweep.robot_slots import RobotSlots
+from deconflict.sweep.robot_slots import RankedSlots
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.shape_table import UNSOUND as UNSOUND_SHAPE
 from ingest.batch import Floats, Forecasts, Ints
@@ -19,7 +19,7 @@ class SlotTable:
     """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it."""
 
     def __init__(self) -> None:
-        self._slots = RobotSlots()
+        self._slots = RankedSlots()
         self.keys: NDArray[np.object_] = np.zeros(0, object)
         """(slots,) keys; "" for a free slot."""
         self.robots: Robots = np.zeros(0, ROBOT)
@@ -30,8 +30,6 @@ class SlotTable:
         """(slots,) how much longer and wider than reported each envelope is."""
         self._used = 0
         """Knots in use."""
-        self._ranks: Ints | None = None
-        """See `ranks`; None if robots came or left since."""
 
     def __len__(self) -> int:
         """Slots, free ones included."""
@@ -94,8 +92,6 @@ class SlotTable:
         """Remove robots. Returns the slots that become free."""
         left = self._slots.release(keys)
         self.keys[left], self.robots["count"][left], self.robots["train"][left] = "", 0, 0
-        if len(left):
-            self._ranks = None
         return left.tolist()
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
@@ -107,16 +103,11 @@ class SlotTable:
         return slots[self.robots["count"][slots] > 0]
 
     def ranks(self) -> Ints:
-        """(slots,) the place of each slot's key among all keys in ascending order."""
-        if self._ranks is None:
-            self._ranks = np.zeros(len(self), np.int64)
-            by_key = np.fromiter((self.slots[key] for key in sorted(self.slots)), np.int64, len(self.slots))
-            self._ranks[by_key] = np.arange(len(by_key))
-        return self._ranks
+        """See `RankedSlots.ranks`."""
+        return self._slots.ranks()
 
     def _name(self, slots: Ints, keys: Sequence[str]) -> None:
         """Note the keys of new slots, and make room for them."""
-        self._ranks = None
         if len(self.robots) < len(self):
             spare = len(self) + len(self) // 8 - len(self.robots)
             columns = self.robots, self.keys, self.widened_m

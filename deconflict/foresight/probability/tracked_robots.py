@@ -18,7 +18,7 @@ from deconflict.foresight.forecast_errors.trailer_tracks import BodyPairs, Trail
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
 from deconflict.sweep.crowded_pairs import NO_CROWDS
-from deconflict.sweep.robot_slots import RobotSlots, lengthen
+from deconflict.sweep.robot_slots import RankedSlots, lengthen
 from deconflict.sweep.shapes.shape_separations import bodies, shape_separations
 from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
@@ -56,7 +56,6 @@ COLUMNS = (
     "has_news",
     "is_dormant",
     "records",
-    "rank",
     "half_m",
     "levels_m",
     "shape",
@@ -73,7 +72,7 @@ class TrackedRobots:
 
     def __init__(self, crowds: Mapping[str, int] = NO_CROWDS) -> None:
         """`crowds` has the robots that are in a crowd, and may change."""
-        self._slots, self._crowds = RobotSlots(), crowds
+        self._slots, self._crowds = RankedSlots(), crowds
         self.trailers = TrailerTracks()
         self.vendor_numbers: dict[str, int] = {}
         self._sleeping: deque[tuple[float, Collection[str]]] = deque()
@@ -85,8 +84,6 @@ class TrackedRobots:
         self.is_dormant = np.zeros(0, np.bool_)
         """Whether the robot stands in silence until it reports."""
         self.records = np.zeros(0, ROBOT)
-        self.rank = np.zeros(0, np.int64)
-        """Place of the robot's UUID among all. The two robots of a pair are named in this order."""
         self.half_m = np.zeros((2, 0))
         """(2, slots) half length and half width."""
         self.levels_m = np.zeros((2, 0))
@@ -111,16 +108,18 @@ class TrackedRobots:
         """By UUID."""
         return self._slots.by_uuid
 
+    @property
+    def rank(self) -> Ints:
+        """(slots,) see `RankedSlots.ranks`. The two robots of a pair are named in this order."""
+        return self._slots.ranks()
+
     def add(self, batch: Batch) -> Ints:
         """(n,) the slots of the robots of a batch. Robots that are not known get one."""
         slots, new = self._slots.assign(batch.robots)
         if len(self._slots) > len(self):
             self._grow(len(self._slots) + len(self._slots) // 8 + 16)
-        for row in new:
-            self.is_used[slots[row]], self.key[slots[row]] = True, key_of(batch.robots[row])
-            self.names[slots[row]] = batch.robots[row]
-        if new:
-            self.rank[[self.slots[name] for name in sorted(self.slots)]] = np.arange(len(self.slots))
+        for slot, uuid in zip(slots[new].tolist(), map(batch.robots.__getitem__, new), strict=True):
+            self.is_used[slot], self.key[slot], self.names[slot] = True, key_of(uuid), uuid
         return slots
 
     def update(self, slots: Ints, batch: Batch) -> None:
