@@ -24,7 +24,7 @@ from deconflict.operator.http.api_models import (
 )
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.json_schemas import SCHEMAS
-from deconflict.operator.store.listing_filter import StateFilter
+from deconflict.operator.store.listings import StateFilter
 from deconflict.operator.store.publisher import PRUNED, Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.vendor_health import vendor_health

@@ -21,9 +21,9 @@ from threading import RLock
 
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Listing, Location
-from deconflict.operator.store import tables
+from deconflict.operator.store import pruning, tables
 from deconflict.operator.store.joined_answers import JoinedAnswers
-from deconflict.operator.store.listing_filter import ListingFilter, StateFilter
+from deconflict.operator.store.listings import ListingFilter, Page, StateFilter, first_page
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
     PendingWrites,
@@ -32,12 +32,10 @@ from deconflict.operator.store.pending_writes import (
     newest_by_id,
     open_at_time,
 )
-from deconflict.operator.store.revision_pages import Page, first_page
 from deconflict.operator.store.sqlite_connections import Renewal, SqliteConnections
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from ingest.batch import Pair
 
-PRUNE_STEP = 500
 MOST_PAST = 2_000
 """Most advisories of a time in the past."""
 
@@ -297,24 +295,25 @@ class Store:
 
     def prune(self, before: datetime) -> int:
         """Remove cleared advisories last changed before `before`, with every revision; returns how many."""
-        return self._prune(lambda db: tables.remove_before(db, before.timestamp(), PRUNE_STEP))
+        return self._prune(lambda db: pruning.remove_before(db, before.timestamp(), pruning.STEP))
 
     def prune_to(self, most_bytes: int) -> int:
-        """Remove cleared advisories of the vendors with most, the oldest first, until the file uses no more.
-
-        Returns how many.
-        """
-        return self._prune(
-            lambda db: tables.remove_of_most(db, PRUNE_STEP) if tables.used_bytes(db) > most_bytes else 0
-        )
+        """If the file uses more, remove cleared advisories of the vendors with most, the oldest first, until it uses
+        less by `pruning.ROOM`. Returns how many."""
+        if self.used_bytes() <= most_bytes:
+            return 0
+        with self._connections.long_reading() as db:
+            revisions = pruning.revisions_by_vendors(db)
+        least_bytes = most_bytes * (1 - pruning.ROOM)
+        return self._prune(lambda db: pruning.remove_of_most(db, least_bytes, revisions, pruning.STEP))
 
     def used_bytes(self) -> int:
         """Size of the file without its free pages."""
         with self._connections.reading() as db:
-            return tables.used_bytes(db)
+            return pruning.used_bytes(db)
 
     def _prune(self, remove: Callable[[sqlite3.Connection], int]) -> int:
-        """Remove `PRUNE_STEP` advisories in one transaction, so that no revision waits long to be stored."""
+        """Remove advisories in a transaction for each step, so that no revision waits long to be stored."""
         pruned = 0
         while True:
             with self._connections.writing() as db:

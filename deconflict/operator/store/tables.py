@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from deconflict.advisories.situations.situation import REVISION, AnyRevision
 from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
-from deconflict.operator.store.listing_filter import OPEN_VALUES, ListingFilter
+from deconflict.operator.store.listings import OPEN_VALUES, ListingFilter
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
 from ingest.batch import Pair
 
@@ -268,44 +268,6 @@ def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
         ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
         (*advisory.robots, advisory.encounter),
     )
-
-
-def remove_before(db: sqlite3.Connection, before_s: float, limit: int) -> int:
-    """Remove up to `limit` cleared advisories last changed before a time, the oldest first; returns how many."""
-    chosen = """SELECT id FROM advisories INDEXED BY cleared_by_age WHERE open = 0 AND updated_s < ?
-        ORDER BY updated_s LIMIT ?"""
-    return _remove(db, chosen, before_s, limit)
-
-
-def remove_of_most(db: sqlite3.Connection, limit: int) -> int:
-    """Remove up to `limit` cleared advisories of the vendors with most revisions, the oldest first; returns how many.
-
-    Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others.
-    """
-    return _remove(
-        db,
-        """SELECT id FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0 AND vendors = (
-            SELECT vendors FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0
-            GROUP BY vendors ORDER BY sum(revision) DESC LIMIT 1
-        ) ORDER BY updated_s LIMIT ?""",
-        limit,
-    )
-
-
-def _remove(db: sqlite3.Connection, chosen: str, *parameters: float) -> int:
-    old = db.execute(chosen, parameters).fetchall()
-    db.executemany("DELETE FROM revisions WHERE id = ?", old)
-    db.executemany("DELETE FROM parties WHERE id = ?", old)
-    db.executemany("DELETE FROM advisories WHERE id = ?", old)
-    return len(old)
-
-
-def used_bytes(db: sqlite3.Connection) -> int:
-    """Size of the database without its free pages."""
-    pages, free, page_bytes = (
-        int(db.execute(f"PRAGMA {name}").fetchone()[0]) for name in ("page_count", "freelist_count", "page_size")
-    )
-    return (pages - free) * page_bytes
 
 
 def put_canary(db: sqlite3.Connection, document: str) -> None:

@@ -10,11 +10,12 @@ from threading import Thread
 import pytest
 
 from deconflict.advisory import Acknowledgement, Hold, Recommendation
-from deconflict.operator.store.listing_filter import ListingFilter, StateFilter
+from deconflict.operator.store.listings import ListingFilter, StateFilter
 from deconflict.operator.store.migrations import UPGRADES
+from deconflict.operator.store.pruning import remove_before, remove_of_most, revisions_by_vendors
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
-from deconflict.operator.store.tables import latest, remove_before, remove_of_most
+from deconflict.operator.store.tables import latest
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made, situation
 
 ROOT = Path(__file__).parents[4]
@@ -116,7 +117,7 @@ def test_pruning_removes_old_cleared_advisories_and_reuses_no_number(store: Stor
 
 
 def test_pruning_in_steps_removes_all_of_it(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deconflict.operator.store.store.PRUNE_STEP", 2)
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 2)
     store.append([cleared(number, 1) for number in range(5)])
     assert store.prune(START + timedelta(days=1)) == 5
     assert store.latest("all").advisories == []
@@ -125,7 +126,7 @@ def test_pruning_in_steps_removes_all_of_it(store: Store, monkeypatch: pytest.Mo
 def test_a_database_that_is_too_large_loses_its_oldest_cleared_advisories(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.store.store.PRUNE_STEP", 10)
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 10)
     store.append([made(0), *(cleared(number, 1, summary="x" * 4_000) for number in range(1, 101))])
     whole_bytes = store.used_bytes()
     removed = store.prune_to(whole_bytes // 2)
@@ -141,7 +142,7 @@ def test_a_database_that_is_too_large_loses_its_oldest_cleared_advisories(
 def test_advisories_of_one_vendor_displace_those_of_no_others_whomever_it_meets(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.store.store.PRUNE_STEP", 10)
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 10)
     long = {"summary": "x" * 4_000}
     honest = [cleared(number, 1, vendors=("Alder", "Basalt"), **long) for number in range(20)]
     met = [("Mallory", vendor) for vendor in ("Mallory", "Alder", "Basalt")]
@@ -151,6 +152,22 @@ def test_advisories_of_one_vendor_displace_those_of_no_others_whomever_it_meets(
     assert 80 <= removed <= 120
     assert kept.count(("Alder", "Basalt")) == 20
     assert all(20 <= kept.count(vendors) <= 40 for vendors in met)
+
+
+def test_revisions_are_counted_by_vendors_once_for_all_steps_and_without_the_lock_of_the_writer(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 5)
+    store.append([cleared(number, 1, summary="x" * 4_000) for number in range(1, 101)])
+    statements: list[str] = []
+    store._connections._writer.set_trace_callback(statements.append)
+    store._connections._long_reader.set_trace_callback(statements.append)
+    most_bytes = store.used_bytes() // 2
+    removed = store.prune_to(most_bytes)
+    assert (removed // 5, removed % 5) == (statements.count("BEGIN IMMEDIATE") - 1, 0)
+    (counting,) = (number for number, statement in enumerate(statements) if "GROUP BY" in statement)
+    assert "BEGIN IMMEDIATE" not in statements[: counting + 1]
+    assert store.used_bytes() <= most_bytes * 0.99
 
 
 def test_open_advisories_are_kept_however_large_the_database_is(store: Store) -> None:
@@ -452,16 +469,20 @@ def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None
 
 
 def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store) -> None:
+    store.append([cleared(1, 1)])
     statements: list[str] = []
     with closing(sqlite3.connect(store.path)) as db:
         db.set_trace_callback(statements.append)
         remove_before(db, 1.0, 5)
-        remove_of_most(db, 5)
+        remove_of_most(db, 0.0, revisions_by_vendors(db), 5)
         db.set_trace_callback(None)
         chosen = [statement for statement in statements if statement.startswith("SELECT")]
         plans = [[row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statement}")] for statement in chosen]
-    assert plans[0] == ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"]
-    assert "SCAN advisories USING INDEX cleared_by_vendors" in plans[1]
+    assert plans == [
+        ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"],
+        ["SCAN advisories USING INDEX cleared_by_vendors"],
+        ["SEARCH advisories USING INDEX cleared_by_vendors (vendors=?)"],
+    ]
 
 
 @pytest.mark.parametrize("state", ["open", "cleared", "all"])

@@ -1,13 +1,17 @@
-"""Which advisories or situations a listing has."""
+"""Which advisories or situations a listing has, and the pages of the stream: a bounded number of revisions at once."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from itertools import islice
+from typing import Literal, NamedTuple
 
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisory import SITUATION, AdvisoryState
 
 StateFilter = Literal["open", "cleared", "all"]
 
+MOST_SCANNED = 5_000
+"""Most revisions that one page goes through."""
 OPEN_VALUES: dict[StateFilter, tuple[int, ...]] = {"open": (1,), "cleared": (0,), "all": (0, 1)}
 
 
@@ -32,3 +36,24 @@ class ListingFilter:
             and (self.vendor is None or self.vendor in revision.vendors)
             and (self.robot is None or self.robot in revision.robots)
         )
+
+
+class Page(NamedTuple):
+    """Revisions of some kinds, ascending by number."""
+
+    revisions: list[AnyRevision]
+    last: int
+    """Up to this number these are all."""
+
+
+def first_page(rows: Iterable[tuple[int, AnyRevision | None]], after: int, limit: int) -> Page:
+    """Up to `limit` revisions of numbers above `after`. A number without a revision is not wanted."""
+    found: list[AnyRevision] = []
+    last = after
+    for number, revision in islice(rows, MOST_SCANNED):
+        last = number
+        if revision:
+            found.append(revision)
+        if len(found) == limit:
+            break
+    return Page(found, last)

@@ -1,0 +1,63 @@
+"""Removal of cleared advisories, by age and by the size of the file. Open ones stay."""
+
+import sqlite3
+from collections import Counter
+
+STEP = 200
+"""So many advisories are removed in one transaction: no revision can be stored meanwhile."""
+ROOM = 0.01
+"""A file that is too large gets this share of its size free, so that revisions are rarely counted by vendors."""
+
+
+def remove_before(db: sqlite3.Connection, before_s: float, limit: int) -> int:
+    """Remove up to `limit` cleared advisories last changed before a time, the oldest first; returns how many."""
+    chosen = """SELECT id, revision FROM advisories INDEXED BY cleared_by_age WHERE open = 0 AND updated_s < ?
+        ORDER BY updated_s LIMIT ?"""
+    return len(_removed(db, chosen, before_s, limit))
+
+
+def revisions_by_vendors(db: sqlite3.Connection) -> Counter[str]:
+    """How many revisions the cleared advisories on each set of vendors have. Goes through all of them."""
+    return Counter(
+        dict(
+            db.execute(
+                """SELECT vendors, sum(revision) FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0
+                GROUP BY vendors"""
+            )
+        )
+    )
+
+
+def remove_of_most(db: sqlite3.Connection, least_bytes: float, revisions: Counter[str], limit: int) -> int:
+    """Remove up to `limit` cleared advisories of the vendors with most revisions, the oldest first, unless the file
+    uses `least_bytes` or less. Returns how many, and takes their revisions off `revisions`.
+
+    Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others.
+    """
+    chosen = """SELECT id, revision FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0 AND vendors = ?
+        ORDER BY updated_s LIMIT ?"""
+    while revisions and used_bytes(db) > least_bytes:
+        ((vendors, _),) = revisions.most_common(1)
+        removed = _removed(db, chosen, vendors, limit)
+        if removed:
+            revisions[vendors] -= sum(revision for _, revision in removed)
+            return len(removed)
+        del revisions[vendors]
+    return 0
+
+
+def used_bytes(db: sqlite3.Connection) -> int:
+    """Size of the database without its free pages."""
+    pages, free, page_bytes = (
+        int(db.execute(f"PRAGMA {name}").fetchone()[0]) for name in ("page_count", "freelist_count", "page_size")
+    )
+    return (pages - free) * page_bytes
+
+
+def _removed(db: sqlite3.Connection, chosen: str, *parameters: float | str) -> list[tuple[str, int]]:
+    """Remove the advisories that a selection gives, with every revision; their ids, and how many revisions each had."""
+    removed: list[tuple[str, int]] = db.execute(chosen, parameters).fetchall()
+    ids = [(advisory_id,) for advisory_id, _ in removed]
+    for table in ("revisions", "parties", "advisories"):
+        db.executemany(f"DELETE FROM {table} WHERE id = ?", ids)  # noqa: S608 - the tables are constants
+    return removed
