@@ -218,11 +218,11 @@ ALERTING_RULES = (
     ),
     AlertingRule(
         "DeconflictAdvisoriesPrunedForSize",
-        f"{increase('deconflict_advisories_pruned_total', '1h', where={'reason': 'size'})} > 0",
+        f"{increase('deconflict_advisories_pruned_total', '1d', where={'reason': 'size'})} > 0",
         "0s",
         "ticket",
         "The database of advisories is full",
-        '{{ printf "%.0f" $value }} cleared advisories were removed in the last hour to keep the database within '
+        '{{ printf "%.0f" $value }} cleared advisories were removed in the last day to keep the database within '
         "store.advisories_bytes. They are younger than store.keep_days.",
     ),
     AlertingRule(
