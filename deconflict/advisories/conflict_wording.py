@@ -111,7 +111,8 @@ def raised(
 
 
 def new_id(about: str, now_s: float) -> str:
-    """The id of an advisory that is raised now: a version 7 UUID (RFC 9562), whose random digits are a hash of both.
+    """The id of an advisory that is raised now: a version 7 UUID (RFC 9562). In place of its random digits is a hash of
+    `about` and the time.
 
     Ids are in the order of their milliseconds. So the store keeps what is open together, however much it holds.
     """

@@ -38,6 +38,7 @@ def matter_of(
     advisories: Sequence[AnyAdvisory], kind_before: SituationKind | None = None, asking: AnyAdvisory | None = None
 ) -> Matter:
     """What the advisory is about that is `asking` people for something; without it, the advisories that cost most.
+    Of equal ones that is the oldest, so that it stays the same.
 
     Conflicts count together. What was of `kind_before` stays so unless the other costs `CLEARLY` more.
     """
@@ -47,7 +48,7 @@ def matter_of(
     if asking is not None:
         return _matter_of_other(asking)
     others = [advisory for advisory in advisories if not isinstance(advisory, ConflictAdvisory)]
-    dearest = max(others, key=lambda advisory: (_weight(advisory, kind_before), advisory.id), default=None)
+    dearest = min(others, key=lambda advisory: (-_weight(advisory, kind_before), advisory.id), default=None)
     if dearest is None:
         return _matter_of_conflicts(conflicts)
     was_conflict = kind_before is not None and kind_before not in KIND_OF.values()

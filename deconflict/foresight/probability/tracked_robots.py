@@ -97,7 +97,7 @@ class TrackedRobots:
         self.key = np.zeros(0, np.int64)
         """See `start_samples.key_of`."""
         self.names: NDArray[np.object_] = np.zeros(0, object)
-        """UUIDs. They keep those of robots that have left."""
+        """UUIDs, of free slots those of the robots that left; of spare slots 0."""
 
     def __len__(self) -> int:
         """Slots, free and spare ones included."""

@@ -186,6 +186,8 @@ def test_ids_are_in_the_order_of_their_times_and_differ_between_pairs_and_within
     assert [each.int >> 80 for each in ids] == [int(story.now_s * 1000) for story in stories]
     abouts = [("a b", now_s), ("a c", now_s), ("a b", now_s + 2e-6)]
     assert len({new_id(about, at_s) for about, at_s in abouts}) == 3
+    assert len({new_id(f"a {number}", now_s)[-12:] for number in range(500)}) == 500
+    assert [UUID(new_id("a b", at_s)).version for at_s in (-1.0, 1e15)] == [7, 7]
     assert new_id("a b", now_s) == new_id("a b", now_s)
 
 

@@ -193,6 +193,11 @@ def test_a_robot_that_two_situations_ask_for_goes_to_the_more_urgent() -> None:
     assert next(each for each in situations.open() if each.id == first.id).advice is None
 
 
+def test_of_two_blockages_that_cost_the_same_a_situation_is_about_the_older() -> None:
+    older, newer = blockage("xab", id="1"), blockage("ycd", id="2")
+    assert {raised(advisories).culprit for advisories in ([older, newer], [newer, older])} == {"x"}
+
+
 def test_a_robot_has_one_thing_to_do_in_situations_of_equal_urgency() -> None:
     situations = lifecycle()
     situations.revise(NOW_S, [head_on("ab", recommendation=advice(action("a")))])
