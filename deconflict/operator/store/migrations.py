@@ -69,6 +69,8 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
     (
         "DROP INDEX advisories_by_age",
         "DROP INDEX advisories_by_vendors",
+        "DROP INDEX situations_by_seq",
+        "CREATE INDEX situations_by_seq ON advisories (open, seq) WHERE kind = 'situation'",
         "CREATE INDEX cleared_by_age ON advisories (updated_s) WHERE open = 0",
         "CREATE INDEX cleared_by_vendors ON advisories (vendors, updated_s, revision) WHERE open = 0",
     ),

@@ -42,9 +42,9 @@ UNWRITABLE = (
 
 OF_KIND = {
     None: "a.open = {open} AND a.kind <> 'situation'",
-    SITUATION: "+a.open = {open} AND a.kind = 'situation'",
+    SITUATION: "a.open = {open} AND a.kind = 'situation'",
 }
-"""Conditions of a listing by kind. That for situations takes the index of situations, and none of what is open."""
+"""Conditions of a listing by kind. That for situations names the kind, so that SQLite takes the index of situations."""
 
 
 def last_seq(db: sqlite3.Connection) -> int:
@@ -75,7 +75,8 @@ def open_at(db: sqlite3.Connection, now_s: float, limit: int = -1) -> list[AnyRe
 def latest(db: sqlite3.Connection, wanted: ListingFilter, limit: int) -> list[AnyRevision]:
     """The newest revisions of what matches, newest first, at most `limit`; all if it is negative.
 
-    What is open and what is cleared are two sorted selections, which SQLite merges: it reads no more than it returns.
+    What is open and what is cleared are two sorted selections, which SQLite merges: it sorts nothing, and reads what is
+    newer than the last one that it returns.
     """
     of_kind = OF_KIND.get(wanted.kind, "a.open = {open} AND a.kind = :kind")
     selection = f"""SELECT document, a.seq AS seq FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq

@@ -501,6 +501,28 @@ def test_a_short_listing_does_not_sort_all_that_is_stored(store: Store, state: S
     assert "TEMP B-TREE" not in plan
 
 
+@pytest.mark.parametrize("state", ["open", "cleared", "all"])
+def test_a_listing_of_situations_goes_through_no_situation_of_another_state(store: Store, state: StateFilter) -> None:
+    statements: list[str] = []
+    with closing(sqlite3.connect(store.path)) as db:
+        db.set_trace_callback(statements.append)
+        latest(db, ListingFilter(state, kind="situation"), 2)
+        plan = [row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statements[0]}")]
+    of_situations = [step for step in plan if " a " in step or "TEMP" in step]
+    assert of_situations == ["SEARCH a USING INDEX situations_by_seq (open=?)"] * (2 if state == "all" else 1)
+
+
+def test_no_index_but_those_that_something_asks_for_is_kept_up_to_date(store: Store) -> None:
+    with closing(sqlite3.connect(store.path)) as db:
+        indices = [row[1] for row in db.execute("PRAGMA index_list(advisories)") if row[3] == "c"]
+    assert sorted(indices) == ["advisories_by_seq", "cleared_by_age", "cleared_by_vendors", "situations_by_seq"]
+
+
+def test_the_highest_encounter_of_a_pair_stays_whichever_is_stored_last(store: Store) -> None:
+    store.append([made(1, encounter=5), made(2, encounter=3)])
+    assert dict(store.encounters_after(("", ""), 100)) == {ROBOTS: 5}
+
+
 def test_situations_are_listed_by_an_index_of_their_own(store: Store) -> None:
     store.append([made(number) if number % 50 else situation(number) for number in range(1, 500)])
     statements: list[str] = []
