@@ -7,7 +7,7 @@ is set aside, and a new one is begun.
 import logging
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Lock
@@ -92,6 +92,7 @@ class LossLedger:
         """Raises `sqlite3.Error` if the file can't be used."""
         self.settings = settings
         self._path, self._lock = directory and directory / FILE_NAME, Lock()
+        self._read_lock = Lock() if directory else self._lock
         try:
             self._db = self._opened()
         except sqlite3.DatabaseError as error:
@@ -101,14 +102,18 @@ class LossLedger:
             self._path.replace(aside)
             log.error("%s: %s: it is kept as %s, and a new one is begun", self._path, error, aside.name)
             self._db = self._opened()
+        self._reader = self._opened() if directory else self._db
+        """Questions take long, and new losses do not wait for them."""
 
     def close(self) -> None:
         with self._lock:
             self._db.close()
+        with self._read_lock:
+            self._reader.close()
 
     def add(self, sender: str, number: int, entries: Sequence[LedgerEntry]) -> None:
         """Add a parcel of losses, unless its number or a later one is known of its sender. Raises `sqlite3.Error`."""
-        with self._transaction() as db:
+        with self._writing() as db:
             last = db.execute("SELECT number FROM parcels WHERE sender = ?", (sender,)).fetchone()
             if last and number <= last[0]:
                 return
@@ -120,7 +125,7 @@ class LossLedger:
 
     def last_parcel(self) -> tuple[str, int]:
         """The sender and the number of the last parcel; "" and 0 before the first. Raises `sqlite3.Error`."""
-        with self._transaction() as db:
+        with self._writing() as db:
             return db.execute("SELECT sender, number FROM parcels").fetchone() or ("", 0)
 
     def ask(self, question: LossQuestion) -> LossList:
@@ -130,7 +135,7 @@ class LossLedger:
         wanted = {name: value for name in FILTERS if (value := getattr(question, name)) is not None}
         conditions = "".join(f" AND {FILTERS[name]} = :{name}" for name in wanted)
         span = {"from_s": question.from_s - question.from_s % HOUR_S, "until_s": question.until_s}
-        with self._transaction() as db:
+        with self._reading() as db:
             rows = db.execute(
                 f"SELECT {columns}, {sums} FROM losses"  # noqa: S608 - constants
                 f" WHERE hour_s >= :from_s AND hour_s < :until_s{conditions} GROUP BY {columns}",
@@ -145,7 +150,7 @@ class LossLedger:
     def prune(self, now_s: float) -> int:
         """Remove hours that are older than the settings say, or too many; returns how many. Raises `sqlite3.Error`."""
         before_s, removed = now_s - self.settings.keep_days * DAY_S, 0
-        with self._transaction() as db:
+        with self._writing() as db:
             while True:
                 (oldest_s,) = db.execute("SELECT MIN(hour_s) FROM losses").fetchone()
                 if oldest_s is None or (oldest_s >= before_s and _used_bytes(db) <= self.settings.most_bytes):
@@ -165,11 +170,18 @@ class LossLedger:
             raise
         return db
 
-    @contextmanager
-    def _transaction(self) -> Iterator[sqlite3.Connection]:
-        with self._lock, self._db as db:
-            db.execute("BEGIN")
-            yield db
+    def _writing(self) -> AbstractContextManager[sqlite3.Connection]:
+        return _transaction(self._db, self._lock)
+
+    def _reading(self) -> AbstractContextManager[sqlite3.Connection]:
+        return _transaction(self._reader, self._read_lock)
+
+
+@contextmanager
+def _transaction(db: sqlite3.Connection, lock: Lock) -> Iterator[sqlite3.Connection]:
+    with lock, db:
+        db.execute("BEGIN")
+        yield db
 
 
 def _row_of(entry: LedgerEntry) -> tuple[object, ...]:

@@ -1,6 +1,7 @@
 """Questions about lost time, and their answers with costs."""
 
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from pydantic import BaseModel, Field
@@ -10,6 +11,7 @@ HOUR_S, DAY_S = 3600, 86400
 CELL_M = 2.0
 SUMS = "losses", "lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s"
 """What the ledger sums."""
+LOST = SUMS.index("lost_s")
 
 
 class LossQuestion(NamedTuple):
@@ -77,36 +79,43 @@ def answer(
     begun_s: float | None,
 ) -> LossList:
     """The answer to a question. The first loss of the ledger began at `begun_s`; None if it has no loss."""
-    total, rows = _row({}), dict[tuple[Any, ...], LossRow]()
+    total, sums_of = _Sums(), defaultdict[tuple[Any, ...], _Sums](_Sums)
     for part in sums:
         per_hour = hourly_cost(costs, part.vendor, part.model)
-        figures = dict(zip(SUMS, part.sums, strict=True))
-        cost = None if per_hour is None else per_hour * figures["lost_s"] / HOUR_S
-        row = rows.setdefault(part.values, _row(dict(zip(question.keys, part.values, strict=True))))
-        for each in (total, row):
-            _add(each, figures, cost)
-    found = sorted((_rounded(row) for row in rows.values()), key=lambda row: -row.lost_s) if question.keys else []
+        for each in (total, sums_of[part.values]):
+            each.add(part.sums, per_hour)
+    found = sorted(sums_of.items(), key=lambda item: -item[1].rounded_lost_s) if question.keys else []
     return LossList(
         from_s=question.from_s,
         until_s=question.until_s,
         begun_s=begun_s,
         currency=currency,
-        total=_rounded(total),
-        rows=found[: question.limit],
+        total=total.row(),
+        rows=[each.row(**dict(zip(question.keys, values, strict=True))) for values, each in found[: question.limit]],
         more=len(found) > question.limit,
     )
 
 
-def _row(keys: Mapping[str, Any]) -> LossRow:
-    return LossRow(**dict.fromkeys(SUMS, 0), cost=None, **keys)
+class _Sums:
+    """The sums of some losses, and what they cost."""
 
+    __slots__ = ("cost", "values")
 
-def _add(row: LossRow, sums: Mapping[str, float], cost: float | None) -> None:
-    for name, value in sums.items():
-        setattr(row, name, getattr(row, name) + value)
-    row.cost = row.cost if cost is None else (row.cost or 0.0) + cost
+    def __init__(self) -> None:
+        self.values: Sequence[float] = (0,) * len(SUMS)
+        """One for each of `SUMS`."""
+        self.cost: float | None = None
 
+    def add(self, values: Sequence[float], per_hour: float | None) -> None:
+        """Add losses of robots that cost so much each hour, if that is known."""
+        self.values = [value + more for value, more in zip(self.values, values, strict=True)]
+        if per_hour is not None:
+            self.cost = (self.cost or 0.0) + per_hour * values[LOST] / HOUR_S
 
-def _rounded(row: LossRow) -> LossRow:
-    cost = None if row.cost is None else round(row.cost, 2)
-    return row.model_copy(update={name: round(getattr(row, name), 1) for name in SUMS} | {"cost": cost})
+    @property
+    def rounded_lost_s(self) -> float:
+        return round(self.values[LOST], 1)
+
+    def row(self, **keys: Any) -> LossRow:
+        figures = {name: round(value, 1) for name, value in zip(SUMS, self.values, strict=True)}
+        return LossRow(**figures, cost=None if self.cost is None else round(self.cost, 2), **keys)

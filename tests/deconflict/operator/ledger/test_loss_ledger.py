@@ -4,6 +4,7 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 
@@ -43,6 +44,27 @@ def test_filters_and_the_span_leave_others_out(ledger: LossLedger) -> None:
     assert ledger.ask(question(by="Basalt")).total.lost_s == 3.0
     assert ledger.ask(question(place="Aisle 3", vendor="Alder")).total.lost_s == 8.0
     assert ledger.ask(question(from_s=START_S + HOUR_S + 10.0)).total.lost_s == 5.0
+
+
+def test_new_losses_do_not_wait_for_a_question(ledger: LossLedger) -> None:
+    ledger.add("engine", 1, [QUEUED, CROSSED, LATER])
+    is_asking, is_added = Event(), Event()
+
+    def wait_for_losses() -> int:
+        if not is_asking.is_set():
+            is_asking.set()
+            is_added.wait(5)
+        return 0
+
+    ledger._reader.set_progress_handler(wait_for_losses, 1)
+    asking = Thread(target=ledger.ask, args=(question("vendor"),))
+    asking.start()
+    assert is_asking.wait(10)
+    ledger.add("engine", 2, [QUEUED])
+    assert asking.is_alive()
+    is_added.set()
+    asking.join()
+    assert ledger.ask(question()).total.losses == 4
 
 
 def test_a_parcel_that_comes_twice_counts_once(ledger: LossLedger) -> None:
