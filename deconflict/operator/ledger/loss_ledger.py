@@ -25,6 +25,7 @@ from deconflict.operator.ledger.loss_questions import (
     LossSum,
     answer,
 )
+from deconflict.operator.store.pruning import used_bytes
 from deconflict.settings.site import LossSettings
 
 log = logging.getLogger(__name__)
@@ -102,7 +103,7 @@ class LossLedger:
             self._path.replace(aside)
             log.error("%s: %s: it is kept as %s, and a new one is begun", self._path, error, aside.name)
             self._db = self._opened()
-        self._reader = self._opened() if directory else self._db
+        self._reader = self._connected() if directory else self._db
         """Questions take long, and new losses do not wait for them."""
 
     def close(self) -> None:
@@ -153,15 +154,16 @@ class LossLedger:
         with self._writing() as db:
             while True:
                 (oldest_s,) = db.execute("SELECT MIN(hour_s) FROM losses").fetchone()
-                if oldest_s is None or (oldest_s >= before_s and _used_bytes(db) <= self.settings.most_bytes):
+                if oldest_s is None or (oldest_s >= before_s and used_bytes(db) <= self.settings.most_bytes):
                     return removed
                 db.execute("DELETE FROM losses WHERE hour_s = ?", (oldest_s,))
                 removed += 1
 
     def _opened(self) -> sqlite3.Connection:
+        """A connection to a file of the newest format."""
         if self._path:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-        db = sqlite3.connect(self._path or IN_MEMORY, isolation_level=None, check_same_thread=False)
+        db = self._connected()
         try:
             db.execute("PRAGMA journal_mode = WAL")
             upgrade(db)
@@ -169,6 +171,9 @@ class LossLedger:
             db.close()
             raise
         return db
+
+    def _connected(self) -> sqlite3.Connection:
+        return sqlite3.connect(self._path or IN_MEMORY, isolation_level=None, check_same_thread=False)
 
     def _writing(self) -> AbstractContextManager[sqlite3.Connection]:
         return _transaction(self._db, self._lock)
@@ -197,10 +202,3 @@ def _values(question: LossQuestion, values: Sequence[object]) -> tuple[object, .
         tuple((int(part) + 0.5) * CELL_M for part in str(value).split(",")) if key == "cell" else value
         for key, value in zip(question.keys, values, strict=True)
     )
-
-
-def _used_bytes(db: sqlite3.Connection) -> int:
-    pages, free, page_bytes = (
-        db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("page_count", "freelist_count", "page_size")
-    )
-    return int((pages - free) * page_bytes)

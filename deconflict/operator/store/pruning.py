@@ -9,27 +9,23 @@ ROOM = 0.01
 """A file that is too large gets this share of its size free, so that revisions are rarely counted by vendors."""
 
 
-def remove_before(db: sqlite3.Connection, before_s: float, limit: int) -> int:
-    """Remove up to `limit` cleared advisories last changed before a time, the oldest first; returns how many."""
+def remove_before(db: sqlite3.Connection, before_s: float) -> int:
+    """Remove up to `STEP` cleared advisories last changed before a time, the oldest first; returns how many."""
     chosen = """SELECT id, revision FROM advisories INDEXED BY cleared_by_age WHERE open = 0 AND updated_s < ?
         ORDER BY updated_s LIMIT ?"""
-    return len(_removed(db, chosen, before_s, limit))
+    return len(_removed(db, chosen, before_s))
 
 
 def revisions_by_vendors(db: sqlite3.Connection) -> Counter[str]:
     """How many revisions the cleared advisories on each set of vendors have. Goes through all of them."""
-    return Counter(
-        dict(
-            db.execute(
-                """SELECT vendors, sum(revision) FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0
-                GROUP BY vendors"""
-            )
-        )
+    sums = db.execute(
+        "SELECT vendors, sum(revision) FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0 GROUP BY vendors"
     )
+    return Counter(dict(sums))
 
 
-def remove_of_most(db: sqlite3.Connection, least_bytes: float, revisions: Counter[str], limit: int) -> int:
-    """Remove up to `limit` cleared advisories of the vendors with most revisions, the oldest first, unless the file
+def remove_of_most(db: sqlite3.Connection, least_bytes: float, revisions: Counter[str]) -> int:
+    """Remove up to `STEP` cleared advisories of the vendors with most revisions, the oldest first, unless the file
     uses `least_bytes` or less. Returns how many, and takes their revisions off `revisions`.
 
     Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others.
@@ -38,7 +34,7 @@ def remove_of_most(db: sqlite3.Connection, least_bytes: float, revisions: Counte
         ORDER BY updated_s LIMIT ?"""
     while revisions and used_bytes(db) > least_bytes:
         ((vendors, _),) = revisions.most_common(1)
-        removed = _removed(db, chosen, vendors, limit)
+        removed = _removed(db, chosen, vendors)
         if removed:
             revisions[vendors] -= sum(revision for _, revision in removed)
             return len(removed)
@@ -54,9 +50,10 @@ def used_bytes(db: sqlite3.Connection) -> int:
     return (pages - free) * page_bytes
 
 
-def _removed(db: sqlite3.Connection, chosen: str, *parameters: float | str) -> list[tuple[str, int]]:
-    """Remove the advisories that a selection gives, with every revision; their ids, and how many revisions each had."""
-    removed: list[tuple[str, int]] = db.execute(chosen, parameters).fetchall()
+def _removed(db: sqlite3.Connection, chosen: str, bound: float | str) -> list[tuple[str, int]]:
+    """Remove the advisories that a selection gives, with every revision; their ids, and how many revisions each had.
+    The selection has two parameters: `bound`, and how many it gives at most."""
+    removed: list[tuple[str, int]] = db.execute(chosen, (bound, STEP)).fetchall()
     ids = [(advisory_id,) for advisory_id, _ in removed]
     for table in ("revisions", "parties", "advisories"):
         db.executemany(f"DELETE FROM {table} WHERE id = ?", ids)  # noqa: S608 - the tables are constants

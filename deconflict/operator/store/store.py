@@ -295,7 +295,7 @@ class Store:
 
     def prune(self, before: datetime) -> int:
         """Remove cleared advisories last changed before `before`, with every revision; returns how many."""
-        return self._prune(lambda db: pruning.remove_before(db, before.timestamp(), pruning.STEP))
+        return self._prune(lambda db: pruning.remove_before(db, before.timestamp()))
 
     def prune_to(self, most_bytes: int) -> int:
         """If the file uses more, remove cleared advisories of the vendors with most, the oldest first, until it uses
@@ -305,7 +305,7 @@ class Store:
         with self._connections.long_reading() as db:
             revisions = pruning.revisions_by_vendors(db)
         least_bytes = most_bytes * (1 - pruning.ROOM)
-        return self._prune(lambda db: pruning.remove_of_most(db, least_bytes, revisions, pruning.STEP))
+        return self._prune(lambda db: pruning.remove_of_most(db, least_bytes, revisions))
 
     def used_bytes(self) -> int:
         """Size of the file without its free pages."""

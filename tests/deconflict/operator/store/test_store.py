@@ -2,7 +2,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from datetime import timedelta
 from pathlib import Path
 from threading import Thread
@@ -468,16 +468,24 @@ def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None
     again.close()
 
 
-def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store) -> None:
-    store.append([cleared(1, 1)])
+@contextmanager
+def traced(store: Store) -> Iterator[tuple[sqlite3.Connection, list[list[str]]]]:
+    """A connection to the file; and once the block is over, the plan of each selection that it made."""
     statements: list[str] = []
+    plans: list[list[str]] = []
     with closing(sqlite3.connect(store.path)) as db:
         db.set_trace_callback(statements.append)
-        remove_before(db, 1.0, 5)
-        remove_of_most(db, 0.0, revisions_by_vendors(db), 5)
+        yield db, plans
         db.set_trace_callback(None)
         chosen = [statement for statement in statements if statement.startswith("SELECT")]
-        plans = [[row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statement}")] for statement in chosen]
+        plans += [[row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statement}")] for statement in chosen]
+
+
+def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store) -> None:
+    store.append([cleared(1, 1)])
+    with traced(store) as (db, plans):
+        remove_before(db, 1.0)
+        remove_of_most(db, 0.0, revisions_by_vendors(db))
     assert plans == [
         ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"],
         ["SCAN advisories USING INDEX cleared_by_vendors"],
@@ -488,27 +496,21 @@ def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store
 @pytest.mark.parametrize("state", ["open", "cleared", "all"])
 def test_a_short_listing_does_not_sort_all_that_is_stored(store: Store, state: StateFilter) -> None:
     store.append([made(1), made(2), made(3), cleared(2), cleared(3), made(4)])
-    statements: list[str] = []
-    with closing(sqlite3.connect(store.path)) as db:
-        db.set_trace_callback(statements.append)
+    with traced(store) as (db, plans):
         found = latest(db, ListingFilter(state), 2)
-        plan = " ".join(row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statements[0]}"))
     assert [each.id for each in found] == {
         "open": ["advisory-4", "advisory-1"],
         "cleared": ["advisory-3", "advisory-2"],
         "all": ["advisory-4", "advisory-3"],
     }[state]
-    assert "TEMP B-TREE" not in plan
+    assert "TEMP B-TREE" not in " ".join(plans[0])
 
 
 @pytest.mark.parametrize("state", ["open", "cleared", "all"])
 def test_a_listing_of_situations_goes_through_no_situation_of_another_state(store: Store, state: StateFilter) -> None:
-    statements: list[str] = []
-    with closing(sqlite3.connect(store.path)) as db:
-        db.set_trace_callback(statements.append)
+    with traced(store) as (db, plans):
         latest(db, ListingFilter(state, kind="situation"), 2)
-        plan = [row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statements[0]}")]
-    of_situations = [step for step in plan if " a " in step or "TEMP" in step]
+    of_situations = [step for step in plans[0] if " a " in step or "TEMP" in step]
     assert of_situations == ["SEARCH a USING INDEX situations_by_seq (open=?)"] * (2 if state == "all" else 1)
 
 
@@ -525,10 +527,7 @@ def test_the_highest_encounter_of_a_pair_stays_whichever_is_stored_last(store: S
 
 def test_situations_are_listed_by_an_index_of_their_own(store: Store) -> None:
     store.append([made(number) if number % 50 else situation(number) for number in range(1, 500)])
-    statements: list[str] = []
-    with closing(sqlite3.connect(store.path)) as db:
-        db.set_trace_callback(statements.append)
+    with traced(store) as (db, plans):
         found = latest(db, ListingFilter("all", kind="situation"), 2)
-        plan = " ".join(row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statements[0]}"))
     assert [each.id for each in found] == ["situation-450", "situation-400"]
-    assert "situations_by_seq" in plan
+    assert "situations_by_seq" in " ".join(plans[0])
