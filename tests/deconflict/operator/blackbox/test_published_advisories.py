@@ -1,21 +1,9 @@
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
-
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
 from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.store import Store
 from tests.helpers.made_advisories import START, made, situation
 
 SPAN = BoxSpan(*(START.timestamp() + second for second in (100, 130, 200, 400)))
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    opened = Store(tmp_path)
-    yield opened
-    opened.close()
 
 
 def test_a_black_box_has_advisories_and_no_situations_on_disk_or_in_memory(store: Store) -> None:

@@ -1,6 +1,6 @@
 import asyncio
 import threading
-from collections.abc import Iterator, Set
+from collections.abc import Set
 from datetime import timedelta
 from pathlib import Path
 
@@ -13,13 +13,6 @@ from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.measures import Measures
 from tests.helpers.made_advisories import START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    opened = Store(tmp_path)
-    yield opened
-    opened.close()
 
 
 def made_many(first: int, count: int) -> list[PublishedLine]:

@@ -1,8 +1,6 @@
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from datetime import timedelta
 from pathlib import Path
 from threading import Thread
@@ -10,27 +8,13 @@ from threading import Thread
 import pytest
 
 from deconflict.advisory import Acknowledgement, Hold, Recommendation
-from deconflict.operator.store.listings import ListingFilter, StateFilter
 from deconflict.operator.store.migrations import UPGRADES
-from deconflict.operator.store.pruning import remove_before, remove_of_most, revisions_by_vendors
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
-from deconflict.operator.store.tables import latest
+from tests.deconflict.operator.store.reopened_store import reopened
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made, situation
 
 ROOT = Path(__file__).parents[4]
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    opened = Store(tmp_path)
-    yield opened
-    opened.close()
-
-
-def reopened(store: Store) -> Store:
-    store.close()
-    return Store(store.path.parent)
 
 
 def test_revisions_are_numbered_in_order_and_read_back_whole(store: Store) -> None:
@@ -91,95 +75,6 @@ def test_latest_by_vendor_and_by_robot_looks_at_both_robots(store: Store) -> Non
     assert ids(robot=ROBOTS[0]) == ["advisory-2", "advisory-1"]
     assert ids(robot="a", vendor="Cargo") == []
     assert ids(kind="something else") == []
-
-
-ROWS = {
-    "revisions": "SELECT DISTINCT id FROM revisions",
-    "advisories": "SELECT id FROM advisories",
-    "parties": "SELECT DISTINCT id FROM parties",
-}
-"""Of which advisories each table has any."""
-
-
-def test_pruning_removes_old_cleared_advisories_and_reuses_no_number(store: Store) -> None:
-    store.append([made(1), made(2), cleared(2), made(3), cleared(3)])
-    assert store.prune(START + timedelta(minutes=3)) == 1
-    assert store.get("advisory-2") == []
-    assert [advisory.seq for advisory in store.after(0)] == [1, 4, 5]
-    assert store.prune(START + timedelta(days=1)) == 1
-    with closing(sqlite3.connect(store.path)) as raw:
-        left = {table: raw.execute(rows).fetchall() for table, rows in ROWS.items()}
-    assert left == {table: [("advisory-1",)] for table in ROWS}
-    again = reopened(store)
-    assert again.last_seq() == 5
-    assert [advisory.seq for advisory in again.append([made(4)])] == [6]
-    again.close()
-
-
-def test_pruning_in_steps_removes_all_of_it(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 2)
-    store.append([cleared(number, 1) for number in range(5)])
-    assert store.prune(START + timedelta(days=1)) == 5
-    assert store.latest("all").advisories == []
-
-
-def test_a_database_that_is_too_large_loses_its_oldest_cleared_advisories(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 10)
-    store.append([made(0), *(cleared(number, 1, summary="x" * 4_000) for number in range(1, 101))])
-    whole_bytes = store.used_bytes()
-    removed = store.prune_to(whole_bytes // 2)
-    assert 40 <= removed <= 70
-    assert store.used_bytes() <= whole_bytes // 2 < store.used_bytes() + 10 * 4_096 * 2
-    newest_first = [advisory.id for advisory in store.latest("all").advisories]
-    assert newest_first == [*(f"advisory-{number}" for number in range(100, removed, -1)), "advisory-0"]
-    assert store.prune_to(whole_bytes // 2) == 0
-    store.append([cleared(number, 1, summary="x" * 4_000) for number in range(101, 101 + removed // 2)])
-    assert store.path.stat().st_size <= whole_bytes + 16 * 4_096, "free pages are used again"
-
-
-def test_advisories_of_one_vendor_displace_those_of_no_others_whomever_it_meets(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 10)
-    long = {"summary": "x" * 4_000}
-    honest = [cleared(number, 1, vendors=("Alder", "Basalt"), **long) for number in range(20)]
-    met = [("Mallory", vendor) for vendor in ("Mallory", "Alder", "Basalt")]
-    store.append([*honest, *(cleared(20 + number, 2, vendors=met[number % 3], **long) for number in range(180))])
-    removed = store.prune_to(store.used_bytes() // 2)
-    kept = [advisory.vendors for advisory in store.latest("all").advisories]
-    assert 80 <= removed <= 120
-    assert kept.count(("Alder", "Basalt")) == 20
-    assert all(20 <= kept.count(vendors) <= 40 for vendors in met)
-
-
-def test_revisions_are_counted_by_vendors_once_for_all_steps_and_without_the_lock_of_the_writer(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 5)
-    store.append([cleared(number, 1, summary="x" * 4_000) for number in range(1, 101)])
-    statements: list[str] = []
-    store._connections._writer.set_trace_callback(statements.append)
-    store._connections._long_reader.set_trace_callback(statements.append)
-    most_bytes = store.used_bytes() // 2
-    removed = store.prune_to(most_bytes)
-    assert (removed // 5, removed % 5) == (statements.count("BEGIN IMMEDIATE") - 1, 0)
-    (counting,) = (number for number, statement in enumerate(statements) if "GROUP BY" in statement)
-    assert "BEGIN IMMEDIATE" not in statements[: counting + 1]
-    assert store.used_bytes() <= most_bytes * 0.99
-
-
-def test_open_advisories_are_kept_however_large_the_database_is(store: Store) -> None:
-    store.append([made(1), made(2), cleared(2)])
-    assert store.prune_to(1) == 1
-    assert [advisory.id for advisory in store.latest("all").advisories] == ["advisory-1"]
-
-
-def test_encounters_are_counted_by_pair_even_when_their_advisories_are_pruned(store: Store) -> None:
-    store.append([made(1), cleared(1), made(2, encounter=2), cleared(2, encounter=2), made(3, robots=("a", "b"))])
-    store.prune(START + timedelta(days=1))
-    assert dict(store.encounters_after(("", ""), 100)) == {ROBOTS: 2, ("a", "b"): 1}
 
 
 def test_a_failed_append_stores_none_of_its_revisions(store: Store) -> None:
@@ -468,66 +363,6 @@ def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None
     again.close()
 
 
-@contextmanager
-def traced(store: Store) -> Iterator[tuple[sqlite3.Connection, list[list[str]]]]:
-    """A connection to the file; and once the block is over, the plan of each selection that it made."""
-    statements: list[str] = []
-    plans: list[list[str]] = []
-    with closing(sqlite3.connect(store.path)) as db:
-        db.set_trace_callback(statements.append)
-        yield db, plans
-        db.set_trace_callback(None)
-        chosen = [statement for statement in statements if statement.startswith("SELECT")]
-        plans += [[row[3] for row in db.execute(f"EXPLAIN QUERY PLAN {statement}")] for statement in chosen]
-
-
-def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store) -> None:
-    store.append([cleared(1, 1)])
-    with traced(store) as (db, plans):
-        remove_before(db, 1.0)
-        remove_of_most(db, 0.0, revisions_by_vendors(db))
-    assert plans == [
-        ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"],
-        ["SCAN advisories USING INDEX cleared_by_vendors"],
-        ["SEARCH advisories USING INDEX cleared_by_vendors (vendors=?)"],
-    ]
-
-
-@pytest.mark.parametrize("state", ["open", "cleared", "all"])
-def test_a_short_listing_does_not_sort_all_that_is_stored(store: Store, state: StateFilter) -> None:
-    store.append([made(1), made(2), made(3), cleared(2), cleared(3), made(4)])
-    with traced(store) as (db, plans):
-        found = latest(db, ListingFilter(state), 2)
-    assert [each.id for each in found] == {
-        "open": ["advisory-4", "advisory-1"],
-        "cleared": ["advisory-3", "advisory-2"],
-        "all": ["advisory-4", "advisory-3"],
-    }[state]
-    assert "TEMP B-TREE" not in " ".join(plans[0])
-
-
-@pytest.mark.parametrize("state", ["open", "cleared", "all"])
-def test_a_listing_of_situations_goes_through_no_situation_of_another_state(store: Store, state: StateFilter) -> None:
-    with traced(store) as (db, plans):
-        latest(db, ListingFilter(state, kind="situation"), 2)
-    of_situations = [step for step in plans[0] if " a " in step or "TEMP" in step]
-    assert of_situations == ["SEARCH a USING INDEX situations_by_seq (open=?)"] * (2 if state == "all" else 1)
-
-
-def test_no_index_but_those_that_something_asks_for_is_kept_up_to_date(store: Store) -> None:
-    with closing(sqlite3.connect(store.path)) as db:
-        indices = [row[1] for row in db.execute("PRAGMA index_list(advisories)") if row[3] == "c"]
-    assert sorted(indices) == ["advisories_by_seq", "cleared_by_age", "cleared_by_vendors", "situations_by_seq"]
-
-
 def test_the_highest_encounter_of_a_pair_stays_whichever_is_stored_last(store: Store) -> None:
     store.append([made(1, encounter=5), made(2, encounter=3)])
     assert dict(store.encounters_after(("", ""), 100)) == {ROBOTS: 5}
-
-
-def test_situations_are_listed_by_an_index_of_their_own(store: Store) -> None:
-    store.append([made(number) if number % 50 else situation(number) for number in range(1, 500)])
-    with traced(store) as (db, plans):
-        found = latest(db, ListingFilter("all", kind="situation"), 2)
-    assert [each.id for each in found] == ["situation-450", "situation-400"]
-    assert "situations_by_seq" in " ".join(plans[0])

@@ -1,0 +1,15 @@
+"""What several tests of the operator's side use."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from deconflict.operator.store.store import Store
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    opened = Store(tmp_path)
+    yield opened
+    opened.close()

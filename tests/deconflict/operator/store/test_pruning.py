@@ -1,0 +1,99 @@
+"""Removal of cleared advisories, by age and by size."""
+
+import sqlite3
+from contextlib import closing
+from datetime import timedelta
+
+import pytest
+
+from deconflict.operator.store.store import Store
+from tests.deconflict.operator.store.reopened_store import reopened
+from tests.helpers.made_advisories import ROBOTS, START, cleared, made
+
+ROWS = {
+    "revisions": "SELECT DISTINCT id FROM revisions",
+    "advisories": "SELECT id FROM advisories",
+    "parties": "SELECT DISTINCT id FROM parties",
+}
+"""Of which advisories each table has any."""
+
+
+def test_pruning_removes_old_cleared_advisories_and_reuses_no_number(store: Store) -> None:
+    store.append([made(1), made(2), cleared(2), made(3), cleared(3)])
+    assert store.prune(START + timedelta(minutes=3)) == 1
+    assert store.get("advisory-2") == []
+    assert [advisory.seq for advisory in store.after(0)] == [1, 4, 5]
+    assert store.prune(START + timedelta(days=1)) == 1
+    with closing(sqlite3.connect(store.path)) as raw:
+        left = {table: raw.execute(rows).fetchall() for table, rows in ROWS.items()}
+    assert left == {table: [("advisory-1",)] for table in ROWS}
+    again = reopened(store)
+    assert again.last_seq() == 5
+    assert [advisory.seq for advisory in again.append([made(4)])] == [6]
+    again.close()
+
+
+def test_pruning_in_steps_removes_all_of_it(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 2)
+    store.append([cleared(number, 1) for number in range(5)])
+    assert store.prune(START + timedelta(days=1)) == 5
+    assert store.latest("all").advisories == []
+
+
+def test_a_database_that_is_too_large_loses_its_oldest_cleared_advisories(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 10)
+    store.append([made(0), *(cleared(number, 1, summary="x" * 4_000) for number in range(1, 101))])
+    whole_bytes = store.used_bytes()
+    removed = store.prune_to(whole_bytes // 2)
+    assert 40 <= removed <= 70
+    assert store.used_bytes() <= whole_bytes // 2 < store.used_bytes() + 10 * 4_096 * 2
+    newest_first = [advisory.id for advisory in store.latest("all").advisories]
+    assert newest_first == [*(f"advisory-{number}" for number in range(100, removed, -1)), "advisory-0"]
+    assert store.prune_to(whole_bytes // 2) == 0
+    store.append([cleared(number, 1, summary="x" * 4_000) for number in range(101, 101 + removed // 2)])
+    assert store.path.stat().st_size <= whole_bytes + 16 * 4_096, "free pages are used again"
+
+
+def test_advisories_of_one_vendor_displace_those_of_no_others_whomever_it_meets(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 10)
+    long = {"summary": "x" * 4_000}
+    honest = [cleared(number, 1, vendors=("Alder", "Basalt"), **long) for number in range(20)]
+    met = [("Mallory", vendor) for vendor in ("Mallory", "Alder", "Basalt")]
+    store.append([*honest, *(cleared(20 + number, 2, vendors=met[number % 3], **long) for number in range(180))])
+    removed = store.prune_to(store.used_bytes() // 2)
+    kept = [advisory.vendors for advisory in store.latest("all").advisories]
+    assert 80 <= removed <= 120
+    assert kept.count(("Alder", "Basalt")) == 20
+    assert all(20 <= kept.count(vendors) <= 40 for vendors in met)
+
+
+def test_revisions_are_counted_by_vendors_once_for_all_steps_and_without_the_lock_of_the_writer(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 5)
+    store.append([cleared(number, 1, summary="x" * 4_000) for number in range(1, 101)])
+    statements: list[str] = []
+    store._connections._writer.set_trace_callback(statements.append)
+    store._connections._long_reader.set_trace_callback(statements.append)
+    most_bytes = store.used_bytes() // 2
+    removed = store.prune_to(most_bytes)
+    assert (removed // 5, removed % 5) == (statements.count("BEGIN IMMEDIATE") - 1, 0)
+    (counting,) = (number for number, statement in enumerate(statements) if "GROUP BY" in statement)
+    assert "BEGIN IMMEDIATE" not in statements[: counting + 1]
+    assert store.used_bytes() <= most_bytes * 0.99
+
+
+def test_open_advisories_are_kept_however_large_the_database_is(store: Store) -> None:
+    store.append([made(1), made(2), cleared(2)])
+    assert store.prune_to(1) == 1
+    assert [advisory.id for advisory in store.latest("all").advisories] == ["advisory-1"]
+
+
+def test_encounters_are_counted_by_pair_even_when_their_advisories_are_pruned(store: Store) -> None:
+    store.append([made(1), cleared(1), made(2, encounter=2), cleared(2, encounter=2), made(3, robots=("a", "b"))])
+    store.prune(START + timedelta(days=1))
+    assert dict(store.encounters_after(("", ""), 100)) == {ROBOTS: 2, ("a", "b"): 1}
