@@ -2,13 +2,12 @@
 
 from datetime import datetime
 from hashlib import sha1
-from typing import NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 from uuid import UUID
 
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.conflict_predictions import Prediction
-from deconflict.advisories.conflict_scene import Party
 from deconflict.advisory import (
     AdvisoryState,
     ConflictAdvisory,
@@ -18,8 +17,11 @@ from deconflict.advisory import (
     Severity,
     moment,
 )
-from deconflict.sweep.geometry.encounter import Encounter
 from ingest.batch import Pair
+
+if TYPE_CHECKING:  # the operator face makes situations without numba
+    from deconflict.advisories.conflict_scene import Party
+    from deconflict.sweep.geometry.encounter import Encounter
 
 ADVISORIES = UUID("5f3d2f5e-6d0b-5a53-9f0a-3f0f3a0a7c11")
 """Namespace of advisory ids."""
@@ -67,9 +69,9 @@ def revision_fields(
     prediction: Prediction,
     now_s: float,
     place: MeetingPlace,
-    parties: tuple[Party, Party],
+    parties: tuple["Party", "Party"],
     severity: Severity,
-    met: Encounter,
+    met: "Encounter",
     clearance_m: float,
 ) -> RevisionFields:
     """The fields that follow from a prediction of two robots that meet like `met`, at `place`."""
@@ -93,7 +95,7 @@ def revision_fields(
 
 
 def raised(
-    pair: Pair, ordinal: int, parties: tuple[Party, Party], fields: RevisionFields, now_s: float
+    pair: Pair, ordinal: int, parties: tuple["Party", "Party"], fields: RevisionFields, now_s: float
 ) -> ConflictAdvisory:
     """The first revision of an advisory on the encounter of a pair with this ordinal."""
     a, b = parties
@@ -144,7 +146,7 @@ def with_probability(
 
 
 def with_silence(
-    before: ConflictAdvisory, parties: tuple[Party, Party], met: Encounter, place_name: str, now_s: float
+    before: ConflictAdvisory, parties: tuple["Party", "Party"], met: "Encounter", place_name: str, now_s: float
 ) -> ConflictAdvisory:
     """The next revision if only a robot has fallen silent."""
     time_s = before.time_left_s(now_s)
@@ -183,7 +185,7 @@ def _interval(prediction: Prediction) -> tuple[float, float] | None:
     return round(prediction.lower, 3), round(prediction.upper, 3)
 
 
-def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place_name: str) -> str:
+def _summary(parties: tuple["Party", "Party"], met: "Encounter", time_s: float, place_name: str) -> str:
     a, b = parties
     is_obstacle = met.encounter_class is EncounterClass.STATIONARY_OBSTACLE
     if is_obstacle and b.standing and not a.standing:
@@ -195,5 +197,5 @@ def _summary(parties: tuple[Party, Party], met: Encounter, time_s: float, place_
     return short_text(f"{what} in {time_s:.0f} s, {place_name}", MOST_SUMMARY_BYTES)
 
 
-def _obstacle(party: Party) -> str:
+def _obstacle(party: "Party") -> str:
     return f"{party.name}, which stands still," if party.silent_s is None else party.subject

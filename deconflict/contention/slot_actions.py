@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 
 from deconflict.advice.actions.looking import DRIVE_ASIDE
-from deconflict.advice.actions.waiting import PERSON_REACTION_S, SHORTEST_WAIT_S
+from deconflict.advice.actions.person_times import PERSON_REACTION_S, SHORTEST_WAIT_S
 from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advisory import Action, ActionKind, Recommendation, Slot
 from deconflict.contention.robots.place_geometry import PlaceGeometry

@@ -2,16 +2,13 @@
 
 from collections.abc import Iterator
 
+from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
 from deconflict.advice.holds.hold_problem import Plan
 from deconflict.advice.holds.hold_windows import STEP_S
 from deconflict.advice.holds.plan_parts import PlanParts
 from deconflict.advisory import Action
 from ingest.batch import Pair
 
-PERSON_REACTION_S = 3.0
-"""The shortest useful reaction of a person."""
-SHORTEST_WAIT_S = 3.0
-"""Nobody can have a robot wait for a shorter time."""
 STEPS_A_SECOND = round(1 / STEP_S)
 SHORTEST_STEPS = round(SHORTEST_WAIT_S / STEP_S)
 

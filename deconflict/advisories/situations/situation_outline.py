@@ -7,7 +7,6 @@ import shapely
 
 from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation import MOST_CORNERS
-from deconflict.sweep.geometry.islands import spots_of
 from ingest.batch import Floats, Ints
 
 MARGIN_M, LINK_M = 1.5, 0.2
@@ -21,20 +20,26 @@ def spots(places: Sequence[Place]) -> list[shapely.Geometry]:
     """The convex hull of the places of each spot, in metres: that of a line through them, which is made faster than the
     points. It passes each place twice, since a line has two points at least."""
     at_m = np.array(places, np.float64)
-    spot = _spot_of(at_m)
+    spot = spot_numbers(at_m)
     twice = np.repeat(np.argsort(spot, kind="stable"), 2)
     return list(shapely.convex_hull(shapely.linestrings(at_m[twice], indices=spot[twice])))
 
 
 def count_spots(places: Sequence[Place]) -> int:
     """How many spots the places are of."""
-    return int(_spot_of(np.array(places, np.float64)).max()) + 1 if places else 0
+    return int(spot_numbers(np.array(places, np.float64)).max()) + 1 if places else 0
 
 
-def _spot_of(at_m: Floats) -> Ints:
-    """(n,) the number of the spot of each of the places (n, 2)."""
-    x_m, y_m = np.ascontiguousarray(at_m.T)
-    return spots_of(x_m, y_m, SPOT_M)
+def spot_numbers(at_m: Floats) -> Ints:
+    """(n,) the number of the spot of each of the places (n, 2), from 0 by their first places."""
+    x_m, y_m = at_m.T
+    is_near = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m) <= SPOT_M
+    first = np.arange(len(at_m))
+    while True:  # each place takes the lowest number of those near it, until none changes
+        lower = np.where(is_near, first, len(at_m)).min(axis=1)
+        if np.array_equal(lower, first):
+            return np.unique(first, return_inverse=True)[1]
+        first = lower[lower]
 
 
 def outline(group: Group) -> tuple[Place, ...]:

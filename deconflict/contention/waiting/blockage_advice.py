@@ -9,7 +9,7 @@ from math import ceil, hypot
 from typing import Any
 
 from deconflict.advice.actions.looking import DRIVE_ON
-from deconflict.advice.actions.waiting import SHORTEST_WAIT_S
+from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
 from deconflict.advisory import Action, ActionKind, Recommendation
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView

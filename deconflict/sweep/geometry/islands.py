@@ -1,11 +1,9 @@
-"""Islands: robots or places that are near each other, directly or through others between them."""
-
-from math import hypot
+"""Islands: robots that are near each other, directly or through others between them."""
 
 import numba
 import numpy as np
 
-from ingest.batch import Floats, Ints
+from ingest.batch import Ints
 from ingest.kernels import inner, kernel
 
 _INTS = numba.int64[::1]
@@ -57,14 +55,3 @@ def islands_of(a: Ints, b: Ints, slots: int) -> tuple[Ints, Ints]:
     number = _numbers(parent)
     found = np.flatnonzero(number != _APART)
     return found, number[found]
-
-
-@kernel(_INTS(numba.float64[::1], numba.float64[::1], numba.float64))
-def spots_of(x_m: Floats, y_m: Floats, within_m: float) -> Ints:
-    """(n,) the island of each place, numbered from 0 by their first places. Places are near within a distance."""
-    parent = np.arange(len(x_m))
-    for a in range(len(x_m)):
-        for b in range(a):
-            if hypot(x_m[a] - x_m[b], y_m[a] - y_m[b]) <= within_m:
-                _join(parent, a, b)
-    return _numbers(parent)

@@ -1,8 +1,12 @@
 """The shape of a situation on the map, and the places that its sentence counts."""
 
+import numpy as np
+import pytest
 import shapely
+from scipy.sparse.csgraph import connected_components
 
 from deconflict.advisories.situations.situation import MOST_CORNERS
+from deconflict.advisories.situations.situation_outline import SPOT_M, spot_numbers
 from tests.deconflict.advisories.situations.made_situations import conflict, raised
 
 
@@ -26,3 +30,12 @@ def test_places_apart_are_spots_with_a_thin_link() -> None:
 def test_an_outline_of_many_spots_has_few_corners() -> None:
     ring = [conflict(pair, x_m=6.5 * index) for index, pair in enumerate(["ab", "bc", "cd", "de"])]
     assert len(raised(ring).outline) <= MOST_CORNERS
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_spots_are_places_that_are_near_each_other_or_through_others(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    at_m = rng.uniform(0, 60, (rng.integers(1, 60), 2))
+    is_near = np.hypot(*(at_m[:, None] - at_m).T) <= SPOT_M
+    _, island = connected_components(is_near, directed=False)
+    assert spot_numbers(at_m).tolist() == island.tolist()
