@@ -1,6 +1,6 @@
 """The processor time of a message from its bytes to advisories, by stage: `python -m benchmarks.stages --robots 100`.
 
-The load of `benchmarks.offer` without its sockets passes through a fleet, an engine and its situations in this process,
+The load of `benchmarks.offer` without its sockets passes through a fleet, an engine and situations in this process,
 with ten passes per second. Results are microseconds of one core per message, in the second half of the run. Here advice
 is computed within the pass; in the service a thread of the engine computes it.
 
@@ -13,6 +13,7 @@ import gc
 import json
 import math
 import tracemalloc
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -27,6 +28,7 @@ from benchmarks.offer import DATUM, MARGIN_M, ROBOTS, ROBOTS_A_CONNECTION, SPACI
 from benchmarks.replay import timed
 from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
@@ -57,7 +59,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "life": ((ConflictLifecycle, "revise"),),
     "contention": ((Contention, "receive"), (Contention, "step")),
     "advice": ((HoldRequests, "step"),),
-    "situations": ((SituationPublisher, "published"),),
+    "situations": ((SituationPublisher, "stamped"), (SituationPublisher, "revise")),
 }
 
 
@@ -70,6 +72,8 @@ class Floor:
     messages: int = 0
     passes_s: list[float] = field(default_factory=list)
     """Processor time of each pass of the engine."""
+    publish: Callable[[list[AnyRevision]], object] = lambda _: None
+    """Gets what each pass publishes."""
 
     def __post_init__(self) -> None:
         self.world, site = Circling(self.robots), benchmark_site(0, 0)
@@ -117,8 +121,9 @@ class Floor:
             began_s = process_time()
             self.engine.receive(batch)
             revisions = self.engine.step(START_S + now_s)
-            self.situations.published(START_S + now_s, revisions, self.engine.measures)
             self.passes_s.append(process_time() - began_s)
+            stamped = self.situations.stamped(revisions)
+            self.publish([*stamped, *self.situations.revise(START_S + now_s, revisions, self.engine.measures)])
             self.messages += len(due)
 
 
@@ -133,7 +138,7 @@ def measured(robots: int, seconds: float) -> tuple[dict[str, float], list[float]
             for owner, name in calls:
                 timers.enter_context(timed(spent, stage, owner, name))
         floor.run(ticks[len(ticks) // 2 :])
-    inside = ("sweep", "probabilities", "life", "contention", "advice", "situations")
+    inside = ("sweep", "probabilities", "life", "contention", "advice")
     spent["the rest of a pass"] = sum(floor.passes_s) - sum(spent[stage] for stage in inside)
     return {stage: stage_s / floor.messages * 1e6 for stage, stage_s in spent.items()}, floor.passes_s
 

@@ -23,15 +23,8 @@ SETTLING_PASSES = 40
 
 def published(robots: int, seconds: float) -> list[Sequence[AnyRevision]]:
     """What each pass publishes on a floor."""
-    floor, passes = Floor(robots), list[Sequence[AnyRevision]]()
-    add_situations = floor.situations.published
-
-    def publish(*arguments: object) -> list[AnyRevision]:
-        revisions = add_situations(*arguments)  # type: ignore[arg-type]
-        passes.append(revisions)
-        return revisions
-
-    floor.situations.published = publish  # type: ignore[assignment, method-assign]
+    passes = list[Sequence[AnyRevision]]()
+    floor = Floor(robots, publish=passes.append)
     floor.run(np.arange(0.0, seconds, TICK_S))
     return passes
 

@@ -161,7 +161,7 @@ class Advisory(Published):
     )
     acknowledgement: Acknowledgement | None = Field(default=None, description="the newest acknowledgement")
     situation_id: str | None = Field(
-        default=None, description="id of the situation that it is part of; null if it is not part of an open situation"
+        default=None, description="id of the open situation that it was part of until this revision; null if of none"
     )
     more_robots: int = Field(
         default=0, exclude_if=operator.not_, description="robots left out, of every list; absent if none is"

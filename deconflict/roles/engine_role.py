@@ -10,12 +10,10 @@ from functools import partial
 from pathlib import Path
 
 from deconflict.advice.deferred_answers import Answer
-from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
-from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.roles.engine_link.delivery import RETRY_S, Delivery
 from deconflict.roles.engine_link.restoration import StoredState, stored_state
@@ -59,7 +57,6 @@ class EngineRole:
         """Errors of solves since the last pass. Any thread appends."""
         self._kept_s = time.monotonic()
         self._load = LoadShedder(site.engine.deadline_s)
-        self._situations = SituationPublisher(PlaceNames.of(site).describe)
 
     def run(self, stop: threading.Event, beat: Callable[[int], object] = lambda _: None) -> None:
         """Run until `stop` is set. Calls `beat` with the number of seconds that this may be silent from now."""
@@ -100,7 +97,6 @@ class EngineRole:
             request = b"changes"
             if changed := self._current_site.changed():
                 engine, request = engine.renewed(changed), EVERYTHING
-                self._situations.renew(PlaceNames.of(changed).describe)
                 self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
         self._delivery.keep(engine.learned())
 
@@ -123,7 +119,7 @@ class EngineRole:
 
     def _engine(self, stored: StoredState, learned: dict[str, Part] | None) -> Engine:
         """An engine with the stored advisories and the learned state."""
-        engine = Engine(
+        return Engine(
             self._site,
             stored.open,
             stored.encounters,
@@ -131,8 +127,6 @@ class EngineRole:
             stored.burdens_s,
             learned,
         )
-        self._situations.restore(stored.situations, engine.open())
-        return engine
 
     def _timed(self, work: Callable[[], Answer]) -> Answer:
         began_s = time.perf_counter()
@@ -152,7 +146,6 @@ class EngineRole:
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s, self._load.effort, pending)
-        published = self._situations.published(batch.now_s, revisions, engine.measures)
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
         if timed:
@@ -164,7 +157,8 @@ class EngineRole:
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         presence = partial(engine.presence_document, batch.now_s)
-        self._delivery.add_pass(published, arrived_s, engine.measures, near, presence, ledger_entries(engine.losses))
+        losses = ledger_entries(engine.losses)
+        self._delivery.add_pass(batch.now_s, revisions, arrived_s, engine.measures, near, presence, losses)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})

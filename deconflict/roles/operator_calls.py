@@ -5,7 +5,8 @@ import json
 import logging
 import sqlite3
 import time
-from collections.abc import Iterable
+from collections.abc import Awaitable, Callable, Iterable
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.store.tables import UnreadableAdvisoryError
+from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.engine_link.restoration import page_of_encounters, page_of_open
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
@@ -47,11 +49,12 @@ class OperatorCalls:
         keeper: Keeper,
         face_measures: Measures,
         ledger: LossLedger,
+        situations: LiveSituations,
     ) -> None:
         """`face_measures` are those of the HTTP application."""
         self._runtime, self._store, self._publisher, self._sources = runtime, store, publisher, sources
         self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
-        self._ledger = ledger
+        self._ledger, self._situations = ledger, situations
         self._own_measures = publisher.measures, face_measures
         self.another_stream = asyncio.Event()
         """Set if the stored advisories do not belong to the stream that is followed. Then the role restarts."""
@@ -123,7 +126,9 @@ class OperatorCalls:
         self._engine.presence = head.get("presence") or self._engine.presence
         if "queued_s" in head:
             self._engine.delivery.arrived(head["queued_s"])
-        if lines and not await self._is_published(map(self._revision, lines)):
+        passes_s = head.get("passes_s", ())
+        publish = partial(self._situations.publish, passes_s=passes_s)
+        if (lines or passes_s) and not await self._is_published(map(self._revision, lines), publish):
             return REFUSED
         if head.get("canary"):
             self._engine.canary.arrived(head["canary"])
@@ -166,7 +171,7 @@ class OperatorCalls:
                     await self._store_answer(line)
                 continue
             documents = (line["advisory"] | {"seq": line["seq"]} for line in lines)
-            if not await self._is_published(map(self._revision, documents)):
+            if not await self._is_published(map(self._revision, documents), self._publisher.publish):
                 return REFUSED
         return self._taken()
 
@@ -194,11 +199,13 @@ class OperatorCalls:
             self._publisher.set_asides.add("invalid", text[:SHOWN_LETTERS], error)
             return None
 
-    async def _is_published(self, revisions: Iterable[AnyRevision | None]) -> bool:
+    async def _is_published(
+        self, revisions: Iterable[AnyRevision | None], publish: Callable[[list[AnyRevision]], Awaitable[object]]
+    ) -> bool:
         """Publish revisions. False if the store takes none now."""
         accepted = [revision for revision in revisions if revision]
         try:
-            await self._publisher.publish(accepted)
+            await publish(accepted)
         except StoreError as error:
             log.warning("%d revisions are not taken yet and will be sent again: %s", len(accepted), error)
             return False

@@ -20,6 +20,7 @@ from deconflict.operator.public_face import PublicFace
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.publisher import PRUNED, Publisher
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.health.canary_health import CanaryHealth
 from deconflict.roles.operator_calls import OperatorCalls
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
@@ -57,9 +58,10 @@ class OperatorRole:
         self._outlets = Outlets(self._store, self._publisher)
         self._keeper = Keeper(site, data, self._store, self._publisher.measures)
         learned_file = LearnedFile(data, self._publisher.measures)
+        self._situations = LiveSituations(site, self._store, self._publisher)
         self._calls = OperatorCalls(
             runtime, self._store, self._publisher, self.sources, engine, learned_file, self._keeper, app.state.measures,
-            self._ledger,
+            self._ledger, self._situations,
         )  # fmt: skip
         if site.cluster:
             self._publisher.forward_answer = self._calls.forward_answer
@@ -72,6 +74,7 @@ class OperatorRole:
             async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):
                 await self._serve(listener, stop)
         finally:
+            await self._situations.settled()
             self.sources.history.close()
             await self._publisher.close()
             self._store.close()
@@ -154,6 +157,7 @@ class OperatorRole:
         while True:
             if site := current.changed():
                 self._face.renew(site)
+                self._situations.renew(site)
                 try:
                     self._outlets.renew(site.webhooks, site.mqtt)
                 except SecretError as error:

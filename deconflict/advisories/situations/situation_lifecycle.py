@@ -92,9 +92,12 @@ class SituationLifecycle:
         """Continue what was open before a restart."""
         self._advisories = {advisory.id: advisory for advisory in advisories}
         self._regrouped = {name: Member.of(advisory) for name, advisory in self._advisories.items()}
+        situations = list(situations)
+        listed = {name: situation.id for situation in situations for name in situation.advisories}
         members_of: dict[str | None, dict[str, Member]] = {}
         for name, member in self._regrouped.items():
-            members_of.setdefault(self._advisories[name].situation_id, {})[name] = member
+            situation_id = self._advisories[name].situation_id or listed.get(name)
+            members_of.setdefault(situation_id, {})[name] = member
         for situation in situations:
             group = _restored_group(situation, members_of.get(situation.id, {}))
             self._grouping.restore(group)
@@ -103,11 +106,12 @@ class SituationLifecycle:
             self._advised.keep(situation, situation.severity)
 
     def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
-        """The revisions of advisories with the ids of their situations, then the revisions of situations."""
-        ids_before = [self.situation_of(revision.id) for revision in revisions]
-        situations = self.revise(now_s, revisions)
-        ids = [self.situation_of(revision.id) for revision in revisions]
-        return [*(stamped(*row) for row in zip(revisions, ids, ids_before, strict=True)), *situations]
+        """The `stamped` revisions of advisories, then the revisions of situations that follow from them."""
+        return [*self.stamped(revisions), *self.revise(now_s, revisions)]
+
+    def stamped(self, revisions: Iterable[AnyAdvisory]) -> list[AnyAdvisory]:
+        """The revisions of advisories with the ids of the situations that they are part of so far."""
+        return [stamped(revision, self.situation_of(revision.id)) for revision in revisions]
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
         """The revisions of situations that follow from those of advisories, and from the time."""
@@ -270,9 +274,8 @@ def _is_elsewhere(before: Situation, after: Situation) -> bool:
     return before.location.datum != after.location.datum or moved_m > MOVED_M
 
 
-def stamped(revision: AnyAdvisory, situation_id: str | None, id_before: str | None) -> AnyAdvisory:
-    """A revision with the id of its situation; when it is cleared, of the one before."""
-    situation_id = situation_id or (id_before if revision.state is AdvisoryState.CLEARED else None)
+def stamped(revision: AnyAdvisory, situation_id: str | None) -> AnyAdvisory:
+    """A revision with the id of its situation."""
     if revision.situation_id == situation_id:
         return revision
     return revision.model_copy(update={"situation_id": situation_id})

@@ -1,13 +1,13 @@
 """Where the advisories of a situation are, as one shape: spots, with thin links between those far apart. Pure."""
 
 from collections.abc import Iterator, Sequence
+from math import hypot
 
 import numpy as np
 import shapely
 
 from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation import MOST_CORNERS
-from ingest.batch import Floats, Ints
 
 MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""
@@ -19,27 +19,30 @@ Place = tuple[float, float]
 def spots(places: Sequence[Place]) -> list[shapely.Geometry]:
     """The convex hull of the places of each spot, in metres: that of a line through them, which is made faster than the
     points. It passes each place twice, since a line has two points at least."""
-    at_m = np.array(places, np.float64)
-    spot = spot_numbers(at_m)
+    at_m, spot = np.array(places, np.float64), np.array(spot_numbers(places))
     twice = np.repeat(np.argsort(spot, kind="stable"), 2)
     return list(shapely.convex_hull(shapely.linestrings(at_m[twice], indices=spot[twice])))
 
 
 def count_spots(places: Sequence[Place]) -> int:
     """How many spots the places are of."""
-    return int(spot_numbers(np.array(places, np.float64)).max()) + 1 if places else 0
+    return max(spot_numbers(places), default=-1) + 1
 
 
-def spot_numbers(at_m: Floats) -> Ints:
-    """(n,) the number of the spot of each of the places (n, 2), from 0 by their first places."""
-    x_m, y_m = at_m.T
-    is_near = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m) <= SPOT_M
-    first = np.arange(len(at_m))
-    while True:  # each place takes the lowest number of those near it, until none changes
-        lower = np.where(is_near, first, len(at_m)).min(axis=1)
-        if np.array_equal(lower, first):
-            return np.unique(first, return_inverse=True)[1]
-        first = lower[lower]
+def spot_numbers(places: Sequence[Place]) -> list[int]:
+    """The number of the spot of each place, from 0 by their first places."""
+    number, spots_so_far = [-1] * len(places), 0
+    for first in range(len(places)):
+        if number[first] < 0:
+            number[first], reached = spots_so_far, [places[first]]
+            while reached:
+                x_m, y_m = reached.pop()
+                for other, (other_x_m, other_y_m) in enumerate(places):
+                    if number[other] < 0 and hypot(x_m - other_x_m, y_m - other_y_m) <= SPOT_M:
+                        number[other] = spots_so_far
+                        reached.append(places[other])
+            spots_so_far += 1
+    return number
 
 
 def outline(group: Group) -> tuple[Place, ...]:

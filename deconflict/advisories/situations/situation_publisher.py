@@ -1,10 +1,10 @@
 """Situations for all that is published. A fault in them never holds up advisories: machines act on those."""
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from math import inf
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
+from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of, situations_of
 from deconflict.advisories.situations.situation_counts import (
     SITUATION_FAILURES,
     count_situations,
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 class SituationPublisher:
-    """Adds situations to what a pass publishes."""
+    """Makes situations of what each pass publishes."""
 
     def __init__(self, describe: Describe) -> None:
         self._lifecycle = SituationLifecycle(describe)
@@ -33,23 +33,27 @@ class SituationPublisher:
         """Name places by a changed site."""
         self._lifecycle.describe = describe
 
-    def restore(self, situations: Iterable[Situation], advisories: Iterable[AnyAdvisory]) -> None:
-        """Continue what was open before a restart."""
-        self._lifecycle.restore(situations, advisories)
+    def restore(self, revisions: Collection[AnyRevision]) -> None:
+        """Continue what was open before a restart: the newest revisions of situations and advisories."""
+        self._lifecycle.restore(situations_of(revisions), advisories_of(revisions))
 
-    def published(self, now_s: float, revisions: Sequence[AnyAdvisory], measures: Measures) -> list[AnyRevision]:
-        """The revisions of a pass with the ids of their situations, and the revisions of situations."""
+    def stamped(self, revisions: Iterable[AnyAdvisory]) -> list[AnyAdvisory]:
+        """The revisions of advisories with the ids of the situations that they are part of so far."""
+        return self._lifecycle.stamped(revisions)
+
+    def revise(self, now_s: float, revisions: Sequence[AnyAdvisory], measures: Measures) -> list[Situation]:
+        """The revisions of situations that follow from those of advisories in one pass, and from the time."""
         try:
-            published = self._lifecycle.published(now_s, revisions)
+            situations = self._lifecycle.revise(now_s, revisions)
         except Exception:
             log.exception("situations can't be made and begin anew, which should be reported")
             measures.count(SITUATION_FAILURES)
-            published = [*revisions, *self._begin_anew(now_s)]
-        count_situations(measures, situations_of(published))
+            situations = self._begin_anew(now_s)
+        count_situations(measures, situations)
         if measures is not self._measures or not 0.0 <= now_s - self._measured_s < MEASURED_EVERY_S:
             self._measures, self._measured_s = measures, now_s
             set_open_situations(measures, self._lifecycle.open())
-        return published
+        return situations
 
     def _begin_anew(self, now_s: float) -> list[Situation]:
         """Clear every situation; the advisories make new ones."""

@@ -17,7 +17,7 @@ class StreamSituations:
         """Continues from what is open in the stream."""
         situations = situations_of(newest)
         self._publisher = SituationPublisher(PlaceNames.of(site).describe)
-        self._publisher.restore(situations, advisories_of(newest))
+        self._publisher.restore(newest)
         self._decided = {situation.id: situation.revision for situation in situations}
         """The last revision that was decided here, by id of each situation until the stream has it as cleared."""
 
@@ -32,6 +32,6 @@ class StreamSituations:
         for situation in situations_of(written):
             if situation.state is AdvisoryState.CLEARED:
                 self._decided.pop(situation.id, None)
-        revisions = situations_of(self._publisher.published(now_s, advisories_of(written), measures))
+        revisions = self._publisher.revise(now_s, advisories_of(written), measures)
         self._decided.update((revision.id, revision.revision) for revision in revisions)
         return revisions

@@ -67,7 +67,7 @@ class StreamWriter:
         """
         key = key_of(advisory)
         if not isinstance(advisory, Situation):
-            advisory = stamped(advisory, self._situation_of.get(advisory.id), None)
+            advisory = stamped(advisory, self._situation_of.get(advisory.id))
         while True:
             last = self._newest.get(key)
             if last and last.advisory and not follows(advisory, last.advisory):

@@ -14,7 +14,7 @@ from uuid import uuid4
 
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.advisory import AnyAdvisory
 from deconflict.engine.message_latency import observe_latency
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.runtime.learned_state import Part, packed
@@ -78,6 +78,8 @@ class Delivery:
         self._sending_since_s: float | None = None
         """Since when the first parcel is being sent, monotonic time; None if none waits."""
         self._measured_s = 0.0
+        self._passes_s: list[float] = []
+        """Times of the passes since the last that had something to send."""
 
     def start(self) -> None:
         self._thread.start()
@@ -100,7 +102,8 @@ class Delivery:
 
     def add_pass(
         self,
-        revisions: Sequence[AnyRevision],
+        now_s: float,
+        revisions: Sequence[AnyAdvisory],
         arrivals_s: dict[str, Floats],
         measures: Measures,
         near_misses: Sequence[tuple[str, str, float, tuple[str, str]]] = (),
@@ -109,13 +112,14 @@ class Delivery:
     ) -> None:
         """Queue one pass: its revisions, near misses and losses, and once a second its measures and presence.
 
-        `arrivals_s` has by vendor the arrival times of the messages that the pass reflects.
+        `now_s` is the time of the pass. `arrivals_s` has by vendor the arrival times of the messages that it reflects.
         """
-        now_s = time.monotonic()
-        due = now_s - self._measured_s >= MEASURES_EVERY_S
+        self._passes_s.append(now_s)
+        queued_s = time.monotonic()
+        due = queued_s - self._measured_s >= MEASURES_EVERY_S
         report: dict[str, Any] = {}
         if due:
-            self._measured_s = now_s
+            self._measured_s = queued_s
             report = {"measures": [measures.as_document(), self.measures.as_document()], "presence": presence()}
         if losses:
             self._lost += 1
@@ -124,7 +128,9 @@ class Delivery:
         parts = list(zip_longest(cut_into_parcels(self._lines(revisions)), near, fillvalue=()))
         parts = parts or ([((), ())] if report else [])
         for number, (lines, pairs) in enumerate(parts, 1):
-            head = {"queued_s": now_s, "near_misses": pairs, **(report if number == len(parts) else {})}
+            if number == len(parts):
+                report["passes_s"], self._passes_s = self._passes_s, []
+            head = {"queued_s": queued_s, "near_misses": pairs, **(report if number == len(parts) else {})}
             self._add(WaitingParcel(packed_parcel(head, lines), arrivals_s if number == len(parts) else {}))
         if not parts:
             self._add(WaitingParcel(b"", arrivals_s))
@@ -137,7 +143,7 @@ class Delivery:
         """Deliver the learned state after the next parcel. Replaces one that still waits."""
         self._learned.append(learned)
 
-    def _lines(self, revisions: Iterable[AnyRevision]) -> Iterator[bytes]:
+    def _lines(self, revisions: Iterable[AnyAdvisory]) -> Iterator[bytes]:
         """Each revision as a line of JSON."""
         for revision in revisions:
             try:

@@ -1,10 +1,11 @@
 """The stored state with which an engine resumes, in pages: however much is open, no call takes long."""
 
 import json
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation, advisories_of, situations_of
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisories.situations.situation import REVISION, AnyRevision, advisories_of
+from deconflict.advisory import SITUATION, AnyAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.runtime.parcels import packed_parcel, unpacked_parcel
 from deconflict.runtime.rpc import Caller
@@ -23,15 +24,25 @@ class StoredState:
     burdens_s: dict[str, float]
     open: list[AnyAdvisory] = field(default_factory=list)
     """The newest revision of each open advisory."""
-    situations: list[Situation] = field(default_factory=list)
-    """The newest revision of each open situation."""
     encounters: dict[Pair, int] = field(default_factory=dict)
 
 
 def page_of_open(store: Store, after: int) -> bytes:
-    """What is open and whose newest revisions follow number `after`, as a parcel; its head is the last number."""
+    """The advisories that are open and whose newest revisions follow number `after`, as a parcel; its head is the last
+    number."""
     page = store.open_after(after, MOST_ADVISORIES)
-    return packed_parcel({"last": page[-1].seq if page else None}, (document.text.encode() for document in page))
+    texts = (document.text.encode() for document in page if document.kind != SITUATION)
+    return packed_parcel({"last": page[-1].seq if page else None}, texts)
+
+
+def open_revisions(store: Store, set_asides: SetAsides) -> list[AnyRevision]:
+    """The newest revision of every open advisory and situation. Raises `StoreError`."""
+    found: list[AnyRevision] = []
+    last = 0
+    while page := store.open_after(last, MOST_ADVISORIES):
+        last = page[-1].seq
+        found += _valid((document.text.encode() for document in page), set_asides)
+    return found
 
 
 def page_of_encounters(store: Store, after: Pair) -> bytes:
@@ -47,17 +58,19 @@ def stored_state(operator: Caller, set_asides: SetAsides) -> StoredState:
     while last is not None:
         head, lines = unpacked_parcel(operator.call("restore", b"%d" % last))
         last = head["last"]
-        for line in lines:
-            try:
-                revision = REVISION.validate_json(line)
-            except ValueError as error:
-                set_asides.add("invalid", line[:200].decode(errors="replace"), error)
-            else:
-                found[revision.id] = revision
+        found |= {revision.id: revision for revision in _valid(lines, set_asides)}
     state.open.extend(advisories_of(found.values()))
-    state.situations.extend(situations_of(found.values()))
     pair: Pair = FIRST_PAIR
     while page := json.loads(operator.call("encounters", json.dumps(pair).encode())):
         state.encounters.update({(a, b): count for a, b, count in page})
         pair = page[-1][0], page[-1][1]
     return state
+
+
+def _valid(lines: Iterable[bytes], set_asides: SetAsides) -> Iterator[AnyRevision]:
+    """The revisions of these lines of JSON. Those that are not valid are set aside."""
+    for line in lines:
+        try:
+            yield REVISION.validate_json(line)
+        except ValueError as error:
+            set_asides.add("invalid", line[:200].decode(errors="replace"), error)

@@ -98,6 +98,6 @@ async def tell(engine: AsyncCaller, numbers: range) -> None:
     """Advisories that come and go, a parcel at a time, and then what was learned, more often than it is remembered."""
     for first in range(numbers.start, numbers.stop, EACH):
         advisories = [make(number) for number in range(first, first + EACH) for make in (made, cleared)]
-        await engine.call("publish", packed_parcel({}, map(to_json, advisories)))
+        await engine.call("publish", packed_parcel({"passes_s": [float(first)]}, map(to_json, advisories)))
     for number in range(SNAPSHOTS + 1):
         await engine.call("learn", packed({"tick": {"now_s": float(number)}}))

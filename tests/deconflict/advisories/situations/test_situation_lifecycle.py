@@ -42,10 +42,12 @@ def test_what_is_unlikely_makes_no_situation() -> None:
     assert lifecycle().revise(NOW_S, [conflict("ab", probability=0.1)]) == []
 
 
-def test_a_published_revision_has_the_id_of_its_situation() -> None:
-    first, situation = lifecycle().published(NOW_S, [conflict("ab")])
+def test_a_revision_has_the_id_of_the_situation_that_was_open_before() -> None:
+    situations, first = lifecycle(), conflict("ab")
+    raised, situation = situations.published(NOW_S, [first])
     assert isinstance(situation, Situation)
-    assert first.situation_id == situation.id
+    updated, *_ = situations.published(NOW_S + 1, [first.next_revision(updated_at=moment(NOW_S + 1))])
+    assert (raised.situation_id, updated.situation_id) == (None, situation.id)
 
 
 def test_an_advisory_without_an_open_situation_has_no_id_of_one() -> None:

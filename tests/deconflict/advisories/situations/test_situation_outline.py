@@ -38,4 +38,4 @@ def test_spots_are_places_that_are_near_each_other_or_through_others(seed: int) 
     at_m = rng.uniform(0, 60, (rng.integers(1, 60), 2))
     is_near = np.hypot(*(at_m[:, None] - at_m).T) <= SPOT_M
     _, island = connected_components(is_near, directed=False)
-    assert spot_numbers(at_m).tolist() == island.tolist()
+    assert spot_numbers([(x_m, y_m) for x_m, y_m in at_m.tolist()]) == island.tolist()

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from deconflict.advisories.situations.situation import situations_of
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisory import AdvisoryState, AnyAdvisory
@@ -27,10 +26,8 @@ def test_advisories_are_published_although_situations_fail_and_these_begin_anew(
     publisher, first, second = SituationPublisher(places.describe), conflict("ab"), conflict("cd", x_m=30.0)
 
     def published(now_s: float, *revisions: AnyAdvisory) -> tuple[list[str], list[tuple[str, AdvisoryState]]]:
-        made = publisher.published(now_s, revisions, measures)
-        return [each.id for each in made if each.kind != "situation"], [
-            (each.id, each.state) for each in situations_of(made)
-        ]
+        stamped, made = publisher.stamped(revisions), publisher.revise(now_s, revisions, measures)
+        return [each.id for each in stamped], [(each.id, each.state) for each in made]
 
     ((before, raised),) = published(NOW_S, first)[1]
     places.is_broken = True

@@ -54,7 +54,7 @@ async def test_a_pass_larger_than_what_may_wait_for_the_disk_is_stored_in_order(
         await role.ready.wait()
         running_delivery = Delivery(Path(runtime))
         running_delivery.start()
-        running_delivery.add_pass([made(number) for number in range(count)], {}, Measures(), [NEAR] * count)
+        running_delivery.add_pass(NOW_S, [made(number) for number in range(count)], {}, Measures(), [NEAR] * count)
         await until(lambda: role._store.last_seq() == count)
         await asyncio.to_thread(running_delivery.stop)
         stop.set()
@@ -76,7 +76,7 @@ async def test_losses_of_a_pass_reach_the_ledger(tmp_path: Path) -> None:
             60.0, "Alder", "A100", "Corvid", "Basalt", "queue", "hall", "Dock", 4.1, 7.9, 8.0, 8.0, is_sure=True
         )
         for _ in range(2):
-            running_delivery.add_pass([], {}, Measures(), losses=[loss])
+            running_delivery.add_pass(NOW_S, [], {}, Measures(), losses=[loss])
         await asyncio.to_thread(running_delivery.stop)
         kept = (await role.sources.losses(LossQuestion(0.0, 3600.0))).total
         stop.set()
@@ -94,8 +94,8 @@ async def test_a_refused_parcel_is_sent_again_before_the_next(monkeypatch: pytes
         return STORED if seen.count(seen[-1]) == 3 else REFUSED
 
     async with delivering(publish) as running_delivery:
-        running_delivery.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
-        running_delivery.add_pass([made(MOST_LINES + 1)], {}, Measures())
+        running_delivery.add_pass(NOW_S, [made(number) for number in range(MOST_LINES + 1)], {}, Measures())
+        running_delivery.add_pass(NOW_S, [made(MOST_LINES + 1)], {}, Measures())
         await until(lambda: len(seen) == 9)
     assert seen == [0, 0, 0, *[MOST_LINES] * 3, *[MOST_LINES + 1] * 3]
 
@@ -109,7 +109,7 @@ async def test_what_follows_an_undelivered_parcel_is_not_delivered_at_the_end() 
 
     async with delivering(publish) as running_delivery:
         running_delivery._stopping.set()
-        running_delivery.add_pass([made(number) for number in range(MOST_LINES + 1)], {}, Measures())
+        running_delivery.add_pass(NOW_S, [made(number) for number in range(MOST_LINES + 1)], {}, Measures())
     assert seen == [MOST_LINES]
 
 
@@ -121,9 +121,9 @@ async def test_undelivered_passes_are_bounded_and_the_engine_restarts(
     running_delivery, arrived_s = Delivery(tmp_path), {"Acme": np.full(10_000, NOW_S)}
     running_delivery.start()
     for _ in range(13):
-        running_delivery.add_pass([], arrived_s, Measures())
+        running_delivery.add_pass(NOW_S, [], arrived_s, Measures())
         assert running_delivery.has_room()
-    running_delivery.add_pass([], arrived_s, Measures())
+    running_delivery.add_pass(NOW_S, [], arrived_s, Measures())
     with pytest.raises(UndeliveredError):
         await until(running_delivery.has_room)
     running_delivery.stop()
@@ -138,8 +138,8 @@ async def test_a_slow_operator_face_delays_the_next_pass_and_ends_no_engine(monk
         return STORED
 
     async with delivering(publish) as running_delivery:
-        running_delivery.add_pass([], {}, Measures(), [NEAR] * (12 * MOST_LINES))
-        running_delivery.add_pass([], {"Acme": np.full(200_000, NOW_S)}, Measures(), [NEAR])
+        running_delivery.add_pass(NOW_S, [], {}, Measures(), [NEAR] * (12 * MOST_LINES))
+        running_delivery.add_pass(NOW_S, [], {"Acme": np.full(200_000, NOW_S)}, Measures(), [NEAR])
         began_s = time.monotonic()
         assert not running_delivery.has_room()
         await until(running_delivery.has_room)
@@ -157,7 +157,7 @@ async def test_any_amount_is_delivered_to_an_operator_face_that_answers(monkeypa
 
     async with delivering(publish) as running_delivery:
         for number in range(1, 101):
-            running_delivery.add_pass([], {"Acme": np.full(10_000, NOW_S)}, Measures(), [NEAR])
+            running_delivery.add_pass(NOW_S, [], {"Acme": np.full(10_000, NOW_S)}, Measures(), [NEAR])
             await until(lambda count=number: taken == count)
             await until(running_delivery.has_room)
     waits = running_delivery.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]

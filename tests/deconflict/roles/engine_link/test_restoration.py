@@ -11,7 +11,7 @@ from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisory import ConflictAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.roles.engine_link import restoration
-from deconflict.roles.engine_link.restoration import StoredState, stored_state
+from deconflict.roles.engine_link.restoration import StoredState, open_revisions, stored_state
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.parcels import unpacked_parcel
@@ -99,12 +99,14 @@ async def test_thousands_of_open_advisories_are_restored_in_answers_of_bounded_s
     assert len(state.open) == len(state.encounters) == 3_000
 
 
-async def test_an_engine_resumes_with_open_situations_beside_its_advisories(
+async def test_an_engine_resumes_with_advisories_and_the_operator_face_with_situations_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(restoration, "MOST_ADVISORIES", 2)
     stored(tmp_path, situation(1), made(1), situation(2), situation(3), cleared_situation(2), made(2), situation(1, 2))
-    async with serving(tmp_path) as (_, caller):
+    async with serving(tmp_path) as (role, caller):
         state = await asyncio.to_thread(stored_state, caller, SetAsides(Measures()))
+        found = open_revisions(role._store, SetAsides(Measures()))
     assert [advisory.id for advisory in state.open] == ["advisory-1", "advisory-2"]
-    assert [(each.id, each.revision) for each in state.situations] == [("situation-3", 1), ("situation-1", 2)]
+    names = ["advisory-1", "situation-3", "advisory-2", "situation-1"]
+    assert [(each.id, each.revision) for each in found] == list(zip(names, (1, 1, 1, 2), strict=True))

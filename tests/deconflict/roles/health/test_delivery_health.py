@@ -75,7 +75,7 @@ async def test_health_shows_that_the_store_refuses_and_that_it_takes_again(
         await role.ready.wait()
         delivery, face = Delivery(Path(runtime)), AsyncCaller(Path(runtime), "operator")
         delivery.start()
-        delivery.add_pass([made(1)], {}, Measures())
+        delivery.add_pass(0.0, [made(1)], {}, Measures())
         await until_delivery(face, "degraded")
         monkeypatch.setattr("deconflict.operator.store.store.MOST_PENDING", 1)
         await until_delivery(face, "ok")

@@ -1,0 +1,84 @@
+"""The situations of a machine: made of what each pass of the engine publishes, once that is published.
+
+No advisory waits for its situation: machines act on advisories at once, and people look at situations. What the next
+pass publishes waits for the situations of this one. So they are those of a replay, and no more than one pass behind.
+"""
+
+import asyncio
+import logging
+from collections.abc import Iterable, Sequence
+
+from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of
+from deconflict.advisories.situations.situation_publisher import SituationPublisher
+from deconflict.advisory import AnyAdvisory
+from deconflict.engine.place_names import PlaceNames
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import Store, StoreError
+from deconflict.roles.engine_link.restoration import open_revisions
+from deconflict.settings.site import Site
+
+log = logging.getLogger(__name__)
+
+
+class LiveSituations:
+    """Publishes passes of the engine, and the situations that follow. Belongs to the event loop that publishes."""
+
+    def __init__(self, site: Site, store: Store, publisher: Publisher) -> None:
+        self._store, self._publisher = store, publisher
+        self._situations = SituationPublisher(PlaceNames.of(site).describe)
+        self._is_restored = False
+        """Whether it continues what the store had open. It is read before the first pass, when the store answers."""
+        self._advisories: list[AnyAdvisory] = []
+        """Published revisions of a pass that is not published whole."""
+        self._unpublished: list[Situation] = []
+        """Revisions that the store has not taken."""
+        self._following: asyncio.Task[None] | None = None
+        """Publishes the situations of the newest pass."""
+
+    def renew(self, site: Site) -> None:
+        """Name places by a changed site."""
+        self._situations.renew(PlaceNames.of(site).describe)
+
+    async def publish(self, revisions: Iterable[AnyRevision], passes_s: Sequence[float]) -> None:
+        """Publish revisions of advisories with the ids of their situations, then begin to make new situations.
+
+        `passes_s` are the times of the passes since the last call, ascending. The revisions are of the newest one, and
+        the others decided nothing. Without any time, further revisions of this pass follow. Raises `StoreError`; then
+        nothing is published.
+        """
+        await self.settled()
+        if not self._is_restored:
+            self._situations.restore(await asyncio.to_thread(open_revisions, self._store, self._publisher.set_asides))
+            self._is_restored = True
+        advisories = advisories_of(revisions)
+        if advisories:
+            await self._publisher.publish(self._situations.stamped(advisories))
+        self._advisories += advisories
+        if passes_s:
+            of_pass, self._advisories = self._advisories, []
+            self._following = asyncio.create_task(self._follow(of_pass, passes_s))
+
+    async def settled(self) -> None:
+        """Wait until the situations of all passes so far are published, or can't be for now."""
+        if self._following:
+            await self._following
+
+    async def _follow(self, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]) -> None:
+        self._unpublished += await asyncio.to_thread(self._made, advisories, passes_s)
+        if not self._unpublished:
+            return
+        try:
+            await self._publisher.publish(self._unpublished)
+        except StoreError as error:
+            log.warning("%d revisions of situations are not taken yet: %s", len(self._unpublished), error)
+            return
+        except Exception as error:
+            log.exception("revisions of situations can't be published")
+            for each in self._unpublished:
+                self._publisher.set_asides.add("unwritable", f"{each.id}, revision {each.revision}", error)
+        self._unpublished = []
+
+    def _made(self, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]) -> list[Situation]:
+        measures, (*quiet_s, last_s) = self._publisher.measures, passes_s
+        made = [each for now_s in quiet_s for each in self._situations.revise(now_s, [], measures)]
+        return made + self._situations.revise(last_s, advisories, measures)

@@ -1,0 +1,129 @@
+"""The situations of a running machine: made after advisories are published, as a replay makes them."""
+
+import asyncio
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
+from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, SituationLifecycle
+from deconflict.advisory import AdvisoryState, AnyAdvisory, moment
+from deconflict.engine.place_names import PlaceNames
+from deconflict.operator.store import store as stores
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.store import Store, StoreError
+from deconflict.roles.engine_link.live_situations import LiveSituations
+from deconflict.settings.site import Site
+from ingest.measures.measures import Measures
+from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    opened = Store(tmp_path)
+    yield opened
+    opened.close()
+
+
+def live_situations(store: Store) -> LiveSituations:
+    return LiveSituations(Site(), store, Publisher(store, Measures()))
+
+
+async def published(live: LiveSituations, store: Store, revisions: Sequence[AnyRevision], *passes_s: float) -> None:
+    await live.publish(revisions, passes_s)
+    await live.settled()
+
+
+def stored(store: Store) -> list[AnyRevision]:
+    return list(store.after(0, 1000))
+
+
+def stored_situations(store: Store) -> list[Situation]:
+    return situations_of(stored(store))
+
+
+async def test_an_advisory_is_published_first_and_its_next_revision_has_the_id_of_its_situation(store: Store) -> None:
+    live, first = live_situations(store), conflict("ab")
+    await published(live, store, [first], NOW_S)
+    await published(live, store, [first.next_revision(updated_at=moment(NOW_S + 1))], NOW_S + 1)
+    raised, situation, updated = stored(store)[:3]
+    assert (raised.kind, situation.kind, updated.kind) == ("conflict", "situation", "conflict")
+    assert (raised.situation_id, updated.situation_id) == (None, situation.id)
+
+
+async def test_an_advisory_does_not_wait_for_situations_but_the_next_pass_does(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    may_go_on, revise = threading.Event(), SituationLifecycle.revise
+
+    def slow(self: SituationLifecycle, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
+        assert may_go_on.wait(30)
+        return revise(self, now_s, revisions)
+
+    monkeypatch.setattr(SituationLifecycle, "revise", slow)
+    live = live_situations(store)
+    await live.publish([conflict("ab")], [NOW_S])
+    assert [each.kind for each in stored(store)] == ["conflict"]
+    following = asyncio.create_task(live.publish([conflict("cd", x_m=30.0)], [NOW_S + 0.1]))
+    await asyncio.wait({following}, timeout=0.1)
+    assert not following.done()
+    may_go_on.set()
+    await following
+    assert [each.kind for each in stored(store)] == ["conflict", "situation", "conflict"]
+    await live.settled()
+
+
+async def test_situations_are_those_of_a_replay_although_quiet_passes_are_heard_of_later(store: Store) -> None:
+    live, first, second = live_situations(store), conflict("ab"), conflict("bc", x_m=3.0)
+    cleared = [each.cleared_revision(NOW_S + 2, "they passed") for each in (first, second)]
+    passes: dict[float, list[AnyAdvisory]] = {NOW_S + 0.1 * number: [] for number in range(round(LINGERS_S * 10) + 40)}
+    passes |= {NOW_S: [first], NOW_S + 0.5: [second], NOW_S + 2.0: [*cleared]}
+    lifecycle, expected, quiet_s = SituationLifecycle(PlaceNames.of(Site()).describe), list[Situation](), list[float]()
+    for now_s, revisions in sorted(passes.items()):
+        expected += lifecycle.revise(now_s, revisions)
+        quiet_s.append(now_s)
+        if revisions or len(quiet_s) == 10:
+            await live.publish(revisions, quiet_s)
+            quiet_s = []
+    await published(live, store, [], *quiet_s)
+    found = [each.model_copy(update={"seq": 0}) for each in stored_situations(store)]
+    assert found == expected
+    assert [each.state for each in found][-1] is AdvisoryState.CLEARED
+    assert len(found) >= 3
+
+
+async def test_situations_are_made_of_whole_passes(store: Store) -> None:
+    live = live_situations(store)
+    await published(live, store, [conflict("ab")])
+    assert not stored_situations(store)
+    await published(live, store, [conflict("bc", x_m=3.0)], NOW_S)
+    (situation,) = stored_situations(store)
+    assert situation.advisories == ("conflict ab", "conflict bc")
+
+
+async def test_situations_continue_over_a_restart_also_of_advisories_that_have_no_id_of_one(store: Store) -> None:
+    first = conflict("ab")
+    await published(live_situations(store), store, [first], NOW_S)
+    (before,) = stored_situations(store)
+    live = live_situations(store)
+    await published(live, store, [conflict("bc", x_m=3.0, now_s=NOW_S + 5)], NOW_S + 5)
+    after = stored_situations(store)[-1]
+    assert (after.id, after.revision) == (before.id, 2)
+    assert after.advisories == ("conflict ab", "conflict bc")
+
+
+async def test_situations_that_the_store_does_not_take_are_published_later(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live = live_situations(store)
+    await live.publish([conflict("ab")], [NOW_S])
+    with monkeypatch.context() as full:
+        full.setattr(stores, "MOST_PENDING", 0)
+        await live.settled()
+        with pytest.raises(StoreError):
+            await live.publish([conflict("cd", x_m=30.0)], [NOW_S + 0.1])
+    assert [each.kind for each in stored(store)] == ["conflict"]
+    await published(live, store, [conflict("cd", x_m=30.0)], NOW_S + 0.1)
+    assert [each.kind for each in stored(store)] == ["conflict", "conflict", "situation", "situation"]
