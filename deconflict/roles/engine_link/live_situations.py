@@ -32,6 +32,7 @@ class LiveSituations:
         """Published revisions of a pass that is not published whole."""
         self._unpublished: list[Situation] = []
         """Revisions that the store has not taken."""
+        self._publishing = asyncio.Lock()
         self._following: asyncio.Task[None] | None = None
         """Publishes the situations of the newest pass."""
 
@@ -46,22 +47,26 @@ class LiveSituations:
         the others decided nothing. Without any time, further revisions of this pass follow. Raises `StoreError`; then
         nothing is published.
         """
-        await self.settled()
+        async with self._publishing:  # an engine that lost its connection sends a parcel again
+            await self.settled()
+            await self._restore()
+            advisories = advisories_of(revisions)
+            if advisories:
+                await self._publisher.publish(self._situations.stamped(advisories))
+            self._advisories += advisories
+            if passes_s:
+                of_pass, self._advisories = self._advisories, []
+                self._following = asyncio.create_task(self._follow(of_pass, passes_s))
+
+    async def _restore(self) -> None:
         if not self._is_restored:
             self._situations.restore(await asyncio.to_thread(open_revisions, self._store, self._publisher.set_asides))
             self._is_restored = True
-        advisories = advisories_of(revisions)
-        if advisories:
-            await self._publisher.publish(self._situations.stamped(advisories))
-        self._advisories += advisories
-        if passes_s:
-            of_pass, self._advisories = self._advisories, []
-            self._following = asyncio.create_task(self._follow(of_pass, passes_s))
 
     async def settled(self) -> None:
         """Wait until the situations of all passes so far are published, or can't be for now."""
         if self._following:
-            await self._following
+            await asyncio.wait({self._following})  # whoever waits may be cancelled, and this is to go on
 
     async def _follow(self, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]) -> None:
         self._unpublished += await asyncio.to_thread(self._made, advisories, passes_s)

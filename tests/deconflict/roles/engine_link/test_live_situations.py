@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
+from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, SituationLifecycle
 from deconflict.advisory import AdvisoryState, AnyAdvisory, moment
 from deconflict.engine.place_names import PlaceNames
@@ -18,6 +19,7 @@ from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
+from tests.helpers.patience import PATIENCE_S
 
 
 @pytest.fixture
@@ -53,16 +55,26 @@ async def test_an_advisory_is_published_first_and_its_next_revision_has_the_id_o
     assert (raised.situation_id, updated.situation_id) == (None, situation.id)
 
 
-async def test_an_advisory_does_not_wait_for_situations_but_the_next_pass_does(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    may_go_on, revise = threading.Event(), SituationLifecycle.revise
+@pytest.fixture
+def may_go_on(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Situations are made only once this is set, and of one pass at a time."""
+    is_set, is_making, revise = threading.Event(), threading.Lock(), SituationLifecycle.revise
 
     def slow(self: SituationLifecycle, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
-        assert may_go_on.wait(30)
-        return revise(self, now_s, revisions)
+        assert is_making.acquire(blocking=False), "two passes at once"
+        try:
+            assert is_set.wait(PATIENCE_S)
+            return revise(self, now_s, revisions)
+        finally:
+            is_making.release()
 
     monkeypatch.setattr(SituationLifecycle, "revise", slow)
+    return is_set
+
+
+async def test_an_advisory_does_not_wait_for_situations_but_the_next_pass_does(
+    store: Store, may_go_on: threading.Event
+) -> None:
     live = live_situations(store)
     await live.publish([conflict("ab")], [NOW_S])
     assert [each.kind for each in stored(store)] == ["conflict"]
@@ -73,6 +85,22 @@ async def test_an_advisory_does_not_wait_for_situations_but_the_next_pass_does(
     await following
     assert [each.kind for each in stored(store)] == ["conflict", "situation", "conflict"]
     await live.settled()
+
+
+async def test_a_parcel_that_is_sent_again_meanwhile_makes_nothing_twice(
+    store: Store, may_go_on: threading.Event
+) -> None:
+    live = live_situations(store)
+    sent = [asyncio.create_task(live.publish([conflict("ab")], [NOW_S])) for _ in range(2)]
+    await asyncio.wait(sent, timeout=0.1)
+    sent[1].cancel()
+    third = asyncio.create_task(live.publish([conflict("ab")], [NOW_S]))
+    await asyncio.wait({third}, timeout=0.1)
+    may_go_on.set()
+    await third
+    await live.settled()
+    assert [(each.kind, each.revision) for each in stored(store)] == [("conflict", 1), ("situation", 1)]
+    assert SITUATION_FAILURES not in live._publisher.measures.values
 
 
 async def test_situations_are_those_of_a_replay_although_quiet_passes_are_heard_of_later(store: Store) -> None:
