@@ -157,7 +157,7 @@ class OperatorRole:
         while True:
             if site := current.changed():
                 self._face.renew(site)
-                self._situations.renew(site)
+                await self._situations.renew(site)
                 try:
                     self._outlets.renew(site.webhooks, site.mqtt)
                 except SecretError as error:

@@ -8,8 +8,6 @@ from deconflict.advisory import AdvisoryState
 from ingest.measures.measures import Measures
 
 SITUATION_FAILURES = "deconflict_situation_failures_total"
-SITUATION_METRICS = ("deconflict_situations_total", "deconflict_situations_open", SITUATION_FAILURES)
-"""What is measured of situations."""
 
 
 def count_situations(measures: Measures, revisions: Iterable[Situation]) -> None:

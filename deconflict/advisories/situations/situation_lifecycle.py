@@ -26,7 +26,7 @@ LINGERS_S = 10.0
 """A situation is cleared once it has not been worth a reaction for so long."""
 UPDATE_GAP_S, JOINED_GAP_S = 4.0, 1.0
 """Shortest time between two revisions, unless severity rises or advice changes; and before one that lists another
-robot."""
+robot or advisory."""
 LOOK_S = 1.0
 """A situation without news is looked at again after this time, as less and less of it can be prevented."""
 WORTH_S = 1.0
@@ -89,15 +89,14 @@ class SituationLifecycle:
         return group.id if group and group.opened_s is not None else None
 
     def restore(self, situations: Iterable[Situation], advisories: Iterable[AnyAdvisory]) -> None:
-        """Continue what was open before a restart."""
+        """Continue what was open before a restart. An advisory is part of the situation that lists it."""
         self._advisories = {advisory.id: advisory for advisory in advisories}
         self._regrouped = {name: Member.of(advisory) for name, advisory in self._advisories.items()}
         situations = list(situations)
         listed = {name: situation.id for situation in situations for name in situation.advisories}
         members_of: dict[str | None, dict[str, Member]] = {}
         for name, member in self._regrouped.items():
-            situation_id = self._advisories[name].situation_id or listed.get(name)
-            members_of.setdefault(situation_id, {})[name] = member
+            members_of.setdefault(listed.get(name), {})[name] = member
         for situation in situations:
             group = _restored_group(situation, members_of.get(situation.id, {}))
             self._grouping.restore(group)
@@ -190,7 +189,8 @@ class SituationLifecycle:
             return situation_fields.emptied(before, self._place(before.location), now_s) if before.advisories else None
         assessment = self._assessed(watched, advisories, stakes, now_s)
         is_urgent = rises(assessment.severity, before.severity) or assessment.advice is not before.advice
-        gap_s = UPDATE_GAP_S if set(assessment.robots).issubset(before.robots) else JOINED_GAP_S
+        is_listed = set(assessment.robots).issubset(before.robots) and group.members.keys() <= set(before.advisories)
+        gap_s = UPDATE_GAP_S if is_listed else JOINED_GAP_S
         if not is_urgent and 0.0 <= now_s - before.updated_at.timestamp() < gap_s:
             return None
         after = situation_fields.updated(before, group, assessment, now_s)

@@ -11,11 +11,11 @@ from deconflict.advisories.situations.situation_counts import (
     set_open_situations,
 )
 from deconflict.advisories.situations.situation_lifecycle import Describe, SituationLifecycle
-from deconflict.advisory import AnyAdvisory
+from deconflict.advisory import AdvisoryState, AnyAdvisory
 from ingest.measures.measures import Measures
 
 MEASURED_EVERY_S = 1.0
-"""How many situations are open is measured so often, as often as measures leave the engine."""
+"""How many situations are open is measured so often."""
 
 log = logging.getLogger(__name__)
 
@@ -25,6 +25,10 @@ class SituationPublisher:
 
     def __init__(self, describe: Describe) -> None:
         self._lifecycle = SituationLifecycle(describe)
+        self._open: dict[str, Situation] = {}
+        """The newest revision of each open situation that was given out, by id."""
+        self._has_failed = False
+        """Whether what was open before a restart could not be taken in."""
         self._measures: Measures | None = None
         self._measured_s = -inf
         """When it was last measured how many are open, and where."""
@@ -35,7 +39,13 @@ class SituationPublisher:
 
     def restore(self, revisions: Collection[AnyRevision]) -> None:
         """Continue what was open before a restart: the newest revisions of situations and advisories."""
-        self._lifecycle.restore(situations_of(revisions), advisories_of(revisions))
+        situations = situations_of(revisions)
+        self._open = {situation.id: situation for situation in situations}
+        try:
+            self._lifecycle.restore(situations, advisories_of(revisions))
+        except Exception:
+            log.exception("open situations can't be continued, which should be reported")
+            self._has_failed = True
 
     def stamped(self, revisions: Iterable[AnyAdvisory]) -> list[AnyAdvisory]:
         """The revisions of advisories with the ids of the situations that they are part of so far."""
@@ -43,20 +53,31 @@ class SituationPublisher:
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory], measures: Measures) -> list[Situation]:
         """The revisions of situations that follow from those of advisories in one pass, and from the time."""
-        try:
-            situations = self._lifecycle.revise(now_s, revisions)
-        except Exception:
-            log.exception("situations can't be made and begin anew, which should be reported")
+        situations = self._revise(now_s, revisions)
+        if situations is None or self._has_failed:
             measures.count(SITUATION_FAILURES)
             situations = self._begin_anew(now_s)
+        self._open |= {situation.id: situation for situation in situations}
+        for situation in situations:
+            if situation.state is AdvisoryState.CLEARED:
+                self._open.pop(situation.id, None)
         count_situations(measures, situations)
         if measures is not self._measures or not 0.0 <= now_s - self._measured_s < MEASURED_EVERY_S:
             self._measures, self._measured_s = measures, now_s
-            set_open_situations(measures, self._lifecycle.open())
+            set_open_situations(measures, self._open.values())
         return situations
+
+    def _revise(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation] | None:
+        """None if they can't be made."""
+        try:
+            return self._lifecycle.revise(now_s, revisions)
+        except Exception:
+            log.exception("situations can't be made and begin anew, which should be reported")
+            return None
 
     def _begin_anew(self, now_s: float) -> list[Situation]:
         """Clear every situation; the advisories make new ones."""
         before, self._lifecycle = self._lifecycle, SituationLifecycle(self._lifecycle.describe)
         self._lifecycle.restore((), before.advisories())
-        return [situation.cleared_revision(now_s, "situations begin anew after a fault") for situation in before.open()]
+        self._has_failed = False
+        return [each.cleared_revision(now_s, "situations begin anew after a fault") for each in self._open.values()]

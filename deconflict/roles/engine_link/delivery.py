@@ -79,7 +79,7 @@ class Delivery:
         """Since when the first parcel is being sent, monotonic time; None if none waits."""
         self._measured_s = 0.0
         self._passes_s: list[float] = []
-        """Times of the passes since the last that had something to send."""
+        """Times of the passes whose times were not sent, in their order."""
 
     def start(self) -> None:
         self._thread.start()

@@ -1,7 +1,8 @@
 """The situations of a machine: made of what each pass of the engine publishes, once that is published.
 
-No advisory waits for its situation: machines act on advisories at once, and people look at situations. What the next
-pass publishes waits for the situations of this one. So they are those of a replay, and no more than one pass behind.
+No advisory waits for the situations of its pass: machines act on advisories at once, and people look at situations. The
+advisories of the next pass wait until these situations are published. So situations are those of a replay, and no more
+than one pass behind.
 """
 
 import asyncio
@@ -9,6 +10,7 @@ import logging
 from collections.abc import Iterable, Sequence
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of
+from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisory import AnyAdvisory
 from deconflict.engine.place_names import PlaceNames
@@ -36,16 +38,18 @@ class LiveSituations:
         self._following: asyncio.Task[None] | None = None
         """Publishes the situations of the newest pass."""
 
-    def renew(self, site: Site) -> None:
+    async def renew(self, site: Site) -> None:
         """Name places by a changed site."""
-        self._situations.renew(PlaceNames.of(site).describe)
+        names = await asyncio.to_thread(PlaceNames.of, site)
+        await self.settled()
+        self._situations.renew(names.describe)
 
     async def publish(self, revisions: Iterable[AnyRevision], passes_s: Sequence[float]) -> None:
         """Publish revisions of advisories with the ids of their situations, then begin to make new situations.
 
-        `passes_s` are the times of the passes since the last call, ascending. The revisions are of the newest one, and
-        the others decided nothing. Without any time, further revisions of this pass follow. Raises `StoreError`; then
-        nothing is published.
+        `passes_s` are the times of the passes since the last call, in their order. The revisions are of the last one,
+        and the others decided nothing. Without any time, further revisions of this pass follow. Raises `StoreError` if
+        the store takes nothing; then the call is to be made again.
         """
         async with self._publishing:  # an engine that lost its connection sends a parcel again
             await self.settled()
@@ -69,16 +73,16 @@ class LiveSituations:
             await asyncio.wait({self._following})  # whoever waits may be cancelled, and this is to go on
 
     async def _follow(self, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]) -> None:
-        self._unpublished += await asyncio.to_thread(self._made, advisories, passes_s)
-        if not self._unpublished:
-            return
         try:
-            await self._publisher.publish(self._unpublished)
+            self._unpublished += await asyncio.to_thread(self._made, advisories, passes_s)
+            if self._unpublished:
+                await self._publisher.publish(self._unpublished)
         except StoreError as error:
             log.warning("%d revisions of situations are not taken yet: %s", len(self._unpublished), error)
             return
         except Exception as error:
-            log.exception("revisions of situations can't be published")
+            log.exception("situations can't be published, which should be reported")
+            self._publisher.measures.count(SITUATION_FAILURES)
             for each in self._unpublished:
                 self._publisher.set_asides.add("unwritable", f"{each.id}, revision {each.revision}", error)
         self._unpublished = []

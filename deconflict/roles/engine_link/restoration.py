@@ -1,4 +1,5 @@
-"""The stored state with which an engine resumes, in pages: however much is open, no call takes long."""
+"""The stored state with which an engine resumes, in pages: however much is open, no call takes long. And what is open,
+with which situations resume."""
 
 import json
 from collections.abc import Iterable, Iterator

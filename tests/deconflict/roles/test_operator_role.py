@@ -2,8 +2,9 @@
 
 import asyncio
 import gc
+import time
 import tracemalloc
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,9 @@ from pathlib import Path
 import pytest
 from pydantic_core import to_json
 
+from deconflict.advisories.situations.situation import Situation, situations_of
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.operator.blackbox.keeper import SNAPSHOTS
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
 from deconflict.operator.store.store import Store
@@ -19,11 +23,16 @@ from deconflict.roles.service import runtime_directory
 from deconflict.runtime.learned_state import packed
 from deconflict.runtime.parcels import STORED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller
+from deconflict.settings.hot_reload import SITE_FILE
+from deconflict.settings.shared_places import NamedArea
 from deconflict.settings.site import Operator, Site, StoreSettings
+from ingest.settings import Datum
 from metrics.monitoring.exposition import render
+from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
 from tests.deconflict.operator.http.served_face import until
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.plain_http import http_client
+from tests.helpers.saying import HALL
 
 EACH = 25
 """Advisories in a parcel, each raised and cleared."""
@@ -92,6 +101,36 @@ async def test_an_invalid_revision_is_set_aside_and_the_others_of_its_parcel_are
         assert await engine.call("publish", parcel) == STORED
         assert [advisory.id for advisory in role._store.after(0)] == ["advisory-1", "advisory-4"]
         assert role._publisher.measures.values["deconflict_advisories_set_aside_total"]["invalid",] == 3
+
+
+async def test_a_quiet_pass_ends_a_situation_and_what_is_being_made_is_published_before_the_role_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, revise = conflict("ab"), SituationLifecycle.revise
+
+    def slow(self: SituationLifecycle, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[Situation]:
+        time.sleep(0.2)
+        return revise(self, now_s, revisions)
+
+    monkeypatch.setattr(SituationLifecycle, "revise", slow)
+    async with serving(tmp_path) as (_, engine):
+        for at_s, revisions in ((0, [first]), (1, [first.cleared_revision(NOW_S + 1, "they passed")]), (60, [])):
+            await engine.call("publish", packed_parcel({"passes_s": [NOW_S + at_s]}, map(to_json, revisions)))
+    store = Store(tmp_path)
+    assert [each.state for each in situations_of(store.after(0))][-1] is AdvisoryState.CLEARED
+    store.close()
+
+
+async def test_situations_name_places_by_a_site_that_was_changed_meanwhile(tmp_path: Path) -> None:
+    outline = ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0))
+    site = Site(datums=(Datum(id=HALL, name="Hall"),), areas=(NamedArea(name="Bay 4", outline_m=outline),))
+    async with serving(tmp_path) as (role, engine):
+        (role._runtime / SITE_FILE).write_text(site.model_dump_json())
+        await until(lambda: bool(role._site.areas))
+        await engine.call("publish", packed_parcel({"passes_s": [NOW_S]}, [to_json(conflict("ab"))]))
+    store = Store(tmp_path)
+    assert "in Bay 4" in situations_of(store.after(0))[0].summary
+    store.close()
 
 
 async def tell(engine: AsyncCaller, numbers: range) -> None:

@@ -40,12 +40,15 @@ class History:
         self.now_s, self.advisories = START_S, dict[str, ConflictAdvisory]()
         self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
         self.revisions: defaultdict[str, list[Situation]] = defaultdict(list)
+        self.stamps: dict[str, str | None] = {}
+        """By id, the situation that the newest revision of an advisory was published with."""
         self.raised = 0
 
     def advance(self, changes: list[tuple[int, str, tuple[int, int], tuple[int, int], float, float]]) -> None:
         self.now_s += PASS_S
         revisions = [revision for change in changes if (revision := self._changed(*change))]
         newest = {revision.id: revision for revision in revisions}
+        self.stamps |= {name: self.lifecycle.situation_of(name) for name in newest}
         for situation in self.lifecycle.revise(self.now_s, list(newest.values())):
             self.revisions[situation.id].append(situation)
 
@@ -94,7 +97,7 @@ class History:
         self.lifecycle.restore(situations, advisories)
 
     def _stored(self, advisory: ConflictAdvisory) -> ConflictAdvisory:
-        published = advisory.model_copy(update={"situation_id": self.lifecycle.situation_of(advisory.id)})
+        published = advisory.model_copy(update={"situation_id": self.stamps[advisory.id]})
         return ConflictAdvisory.model_validate_json(published.model_dump_json())
 
     def last(self) -> None:

@@ -100,6 +100,24 @@ async def test_a_refused_parcel_is_sent_again_before_the_next(monkeypatch: pytes
     assert seen == [0, 0, 0, *[MOST_LINES] * 3, *[MOST_LINES + 1] * 3]
 
 
+async def test_the_times_of_passes_come_with_the_last_parcel_of_the_next_that_has_something_to_send(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(delivery, "MEASURES_EVERY_S", float("inf"))
+    times_s: list[list[float] | None] = []
+
+    async def publish(parcel: bytes) -> bytes:
+        times_s.append(unpacked_parcel(parcel)[0].get("passes_s"))
+        return STORED
+
+    passes = (0, 0, MOST_LINES + 1, 1)
+    async with delivering(publish) as running_delivery:
+        for number, revisions in enumerate(passes):
+            running_delivery.add_pass(NOW_S + number, [made(each) for each in range(revisions)], {}, Measures())
+        await until(lambda: len(times_s) == 3)
+    assert times_s == [None, [NOW_S, NOW_S + 1, NOW_S + 2], [NOW_S + 3]]
+
+
 async def test_what_follows_an_undelivered_parcel_is_not_delivered_at_the_end() -> None:
     seen: list[int] = []
 

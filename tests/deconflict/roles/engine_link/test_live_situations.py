@@ -10,16 +10,20 @@ import pytest
 from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory, moment
+from deconflict.advisory import AdvisoryState, AnyAdvisory, Location, moment
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.store import store as stores
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.engine_link.live_situations import LiveSituations
+from deconflict.runtime.set_asides import SET_ASIDE
+from deconflict.settings.shared_places import NamedArea
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
+from ingest.settings import Datum
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import HALL
 
 
 @pytest.fixture
@@ -140,6 +144,62 @@ async def test_situations_continue_over_a_restart_also_of_advisories_that_have_n
     after = stored_situations(store)[-1]
     assert (after.id, after.revision) == (before.id, 2)
     assert after.advisories == ("conflict ab", "conflict bc")
+
+
+async def test_a_split_continues_over_a_restart(store: Store) -> None:
+    first, second = conflict("ab", left_s=60), conflict("cd", left_s=60, x_m=6.0)
+    far = Location(datum=HALL, x=60.0, y=0.0)
+    await published(live_situations(store), store, [first, second], NOW_S)
+    live = live_situations(store)
+    await published(live, store, [second.next_revision(updated_at=moment(NOW_S + 10), location=far)], NOW_S + 10)
+    before = {each.id for each in stored_situations(store)}
+    await published(live_situations(store), store, [], *[NOW_S + 11 + each for each in range(30)])
+    assert {each.id for each in stored_situations(store)} == before
+    assert len(before) == 2
+
+
+async def test_a_fault_in_what_is_restored_holds_up_no_advisory_and_leaves_nothing_open(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await published(live_situations(store), store, [conflict("ab")], NOW_S)
+    (before,) = stored_situations(store)
+    with monkeypatch.context() as broken:
+        broken.setattr("deconflict.advisories.situations.situation_lifecycle._restored_group", None)
+        live = live_situations(store)
+        await published(live, store, [conflict("cd", x_m=30.0)], NOW_S + 1)
+    await published(live, store, [], NOW_S + 2)
+    assert [each.id for each in stored(store) if each.kind == "conflict"] == ["conflict ab", "conflict cd"]
+    assert [each.state for each in stored_situations(store) if each.id == before.id][-1] is AdvisoryState.CLEARED
+    assert len({each.id for each in stored_situations(store)}) == 3
+    assert live._publisher.measures.values[SITUATION_FAILURES][()] == 1
+
+
+async def test_a_fault_while_situations_are_published_holds_up_no_advisory(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live, publisher = live_situations(store), Publisher.publish
+
+    async def broken(self: Publisher, revisions: Sequence[AnyRevision]) -> list[AnyRevision]:
+        if situations_of(revisions):
+            raise ArithmeticError
+        return await publisher(self, revisions)
+
+    with monkeypatch.context() as faulty:
+        faulty.setattr(Publisher, "publish", broken)
+        await published(live, store, [conflict("ab")], NOW_S)
+    await published(live, store, [conflict("cd", x_m=30.0)], NOW_S + 0.1)
+    assert [each.kind for each in stored(store)] == ["conflict", "conflict", "situation"]
+    assert live._publisher.measures.values[SET_ASIDE]["unwritable",] == 1
+    assert live._publisher.measures.values[SITUATION_FAILURES][()] == 1
+
+
+async def test_situations_name_places_by_the_changed_site_and_are_counted(store: Store) -> None:
+    live = live_situations(store)
+    outline = ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0))
+    await live.renew(Site(datums=(Datum(id=HALL, name="Hall"),), areas=(NamedArea(name="Bay 4", outline_m=outline),)))
+    await published(live, store, [conflict("ab")], NOW_S)
+    assert "in Bay 4" in stored_situations(store)[0].summary
+    assert live._publisher.measures.values["deconflict_situations_total"] == {("meeting", "raised"): 1}
 
 
 async def test_situations_that_the_store_does_not_take_are_published_later(

@@ -1,6 +1,7 @@
 """The stored state that a new engine receives: all of it, in pages that keep the operator face responsive."""
 
 import asyncio
+import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -106,7 +107,9 @@ async def test_an_engine_resumes_with_advisories_and_the_operator_face_with_situ
     stored(tmp_path, situation(1), made(1), situation(2), situation(3), cleared_situation(2), made(2), situation(1, 2))
     async with serving(tmp_path) as (role, caller):
         state = await asyncio.to_thread(stored_state, caller, SetAsides(Measures()))
+        first_page = await asyncio.to_thread(caller.call, "restore", b"0")
         found = open_revisions(role._store, SetAsides(Measures()))
     assert [advisory.id for advisory in state.open] == ["advisory-1", "advisory-2"]
+    assert [json.loads(line)["id"] for line in unpacked_parcel(first_page)[1]] == ["advisory-1"]
     names = ["advisory-1", "situation-3", "advisory-2", "situation-1"]
     assert [(each.id, each.revision) for each in found] == list(zip(names, (1, 1, 1, 2), strict=True))
