@@ -52,7 +52,7 @@ def outline(group: Group) -> tuple[Place, ...]:
     places = sorted((member.x_m, member.y_m) for member in group.members.values())
     rings = (shapely.get_exterior_ring(area) for area in _areas(places))
     ring = next(ring for ring in rings if shapely.get_num_coordinates(ring) <= MOST_CORNERS + 1)
-    return tuple((round(x_m, 2), round(y_m, 2)) for x_m, y_m in shapely.get_coordinates(ring)[:-1].tolist())
+    return tuple((x_m, y_m) for x_m, y_m in shapely.get_coordinates(ring)[:-1].round(2).tolist())
 
 
 def _areas(places: Sequence[Place]) -> Iterator[shapely.Polygon]:
@@ -63,7 +63,7 @@ def _areas(places: Sequence[Place]) -> Iterator[shapely.Polygon]:
 
 
 def _around(shape: shapely.Geometry) -> shapely.Polygon:
-    return shape.buffer(MARGIN_M, quad_segs=2)
+    return shapely.buffer(shape, MARGIN_M, quad_segs=2)
 
 
 def _linked(hulls: Sequence[shapely.Geometry]) -> shapely.Polygon:
@@ -74,6 +74,6 @@ def _linked(hulls: Sequence[shapely.Geometry]) -> shapely.Polygon:
         nearest = min(left, key=whole.distance)
         left.remove(nearest)
         area = _around(nearest)
-        link = shapely.shortest_line(whole, area).buffer(LINK_M, cap_style="square")
+        link = shapely.buffer(shapely.shortest_line(whole, area), LINK_M, cap_style="square")
         whole = shapely.union_all([whole, link, area])
     return whole
