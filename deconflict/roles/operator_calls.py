@@ -6,7 +6,6 @@ import logging
 import sqlite3
 import time
 from collections.abc import Awaitable, Callable, Iterable
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -127,8 +126,7 @@ class OperatorCalls:
         if "queued_s" in head:
             self._engine.delivery.arrived(head["queued_s"])
         passes_s = head.get("passes_s", ())
-        publish = partial(self._situations.publish, passes_s=passes_s)
-        if (lines or passes_s) and not await self._is_published(map(self._revision, lines), publish):
+        if (lines or passes_s) and not await self._is_published(map(self._revision, lines), self._situations.publish):
             return REFUSED
         if head.get("canary"):
             self._engine.canary.arrived(head["canary"])
@@ -137,6 +135,7 @@ class OperatorCalls:
             await asyncio.to_thread(self._keeper.note, pairs)
         if head.get("losses"):
             await asyncio.to_thread(self._add_losses, **head["losses"])
+        self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for
         return self._taken()
 
     def _add_losses(self, sender: str, number: int, entries: list[list[Any]]) -> None:

@@ -44,13 +44,9 @@ class LiveSituations:
         await self.settled()
         self._situations.renew(names.describe)
 
-    async def publish(self, revisions: Iterable[AnyRevision], passes_s: Sequence[float]) -> None:
-        """Publish revisions of advisories with the ids of their situations, then begin to make new situations.
-
-        `passes_s` are the times of the passes since the last call, in their order. The revisions are of the last one,
-        and the others decided nothing. Without any time, further revisions of this pass follow. Raises `StoreError` if
-        the store takes nothing; then the call is to be made again.
-        """
+    async def publish(self, revisions: Iterable[AnyRevision]) -> None:
+        """Publish revisions of advisories with the ids of their situations. Raises `StoreError` if the store takes
+        nothing; then the call is to be made again."""
         async with self._publishing:  # an engine that lost its connection sends a parcel again
             await self.settled()
             await self._restore()
@@ -58,9 +54,16 @@ class LiveSituations:
             if advisories:
                 await self._publisher.publish(self._situations.stamped(advisories))
             self._advisories += advisories
-            if passes_s:
-                of_pass, self._advisories = self._advisories, []
-                self._following = asyncio.create_task(self._follow(of_pass, passes_s))
+
+    def follow(self, passes_s: Sequence[float]) -> None:
+        """Begin to make the situations that follow from what was published since the last call.
+
+        `passes_s` are the times of the passes since then, in their order. What was published is of the last one, and
+        the others decided nothing. Without any time, more of this pass is to be published.
+        """
+        if passes_s:
+            of_pass, self._advisories = self._advisories, []
+            self._following = asyncio.create_task(self._follow(self._following, of_pass, passes_s))
 
     async def _restore(self) -> None:
         if not self._is_restored:
@@ -72,7 +75,11 @@ class LiveSituations:
         if self._following:
             await asyncio.wait({self._following})  # whoever waits may be cancelled, and this is to go on
 
-    async def _follow(self, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]) -> None:
+    async def _follow(
+        self, before: asyncio.Task[None] | None, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]
+    ) -> None:
+        if before:
+            await asyncio.wait({before})
         try:
             self._unpublished += await asyncio.to_thread(self._made, advisories, passes_s)
             if self._unpublished:

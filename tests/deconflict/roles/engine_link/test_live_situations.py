@@ -16,7 +16,8 @@ from deconflict.operator.store import store as stores
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.engine_link.live_situations import LiveSituations
-from deconflict.runtime.set_asides import SET_ASIDE
+from deconflict.roles.engine_link.restoration import open_revisions
+from deconflict.runtime.set_asides import SET_ASIDE, SetAsides
 from deconflict.settings.shared_places import NamedArea
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
@@ -37,8 +38,14 @@ def live_situations(store: Store) -> LiveSituations:
     return LiveSituations(Site(), store, Publisher(store, Measures()))
 
 
+async def send(live: LiveSituations, revisions: Sequence[AnyRevision], passes_s: Sequence[float]) -> None:
+    """What the operator face does with a parcel."""
+    await live.publish(revisions)
+    live.follow(passes_s)
+
+
 async def published(live: LiveSituations, store: Store, revisions: Sequence[AnyRevision], *passes_s: float) -> None:
-    await live.publish(revisions, passes_s)
+    await send(live, revisions, passes_s)
     await live.settled()
 
 
@@ -80,9 +87,9 @@ async def test_an_advisory_does_not_wait_for_situations_but_the_next_pass_does(
     store: Store, may_go_on: threading.Event
 ) -> None:
     live = live_situations(store)
-    await live.publish([conflict("ab")], [NOW_S])
+    await send(live, [conflict("ab")], [NOW_S])
     assert [each.kind for each in stored(store)] == ["conflict"]
-    following = asyncio.create_task(live.publish([conflict("cd", x_m=30.0)], [NOW_S + 0.1]))
+    following = asyncio.create_task(send(live, [conflict("cd", x_m=30.0)], [NOW_S + 0.1]))
     await asyncio.wait({following}, timeout=0.1)
     assert not following.done()
     may_go_on.set()
@@ -92,19 +99,28 @@ async def test_an_advisory_does_not_wait_for_situations_but_the_next_pass_does(
 
 
 async def test_a_parcel_that_is_sent_again_meanwhile_makes_nothing_twice(
-    store: Store, may_go_on: threading.Event
+    store: Store, may_go_on: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    reads: list[Store] = []
+
+    def counted(opened: Store, set_asides: SetAsides) -> list[AnyRevision]:
+        reads.append(opened)
+        return open_revisions(opened, set_asides)
+
+    monkeypatch.setattr("deconflict.roles.engine_link.live_situations.open_revisions", counted)
     live = live_situations(store)
-    sent = [asyncio.create_task(live.publish([conflict("ab")], [NOW_S])) for _ in range(2)]
-    await asyncio.wait(sent, timeout=0.1)
-    sent[1].cancel()
-    third = asyncio.create_task(live.publish([conflict("ab")], [NOW_S]))
-    await asyncio.wait({third}, timeout=0.1)
+    await asyncio.gather(*(live.publish([conflict("ab")]) for _ in range(2)))
+    for _ in range(2):
+        live.follow([NOW_S])
+    interrupted, again = (asyncio.create_task(send(live, [conflict("ab")], [NOW_S])) for _ in range(2))
+    await asyncio.wait({interrupted, again}, timeout=0.1)
+    interrupted.cancel()
     may_go_on.set()
-    await third
+    await again
     await live.settled()
     assert [(each.kind, each.revision) for each in stored(store)] == [("conflict", 1), ("situation", 1)]
     assert SITUATION_FAILURES not in live._publisher.measures.values
+    assert reads == [store]
 
 
 async def test_situations_are_those_of_a_replay_although_quiet_passes_are_heard_of_later(store: Store) -> None:
@@ -117,7 +133,7 @@ async def test_situations_are_those_of_a_replay_although_quiet_passes_are_heard_
         expected += lifecycle.revise(now_s, revisions)
         quiet_s.append(now_s)
         if revisions or len(quiet_s) == 10:
-            await live.publish(revisions, quiet_s)
+            await send(live, revisions, quiet_s)
             quiet_s = []
     await published(live, store, [], *quiet_s)
     found = [each.model_copy(update={"seq": 0}) for each in stored_situations(store)]
@@ -206,12 +222,12 @@ async def test_situations_that_the_store_does_not_take_are_published_later(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     live = live_situations(store)
-    await live.publish([conflict("ab")], [NOW_S])
+    await send(live, [conflict("ab")], [NOW_S])
     with monkeypatch.context() as full:
         full.setattr(stores, "MOST_PENDING", 0)
         await live.settled()
         with pytest.raises(StoreError):
-            await live.publish([conflict("cd", x_m=30.0)], [NOW_S + 0.1])
+            await send(live, [conflict("cd", x_m=30.0)], [NOW_S + 0.1])
     assert [each.kind for each in stored(store)] == ["conflict"]
     await published(live, store, [conflict("cd", x_m=30.0)], NOW_S + 0.1)
     assert [each.kind for each in stored(store)] == ["conflict", "conflict", "situation", "situation"]
