@@ -66,8 +66,8 @@ class OperatorSources:
         """A sentence for people that the page shows."""
         self._recording = RecordingHealth()
 
-    async def robots(self) -> list[dict[str, Any]]:
-        robots: list[dict[str, Any]] = await self._ask("robots")
+    async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
+        robots: list[dict[str, Any]] = await self._ask("robots", uuid.encode())
         return [robot | _presence_of(robot["uuid"], self._engine.presence) for robot in robots]
 
     async def give_robot(self, uuid: str, vendor: str) -> dict[str, Any]:
@@ -245,9 +245,9 @@ class OperatorSources:
         since_s = process["since_s"]
         return since_s is not None and self._engine.received_s >= since_s
 
-    async def _ask(self, name: str) -> Any:
+    async def _ask(self, name: str, payload: bytes = b"") -> Any:
         try:
-            return json.loads(await self._receiver.call(name))
+            return json.loads(await self._receiver.call(name, payload))
         except LinkDownError as error:
             raise SourceUnavailableError(await self._missing_role()) from error
 

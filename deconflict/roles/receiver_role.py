@@ -274,13 +274,14 @@ class ReceiverRole:
         self._unasked_due_s = began_s + took_s / UNASKED_SHARE
         return packed_batch(self._recent.number, snapshot, whole=True)
 
-    async def _robots(self, _: bytes) -> bytes:
-        """The documents of all robots.
+    async def _robots(self, uuid: bytes) -> bytes:
+        """The documents of all robots, or of the one with this UUID, if it is here.
 
         Lets other tasks run after every few: ten thousand documents take seconds, and messages must not wait.
         """
-        documents, now_s = [], self._now_s()
-        for number, robot in enumerate(sorted(self.fleet.robots.values(), key=attrgetter("uuid"))):
+        documents, now_s, known = [], self._now_s(), self.fleet.robots
+        wanted = filter(None, [known.get(uuid.decode())]) if uuid else known.values()
+        for number, robot in enumerate(sorted(wanted, key=attrgetter("uuid"))):
             documents.append(json.dumps(fleet_report.robot_document(self.fleet, robot, now_s)))
             if number % DOCUMENTS_AT_ONCE == 0:
                 await asyncio.sleep(0)

@@ -123,7 +123,7 @@ class ApiRoutes:
 
     async def robot(self, uuid: str) -> Response:
         """What one robot reported."""
-        for robot in await self._sources.robots():
+        for robot in await self._sources.robots(uuid.lower()):
             if robot["uuid"] == uuid.lower():
                 return json_response(robot)
         raise HTTPException(404, f"no robot {uuid!r} has reported")

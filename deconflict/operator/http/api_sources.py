@@ -42,8 +42,11 @@ class FloorSource(Protocol):
 class Sources(FloorSource, Protocol):
     """What all routes need of the other roles. Each call raises `SourceUnavailableError` if a role does not answer."""
 
-    async def robots(self) -> list[Document]:
-        """What each robot reported and what was derived from it, with at least `uuid` and `vendor`."""
+    async def robots(self, uuid: str = "") -> list[Document]:
+        """What each robot reported and what was derived from it, with at least `uuid` and `vendor`.
+
+        With a UUID at least that robot, if it is known.
+        """
 
     async def give_robot(self, uuid: str, vendor: str) -> Document:
         """Let a robot belong to a vendor: `before`, its owner until now, and `problem`, why it can't be given or ""."""

@@ -90,6 +90,16 @@ async def test_messages_are_read_while_all_robot_documents_are_written(tmp_path:
         assert turns > 10
 
 
+async def test_only_the_document_of_one_robot_is_written_if_one_is_asked_for(tmp_path: Path) -> None:
+    async with serving(tmp_path) as role:
+        for name in ("R-1", "R-2", "R-3"):
+            role.fleet.receive(status(name, time.time()), time.time(), Connection(1))
+        known, caller = sorted(role.fleet.robots), AsyncCaller(tmp_path, "receiver")
+        documents = json.loads(await caller.call("robots", known[1].encode()))
+        assert [document["uuid"] for document in documents] == [known[1]]
+        assert json.loads(await caller.call("robots", b"nobody")) == []
+
+
 async def test_a_stalled_disk_delays_no_batch_and_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

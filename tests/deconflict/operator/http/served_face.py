@@ -47,9 +47,9 @@ class GivenSources:
     ledger: LossLedger = field(default_factory=lambda: LossLedger(None, LossSettings()))
     whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).snapshot(1.0))
 
-    async def robots(self) -> list[dict[str, Any]]:
+    async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
         self._ask("receiver")
-        return ROBOT_DOCUMENTS
+        return [document for document in ROBOT_DOCUMENTS if uuid in ("", document["uuid"])]
 
     async def give_robot(self, uuid: str, vendor: str) -> dict[str, Any]:
         self._ask("receiver")
