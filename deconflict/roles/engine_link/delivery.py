@@ -79,7 +79,7 @@ class Delivery:
         """Since when the first parcel is being sent, monotonic time; None if none waits."""
         self._measured_s = 0.0
         self._passes_s: list[float] = []
-        """Times of the passes whose times were not sent, in their order."""
+        """Times of the passes that no parcel names yet, in their order."""
 
     def start(self) -> None:
         self._thread.start()
@@ -127,9 +127,9 @@ class Delivery:
         near = [near_misses[first : first + MOST_LINES] for first in range(0, len(near_misses), MOST_LINES)]
         parts = list(zip_longest(cut_into_parcels(self._lines(revisions)), near, fillvalue=()))
         parts = parts or ([((), ())] if report else [])
+        if parts:
+            report["passes_s"], self._passes_s = self._passes_s, []
         for number, (lines, pairs) in enumerate(parts, 1):
-            if number == len(parts):
-                report["passes_s"], self._passes_s = self._passes_s, []
             head = {"queued_s": queued_s, "near_misses": pairs, **(report if number == len(parts) else {})}
             self._add(WaitingParcel(packed_parcel(head, lines), arrivals_s if number == len(parts) else {}))
         if not parts:

@@ -29,9 +29,9 @@ class LiveSituations:
         self._store, self._publisher = store, publisher
         self._situations = SituationPublisher(PlaceNames.of(site).describe)
         self._is_restored = False
-        """Whether it continues what the store had open. It is read before the first pass, when the store answers."""
+        """Whether it continues what the store had open. The store is read before the first pass."""
         self._advisories: list[AnyAdvisory] = []
-        """Published revisions of a pass that is not published whole."""
+        """Published revisions of a pass that is not complete."""
         self._unpublished: list[Situation] = []
         """Revisions that the store has not taken."""
         self._publishing = asyncio.Lock()
@@ -47,7 +47,7 @@ class LiveSituations:
     async def publish(self, revisions: Iterable[AnyRevision]) -> None:
         """Publish revisions of advisories with the ids of their situations. Raises `StoreError` if the store takes
         nothing; then the call is to be made again."""
-        async with self._publishing:  # an engine that lost its connection sends a parcel again
+        async with self._publishing:  # after a time-out the engine sends a parcel again, beside the first call
             await self.settled()
             await self._restore()
             advisories = advisories_of(revisions)
@@ -56,10 +56,10 @@ class LiveSituations:
             self._advisories += advisories
 
     def follow(self, passes_s: Sequence[float]) -> None:
-        """Begin to make the situations that follow from what was published since the last call.
+        """Begin to make the situations that follow from the revisions published since the last call.
 
-        `passes_s` are the times of the passes since then, in their order. What was published is of the last one, and
-        the others decided nothing. Without any time, more of this pass is to be published.
+        `passes_s` are the times of the passes since then, in their order. The revisions are of the last pass; the
+        passes before it decided nothing. Without any time the pass is not complete, and this waits for the rest of it.
         """
         if passes_s:
             of_pass, self._advisories = self._advisories, []
@@ -73,7 +73,7 @@ class LiveSituations:
     async def settled(self) -> None:
         """Wait until the situations of all passes so far are published, or can't be for now."""
         if self._following:
-            await asyncio.wait({self._following})  # whoever waits may be cancelled, and this is to go on
+            await asyncio.wait({self._following})  # unlike `await`, this cancels no task if the caller is cancelled
 
     async def _follow(
         self, before: asyncio.Task[None] | None, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]

@@ -40,15 +40,12 @@ class History:
         self.now_s, self.advisories = START_S, dict[str, ConflictAdvisory]()
         self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
         self.revisions: defaultdict[str, list[Situation]] = defaultdict(list)
-        self.stamps: dict[str, str | None] = {}
-        """By id, the situation that the newest revision of an advisory was published with."""
         self.raised = 0
 
     def advance(self, changes: list[tuple[int, str, tuple[int, int], tuple[int, int], float, float]]) -> None:
         self.now_s += PASS_S
         revisions = [revision for change in changes if (revision := self._changed(*change))]
         newest = {revision.id: revision for revision in revisions}
-        self.stamps |= {name: self.lifecycle.situation_of(name) for name in newest}
         for situation in self.lifecycle.revise(self.now_s, list(newest.values())):
             self.revisions[situation.id].append(situation)
 
@@ -92,13 +89,9 @@ class History:
 
     def restart(self) -> None:
         situations = [Situation.model_validate_json(each.model_dump_json()) for each in self.lifecycle.open()]
-        advisories = [self._stored(advisory) for advisory in self.advisories.values()]
+        advisories = [ConflictAdvisory.model_validate_json(each.model_dump_json()) for each in self.advisories.values()]
         self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
         self.lifecycle.restore(situations, advisories)
-
-    def _stored(self, advisory: ConflictAdvisory) -> ConflictAdvisory:
-        published = advisory.model_copy(update={"situation_id": self.stamps[advisory.id]})
-        return ConflictAdvisory.model_validate_json(published.model_dump_json())
 
     def last(self) -> None:
         """Clear every advisory, and wait until no situation is open."""

@@ -2,8 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import pytest
 
@@ -25,13 +24,6 @@ from ingest.settings import Datum
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import HALL
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    opened = Store(tmp_path)
-    yield opened
-    opened.close()
 
 
 def live_situations(store: Store) -> LiveSituations:

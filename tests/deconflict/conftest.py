@@ -1,4 +1,4 @@
-"""What several tests of the operator's side use."""
+"""What tests of several parts of the service use."""
 
 from collections.abc import Iterator
 from pathlib import Path
