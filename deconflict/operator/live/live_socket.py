@@ -47,7 +47,7 @@ class LiveSocket:
         await send_while_read(websocket, self._send_frames(websocket), self._count, self._measures)
 
     async def _send_frames(self, websocket: WebSocket) -> None:
-        version, change = 0, -1
+        version, change, sent_health = 0, -1, ""
         while True:
             if change == self._change:
                 await self._news.wait()
@@ -55,8 +55,10 @@ class LiveSocket:
             health, frames = self._health_text, self._frames
             frame = frames.since(version)
             version = frames.version
+            news = "" if health == sent_health else f'"health": {health}, '
+            sent_health = health
             async with asyncio.timeout(self._send_timeout_s()):
-                await websocket.send_text(f'{{"sent_s": {time.time():.3f}, "health": {health}, "floor": {frame}}}')
+                await websocket.send_text(f'{{"sent_s": {time.time():.3f}, {news}"floor": {frame}}}')
             await asyncio.sleep(FRAME_S)
 
     async def _follow_floor(self) -> None:

@@ -15,7 +15,7 @@ import { statusOf } from "./floor/status.js";
 import { Shift } from "./dialogs/shift.js";
 import { RobotBox, fillTable } from "./list/robots.js";
 import { Vendors } from "./list/vendors.js";
-import { KINDS, clock, isOver, needsSomebody, plural, seconds, severityOf, short, toDo, urgencyAt, what } from "./texts.js";
+import { KINDS, clock, isOver, mostUrgentFirst, needsSomebody, plural, seconds, severityOf, short, toDo, what } from "./texts.js";
 
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
@@ -28,8 +28,8 @@ const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
 
 const vendors = new Vendors();
-const live = new Live(() => {});
 const feed = new Feed(announce);
+const live = new Live(() => feed.renew());
 const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), live: $("live"), shown: $("shown") }, () => live.nowS(), () => list());
 let viewBefore = null; // what the map showed before it went to `of`, a situation or robot that somebody chose
 let moved = false; // whether somebody chose what the map shows; else it shows the whole floor
@@ -51,7 +51,7 @@ const flashed = new Set(); // situations that others became part of just now
 function floors() {
   const known = site.floors.map((siteFloor) => siteFloor.id);
   const others = new Set([...robots().values()].map((robot) => robot.floor).filter((id) => id !== null && !known.includes(id)));
-  return [...site.floors, ...[...others].sort().map((id) => ({ id, name: `Floor ${id.slice(0, 8)}`, marks: [] }))];
+  return [...site.floors, ...[...others].sort().map((id) => ({ id, name: nameOf(id), marks: [] }))];
 }
 
 function robots() { return past.floor ? past.floor.robots : live.robots; }
@@ -63,7 +63,8 @@ function nowS() { return past.floor ? past.floor.atS : frozenS() ?? live.nowS();
 function frozenS() { return root.dataset.state === "lost" || root.dataset.state === "stale" ? live.tickS : null; }
 function centre({ id, name, polygon }) { return { name: name || id, x: mean(polygon, 0), y: mean(polygon, 1), polygon }; }
 function mean(points, axis) { return points.reduce((total, each) => total + each[axis], 0) / points.length; }
-function floorName(id) { return floors().find((known) => known.id === id)?.name ?? id; }
+function floorName(id) { return site.floors.find((known) => known.id === id)?.name ?? nameOf(id); }
+function nameOf(id) { return id ? `Floor ${id.slice(0, 8)}` : "no floor"; } // of a floor that the site does not name
 
 // The open advisories by the id of their situation; null for those that are part of none.
 function advisoriesBySituation() {
@@ -88,7 +89,7 @@ function scene() {
   const atS = nowS(), unidentified = new Set(past.floor ? [] : live.health.unidentified ?? []);
   const here = onFloor().filter((robot) => !isTakenOff(robot));
   for (const robot of here) setPresence(robot, atS, unidentified);
-  const situations = [...open().sort(urgencyAt(atS)), ...ended()].filter((situation) => situation.location?.datum === floor);
+  const situations = [...mostUrgentFirst(open(), atS), ...ended()].filter((situation) => situation.location?.datum === floor);
   const picked = new Set([chosen, pointed.situation]), highlighted = new Set(situations.filter(({ id }) => picked.has(id)).flatMap((situation) => situation.robots));
   const grouped = advisoriesBySituation();
   const known = floors().find((each) => each.id === floor);
@@ -133,7 +134,7 @@ function draw(at) {
 function tabs() {
   const known = floors(), counts = new Map();
   const worst = new Map();
-  for (const { location, severity } of open().filter(needsSomebody).sort(urgencyAt(nowS())).reverse()) {
+  for (const { location, severity } of mostUrgentFirst(open().filter(needsSomebody), nowS()).reverse()) {
     counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
     worst.set(location?.datum, severity);
   }
@@ -171,6 +172,7 @@ function show(id) {
 // What the list says if nobody has to do anything.
 function nothing(calm) {
   if (live.everConnected && !live.connected) return "Not known: no connection. This was listed last:";
+  if (live.isBehind) return "Not known: this page is behind. This was listed last:";
   if (live.health.preparing || live.health.engine_starting) return "No warnings yet.";
   return calm ? `Nothing needs you. ${plural(calm, "situation")} ${calm === 1 ? "ends by itself" : "end by themselves"}:` : "Nothing needs you.";
 }
@@ -200,7 +202,7 @@ function list() {
   filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id, floorName: floorName(place.floor) }))], known);
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
-  $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
+  $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : !live.tickS ? "Loading the floor…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   $("clock").textContent = clock(nowS());
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health, distrusted);
@@ -219,10 +221,10 @@ function showBox() {
 }
 
 // New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.
-// `before` is the revision before, if it was open.
+// The list has them when it is made the next time. `before` is the revision before, if it was open.
 function announce(situation, before) {
-  if (situation?.state === "cleared") ends(situation);
-  else if (situation && past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !(situation.acknowledgement && situation.severity !== "critical")) {
+  if (situation.state === "cleared") ends(situation);
+  else if (past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !(situation.acknowledgement && situation.severity !== "critical")) {
     const { first, then } = toDo(situation, live.nowS()), isCritical = situation.severity === "critical";
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
     if (isCritical && before?.severity !== "critical") {
@@ -231,7 +233,6 @@ function announce(situation, before) {
     }
     else if (!before) $("say-politely").textContent = text;
   }
-  list();
 }
 
 function ends({ id, joined_into: into }) {
@@ -310,7 +311,7 @@ function fit() {
 
 // Acknowledges with one key: the situation with the focus, else the chosen one, else the most urgent that nobody has taken.
 function acknowledgeByKey() {
-  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = open().sort(urgencyAt(nowS()));
+  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = mostUrgentFirst(open(), nowS());
   const situation = listed.find(({ id }) => id === focused) ?? listed.find(({ id }) => id === chosen) ?? listed.find(({ acknowledgement }) => !acknowledgement);
   acknowledgeOpen(situation);
 }

@@ -121,12 +121,19 @@ export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }
 
-// The order at a time: what is over last, the most severe first, what is far ahead after the rest, then what can still be
+// In the order at a time: what is over last, the most severe first, what is far ahead after the rest, then what can still be
 // prevented, then what costs most.
-export function urgencyAt(nowS) {
-  const isFar = ({ predicted_at: begins }) => seconds(begins) - nowS > FAR_S;
-  return (a, b) => isOver(a) - isOver(b) || SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity) || isFar(a) - isFar(b)
-    || isLost(a) - isLost(b) || cost(b) - cost(a) || seconds(a.predicted_at) - seconds(b.predicted_at) || (a.id < b.id ? -1 : 1);
+export function mostUrgentFirst(revisions, nowS) {
+  const ranked = revisions.map((revision) => {
+    const begins = seconds(revision.predicted_at);
+    return { revision, ranks: [isOver(revision), SEVERITIES.indexOf(revision.severity), begins - nowS > FAR_S, isLost(revision), -cost(revision), begins] };
+  });
+  return ranked.sort(compare).map(({ revision }) => revision);
+}
+
+function compare(a, b) {
+  const at = a.ranks.findIndex((rank, i) => rank !== b.ranks[i]);
+  return at < 0 ? (a.revision.id < b.revision.id ? -1 : 1) : a.ranks[at] - b.ranks[at];
 }
 
 // Whether people can prevent nothing of it any more.

@@ -1,11 +1,13 @@
 // The open situations and advisories, read once and then kept up to date by the stream.
 
 const RETRY_MS = 1000;
+const RESUME_MS = 10_000; // after a longer time without the stream, what is open is read anew: that is less than all that happened
 export const FADE_MS = 8000;
 
 export class Feed {
-  constructor(changed) {
-    this.changed = changed;
+  // `revised` is called with each revision of a situation, and the one before if it was open.
+  constructor(revised) {
+    this.revised = revised;
     this.advisories = new Map();
     this.situations = new Map();
     this.ended = new Map(); // situations that were cleared in the last `FADE_MS`
@@ -19,7 +21,6 @@ export class Feed {
       this.situations = byId(situations.situations);
       this.advisories = byId(advisories.advisories);
       this.loaded = true;
-      this.changed();
       this.follow(Math.min(situations.seq, advisories.seq));
     } catch {
       setTimeout(() => this.start(), RETRY_MS);
@@ -29,13 +30,23 @@ export class Feed {
   follow(seq) {
     const address = new URL(`advisories/stream?after=${seq}&kinds=situation,advisory`, location.href);
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-    const socket = new WebSocket(address);
+    const socket = this.socket = new WebSocket(address);
+    let heardMs = Date.now();
     socket.onmessage = (message) => {
       const revision = JSON.parse(message.data);
+      heardMs = Date.now();
       seq = revision.seq;
       this.take(revision);
     };
-    socket.onclose = (end) => setTimeout(() => (end.code === 4416 ? this.start() : this.follow(seq)), RETRY_MS);
+    socket.onclose = ({ code }) => setTimeout(() => (code === 4416 || Date.now() > heardMs + RESUME_MS ? this.start() : this.follow(seq)), RETRY_MS);
+  }
+
+  // Reads what is open anew, without all that happened meanwhile.
+  renew() {
+    if (!this.socket) return;
+    this.socket.onmessage = null;
+    this.socket.onclose = () => this.start();
+    this.socket.close();
   }
 
   take(revision) {
@@ -43,16 +54,15 @@ export class Feed {
     if (before?.seq >= revision.seq) return; // the two lists were read one after the other
     if (revision.state === "cleared") open.delete(revision.id);
     else open.set(revision.id, revision);
-    if (revision.kind === "situation") {
-      if (before && revision.state === "cleared") this.fade(before, revision);
-      this.changed(revision, before);
-    } else this.changed();
+    if (revision.kind !== "situation") return;
+    if (before && revision.state === "cleared") this.fade(before, revision);
+    this.revised(revision, before);
   }
 
   // A situation that ended stays for some seconds, as it was last.
   fade(before, cleared) {
     this.ended.set(before.id, { ...before, ...cleared, outline: before.outline, endedMs: Date.now() });
-    setTimeout(() => { this.ended.delete(before.id); this.changed(); }, FADE_MS);
+    setTimeout(() => this.ended.delete(before.id), FADE_MS);
   }
 }
 

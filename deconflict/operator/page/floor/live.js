@@ -1,7 +1,11 @@
 // The live floor: frames over a WebSocket that reconnects by itself, and the service's clock.
 
 const RETRY_MS = [300, 5000];
-const QUIET_MS = 6000;
+const QUIET_MS = 6000; // without a message for so long, the connection is taken for dead
+const PAUSE_MS = 1000; // a timer that is later than this comes from a page that had no time, or slept
+const DRIFT = 0.001; // seconds by which two clocks may drift apart in a second
+const BEHIND_S = 4; // from this delay on the page is behind
+const CATCH_UP_S = 10; // a page that is behind for so long begins anew with the newest floor
 
 export function robotOf(row, floors) {
   const [uuid, vendor, name, state, floor, basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape, trailers = []] = row;
@@ -13,53 +17,72 @@ export function robotsOf(frame) {
 }
 
 export class Live {
-  constructor(changed) {
-    this.changed = changed;
+  // `fellBehind` is called when the page begins anew, because it could not keep up.
+  constructor(fellBehind) {
+    this.fellBehind = fellBehind;
     this.robots = new Map();
     this.health = {};
     this.tickS = 0;
     this.connected = false;
     this.everConnected = false;
-    this.behindS = [];
     this.retryMs = RETRY_MS[0];
-    this.frames = 0;
+    this.begin();
     this.connect();
   }
 
-  // The service's time. Frames are only ever delayed, so the least delayed of the last frames gives the best estimate.
-  nowS() {
-    return Date.now() / 1000 - (this.behindS.length ? Math.min(...this.behindS) : 0);
-  }
+  begin() { Object.assign(this, { offsetS: Infinity, heardS: 0, sentS: 0, inTimeS: Infinity }); }
+
+  // The service's time. Messages are only ever delayed, so the least delayed one since the connection was made tells it.
+  nowS() { return localS() - (Number.isFinite(this.offsetS) ? this.offsetS : 0); }
+
+  // How late the newest message was when it came, and how long it has been the newest, seconds.
+  get behindS() { return this.sentS ? this.nowS() - this.sentS : 0; }
+  get isBehind() { return this.behindS > BEHIND_S; }
 
   connect() {
     const address = new URL("live", location.href);
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-    const socket = new WebSocket(address);
-    const watch = () => { clearTimeout(this.quiet); this.quiet = setTimeout(() => socket.close(), QUIET_MS); };
-    watch();
-    socket.onmessage = (message) => { watch(); this.receive(JSON.parse(message.data)); };
+    const socket = this.socket = new WebSocket(address);
+    this.watch();
+    socket.onmessage = (message) => { this.watch(); this.receive(JSON.parse(message.data)); };
     socket.onclose = () => {
       clearTimeout(this.quiet);
       this.connected = false;
-      this.behindS = [];
-      this.changed();
+      this.begin();
       setTimeout(() => this.connect(), this.retryMs);
       this.retryMs = Math.min(this.retryMs * 2, RETRY_MS[1]);
     };
   }
 
-  receive(message) {
+  // Closes a connection from which nothing comes. What came while the page had no time is read first.
+  watch() {
+    clearTimeout(this.quiet);
+    const dueMs = Date.now() + QUIET_MS;
+    this.quiet = setTimeout(() => (Date.now() > dueMs + PAUSE_MS ? this.watch() : this.socket.close()), QUIET_MS);
+  }
+
+  receive({ sent_s: sentS, health, floor }) {
     this.connected = this.everConnected = true;
     this.retryMs = RETRY_MS[0];
-    this.behindS.push(Date.now() / 1000 - message.sent_s);
-    if (this.behindS.length > 50) this.behindS.shift();
-    this.health = message.health;
-    this.frames += 1;
-    const frame = message.floor;
-    if (frame.whole) this.robots = robotsOf(frame);
-    else for (const row of frame.robots) this.robots.set(row[0], robotOf(row, frame.floors));
-    for (const uuid of frame.gone) this.robots.delete(uuid);
-    this.tickS = frame.now_s;
-    this.changed();
+    this.note(sentS);
+    if (health) this.health = health;
+    if (floor.whole) this.robots = robotsOf(floor);
+    else for (const row of floor.robots) this.robots.set(row[0], robotOf(row, floor.floors));
+    for (const uuid of floor.gone) this.robots.delete(uuid);
+    this.tickS = floor.now_s;
+  }
+
+  // Notes when a message was sent. A page that does not catch up connects again, for the newest floor in one message.
+  note(sentS) {
+    const nowS = localS(), isFirst = this.offsetS === Infinity;
+    this.offsetS = isFirst ? nowS - sentS : Math.min(this.offsetS + DRIFT * Math.max(nowS - this.heardS, 0), nowS - sentS);
+    [this.heardS, this.sentS] = [nowS, sentS];
+    if (isFirst || !this.isBehind) this.inTimeS = nowS;
+    else if (nowS - this.inTimeS > CATCH_UP_S) {
+      this.socket.close();
+      this.fellBehind();
+    }
   }
 }
+
+function localS() { return Date.now() / 1000; }

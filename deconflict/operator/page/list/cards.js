@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, by, change, countdown, gist, isCalm, isOver, plural, sentence, severityOf, short, since, toDo, urgencyAt, what } from "../texts.js";
+import { KINDS, SIGNS, by, change, countdown, gist, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, toDo, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -16,14 +16,14 @@ export class Cards {
 
   // `ended` are those that were cleared lately; `behind(id)` are the advisories of a situation.
   show(open, ended, view) {
-    const urgency = urgencyAt(view.nowS), sorted = this.inOrder(open, ended, urgency), ids = new Set(sorted.map(({ id }) => id)), kept = this.isHeld() ? this.shown : [];
-    const shown = this.shown = new Set([...kept, ...[...open].sort(urgency).slice(0, MOST_CARDS).map(({ id }) => id)]);
+    const [urgent, over] = [open, ended].map((situations) => mostUrgentFirst(situations, view.nowS)), sorted = this.inOrder([...urgent, ...over]), ids = new Set(sorted.map(({ id }) => id));
+    const shown = this.shown = new Set([...this.isHeld() ? this.shown : [], ...urgent.slice(0, MOST_CARDS).map(({ id }) => id), ...over.filter(({ id }) => this.shown.has(id)).map(({ id }) => id)]);
     for (const [id, card] of this.cards) if (!ids.has(id)) this.remove(id, card);
     sorted.forEach((situation, i) => {
       const card = this.cards.get(situation.id) ?? this.newCard(situation.id);
       if (this.list.children[i] !== card) this.move(card, this.list.children[i] ?? null);
-      card.hidden = !this.all && !shown.has(situation.id) && !situation.endedMs && situation.id !== view.chosen;
-      this.fill(card, situation, view);
+      card.hidden = !this.all && !shown.has(situation.id) && situation.id !== view.chosen;
+      if (!card.hidden) this.fill(card, situation, view);
     });
     this.more.hidden = open.length <= MOST_CARDS;
     setText(this.more, this.all ? "Show fewer" : `Show ${open.length - MOST_CARDS} more, less urgent`);
@@ -32,13 +32,12 @@ export class Cards {
   // Whether somebody points at the cards: then none changes its place, so that nobody presses a wrong one.
   isHeld() { return Date.now() - this.movedMs < STILL_MS; }
 
-  // Most urgent first, what has ended last; or, while they are held, as they are.
-  inOrder(open, ended, urgency) {
-    const sorted = [...[...open].sort(urgency), ...[...ended].sort(urgency)];
+  // The most urgent first, as they come; or, while they are held, as they are.
+  inOrder(sorted) {
     if (!this.isHeld()) return sorted;
     const order = [...this.cards.keys()].sort((a, b) => this.cards.get(a).compareDocumentPosition(this.cards.get(b)) & Node.DOCUMENT_POSITION_FOLLOWING ? -1 : 1);
     const at = ({ id }) => (order.includes(id) ? order.indexOf(id) : order.length);
-    return sorted.sort((a, b) => at(a) - at(b));
+    return sorted.toSorted((a, b) => at(a) - at(b));
   }
 
   // A card that moves would lose the focus.
@@ -150,7 +149,7 @@ export class Cards {
 
 // Advisories as lines of a list.
 export function lines(list, advisories, nowS) {
-  const texts = [...advisories].sort(urgencyAt(nowS)).map((advisory) => `${SIGNS[advisory.severity]} ${what(advisory)}`), key = texts.join("\n");
+  const texts = mostUrgentFirst(advisories, nowS).map((advisory) => `${SIGNS[advisory.severity]} ${what(advisory)}`), key = texts.join("\n");
   if (list.dataset.key === key) return;
   list.dataset.key = key;
   list.replaceChildren(...texts.map((textContent) => Object.assign(part("li", ""), { textContent })));

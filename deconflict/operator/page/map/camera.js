@@ -10,6 +10,8 @@ export class Camera {
     this.x = this.y = 0;
     this.scale = 20;
     this.fingers = new Map();
+    this.measure();
+    new ResizeObserver(() => this.measure()).observe(canvas);
     canvas.addEventListener("pointerdown", (event) => this.down(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
     for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.up(event));
@@ -20,8 +22,8 @@ export class Camera {
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
 
-  get width() { return this.canvas.clientWidth; }
-  get height() { return this.canvas.clientHeight; }
+  // To ask the browser for the size at each point would make it lay out the page again and again.
+  measure() { [this.width, this.height] = [this.canvas.clientWidth, this.canvas.clientHeight]; }
   px(x) { return this.width / 2 + (x - this.x) * this.scale; }
   py(y) { return this.height / 2 - (y - this.y) * this.scale; }
   metres(px, py) { return [this.x + (px - this.width / 2) / this.scale, this.y - (py - this.height / 2) / this.scale]; }

@@ -2,10 +2,24 @@
 // centre inside.
 
 const ZONES = new Set(["crossing", "aisle", "door"]);
+const boxes = new WeakMap(); // the box around each polygon
 
 export function holds(place, robot) {
-  if (robot.x === undefined) return false;
+  if (robot.x === undefined || !isNear(boxOf(place.polygon), robot)) return false;
   return ZONES.has(place.kind) ? touches(place.polygon, corners(robot)) : inside(place.polygon, robot.x, robot.y);
+}
+
+function boxOf(polygon) {
+  if (!boxes.has(polygon)) {
+    const xs = polygon.map(([x]) => x), ys = polygon.map(([, y]) => y);
+    boxes.set(polygon, [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]);
+  }
+  return boxes.get(polygon);
+}
+
+function isNear([left, bottom, right, top], { x, y, lengthM, widthM }) {
+  const reach = (lengthM + widthM) / 2;
+  return x > left - reach && x < right + reach && y > bottom - reach && y < top + reach;
 }
 
 function corners(robot) {
