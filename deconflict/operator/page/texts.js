@@ -50,12 +50,8 @@ export function what(revision) {
   return (revision.kind === "situation" ? revision.summary : revision.summary.split(";")[0]).replace(/,? (?:in \d+ (?:s|min)|now)(?![\w-])/, "");
 }
 
-// The same without a list of its robots after a colon, for where they are listed beside it.
-export function gist(situation) {
-  const names = [...situation.names].sort((a, b) => b.length - a.length).map((name) => name.replace(/[^\w ]/g, "\\$&"));
-  const robot = `(?:${[...names, "\\d+ more"].join("|")})`;
-  return what(situation).replace(new RegExp(`: ${robot}(?:(?:, | and )${robot})*(?=[,;]|$)`), "");
-}
+// The same without the list of robots of a knot, which are named beside it. Not all of the list need be in the situation any more.
+export function gist(situation) { return what(situation).replace(/(get in each other's way[^:;]*): .+? and [^,;]+/, "$1"); }
 
 export function severityOf(revision) { return isOver(revision) ? "✓ Over" : `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 

@@ -1,173 +1,58 @@
 """The cards of situations on the operator's page, in a real Chromium, for situations that the test publishes."""
 
-import asyncio
 import re
-import shutil
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-import pytest_asyncio
 
-from deconflict.advisories.situations.situation import Situation, SituationAdvice
-from deconflict.advisory import Acknowledgement, Action, ConflictAdvisory, Location, Severity, moment
+from deconflict.advisory import Acknowledgement, Action, Severity, moment
 from deconflict.operator.vendor_models import VendorHealth
-from deconflict.settings.fleet_factory import fleet_of
-from deconflict.settings.site import Site
-from ingest.fleet.fleet import Fleet
-from ingest.measures.measures import Measures
-from ingest.port.connection import Connection
-from tests.deconflict.operator.http.served_face import Served, served
-from tests.helpers.made_advisories import made, situation
-from tests.helpers.patience import PATIENCE_S
-from tests.helpers.saying import HALL, robot, status
+from tests.deconflict.operator.http.served_face import Served
+from tests.deconflict.operator.opened_page import (
+    CARDS,
+    ROBOTS,
+    advice,
+    cleared,
+    name,
+    opened,
+    shown,
+    text,
+    until,
+    warning,
+)
+from tests.helpers.saying import robot
 
 if TYPE_CHECKING:
-    from playwright.async_api import Browser, Page
+    from playwright.async_api import Browser
 
-async_api = pytest.importorskip("playwright.async_api", reason="playwright drives the browser")
-CHROMIUM = shutil.which("chromium")
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="chromium is the browser that the page is looked at with"),
-    pytest.mark.asyncio(loop_scope="module"),
-]
+pytestmark = pytest.mark.asyncio(loop_scope="module")
 
 PICTURES = Path(__file__).parents[3] / "build" / "page"
-TICK_S = 0.2
-ROBOTS = 12
-CARDS = "[...document.querySelectorAll('#situations > li:not([hidden])')]"
 
 
-def name(i: int) -> str:
-    return f"Alder A-{i}"
-
-
-@asynccontextmanager
-async def ticking(face: Served) -> AsyncIterator[None]:
-    """Robots that stand in a row, 2 m apart, and report at each tick."""
-    fleet = fleet_of(Site(), Measures())
-
-    async def tick() -> None:
-        while True:
-            report(fleet, time.time())
-            face.sources.whole = fleet.snapshot(time.time())
-            face.sources.recent.add(time.time(), fleet.next_batch(time.time()).to_bytes())
-            await asyncio.sleep(TICK_S)
-
-    task = asyncio.create_task(tick())
-    try:
-        yield
-    finally:
-        task.cancel()
-
-
-def report(fleet: Fleet, now_s: float) -> None:
-    for i in range(ROBOTS):
-        fleet.receive(status(f"A-{i}", now_s, 2.0 * i, 0.0), now_s, Connection(1))
-
-
-@pytest_asyncio.fixture(loop_scope="module")
-async def face(tmp_path: Path) -> AsyncIterator[Served]:
-    async with served(tmp_path) as served_face, ticking(served_face):
-        yield served_face
-
-
-@pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def browser() -> AsyncIterator["Browser"]:
-    """One for all tests. Each page has cookies, storage and permissions of its own."""
-    async with async_api.async_playwright() as playwright:
-        chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield chromium
-        await chromium.close()
-
-
-@asynccontextmanager
-async def opened(browser: "Browser", face: Served, width: int = 1400, height: int = 850) -> AsyncIterator["Page"]:
-    """The page once it is live. What it throws fails the test."""
-    page, wrong = await browser.new_page(viewport={"width": width, "height": height}), []
-    page.set_default_timeout(1000 * PATIENCE_S)
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    await page.goto(face.http)
-    await page.wait_for_selector('[data-state="live"]')
-    await until(page, "!document.getElementById('none').textContent.startsWith('Loading')")
-    try:
-        yield page
-    finally:
-        await page.close()
-    assert not wrong
-
-
-async def until(page: "Page", condition: str) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not await page.evaluate(condition):
-            await asyncio.sleep(0.05)
-
-
-async def text(page: "Page", selector: str) -> str:
-    return await page.text_content(selector) or ""
-
-
-def around(x: float) -> tuple[tuple[float, float], ...]:
-    return ((x - 2, -2), (x + 2, -2), (x + 2, 2), (x - 2, 2))
-
-
-def shown(number: int, *robots: int, revision: int = 1, left_s: float = 30.0, **fields: Any) -> Situation:
-    """A situation of some robots, around the first of them, that begins soon."""
-    now_s, x = time.time(), 2.0 * robots[0]
-    whole = {
-        "robots": tuple(robot(f"A-{i}") for i in robots),
-        "names": tuple(name(i) for i in robots),
-        "vendors": ("Alder",) * len(robots),
-        "raised_at": moment(now_s),
-        "updated_at": moment(now_s),
-        "since_at": moment(now_s),
-        "predicted_at": moment(now_s + left_s),
-        "location": Location(datum=HALL, x=x, y=0.0),
-        "outline": around(x),
-        "summary": f"{name(robots[0])} and others meet in 5 s at Column {number}",
-        "advice": advice(robots[0]),
-    }
-    return situation(number, revision, **(whole | fields))
-
-
-def advice(i: int, seconds: float = 4.0, because: str = "") -> SituationAdvice:
-    wait = Action(robot=robot(f"A-{i}"), name=name(i), action="wait", seconds=seconds)
-    text = f"{name(i)} should wait {seconds:.0f} s; {name(i)} should go first"
-    return SituationAdvice(actions=(wait,), text=text, since_at=moment(time.time()), changed_because=because)
-
-
-def cleared(before: Situation, because: str, **fields: Any) -> Situation:
-    ended = before.cleared_revision(time.time(), because)
-    return ended.model_copy(update={"advice": None, "advisories": (), **fields})
-
-
-def warning(number: int, situation_id: str | None = None) -> ConflictAdvisory:
-    now = moment(time.time())
-    place = Location(datum=HALL, x=0.0, y=0.0)
-    summary = "Tug 1 and Lift 2 cross in 4 s; Tug 1 should wait 3 s"
-    fields: dict[str, Any] = {
-        "raised_at": now,
-        "updated_at": now,
-        "predicted_at": now,
-        "location": place,
-        "summary": summary,
-    }
-    return made(number, situation_id=situation_id, **fields)
+NOTE_ALARMS = """() => {
+  const started = OscillatorNode.prototype.start, Shown = Notification;
+  Object.assign(window, { tones: 0, notices: [] });
+  OscillatorNode.prototype.start = function (...at) { tones += 1; return started.apply(this, at); };
+  window.Notification = class extends Shown {
+    constructor(title, options) { super(title, options); notices.push(title); }
+  };
+}"""
+"""Has the page count its tones and list its notifications, which it makes all the same."""
 
 
 async def test_a_card_is_one_situation_and_the_most_urgent_comes_first(browser: "Browser", face: Served) -> None:
-    sentence = f"{name(6)} and others meet in 5 s: {name(6)}, {name(7)} and 2 more, at Column 3"
-    critical = shown(3, 6, 7, severity="critical", situation_kind="head_on", summary=sentence)
+    sentence = f"4 robots get in each other's way in 5 s: {name(6)}, {name(7)} and 2 more, at Column 3"
+    critical = shown(3, 6, 7, severity="critical", situation_kind="knot", summary=sentence)
     await face.publish(shown(1, 0, 1, left_s=60), shown(2, 3, 4, left_s=40), critical, warning(1), warning(2))
     async with opened(browser, face) as page:
         assert await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)") == [f"situation-{i}" for i in (3, 2, 1)]
         card = await text(page, "#situations > li")
         assert "Critical" in card
-        assert "Head-on" in card
-        assert f"{name(6)} and others meet, at Column 3" in card, "the countdown beside it says when"
+        assert "Knot of robots" in card
+        assert "4 robots get in each other's way, at Column 3" in card, "the countdown beside it says when"
         assert f"{name(7)}" not in card, "its robots are listed beside the sentence"
         assert (await text(page, "#situations .first")).startswith(f"{name(6)} should wait ")
         assert await text(page, "#situations .then") == f"Then: {name(6)} should go first"
@@ -310,39 +195,6 @@ async def test_what_is_far_ahead_stands_after_what_happens_now(browser: "Browser
         assert order == ["situation-3", "situation-2", "situation-1"]
 
 
-async def test_the_map_marks_no_robots_of_what_is_far_ahead_or_over(browser: "Browser", face: Served) -> None:
-    """The situation is at its first robot. Its last robot is at the other end of the map: marked robots have a ring."""
-    ring_pixels = """(() => {
-        const canvas = document.getElementById("map"), left = Math.round(0.7 * canvas.width);
-        const ink = getComputedStyle(document.documentElement).getPropertyValue("--critical").trim();
-        const rgb = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
-        const { data } = canvas.getContext("2d").getImageData(left, 0, canvas.width - left, canvas.height);
-        let count = 0;
-        for (let i = 0; i < data.length; i += 4) count += rgb.every((value, channel) => data[i + channel] === value);
-        return count;
-    })()"""
-    until_next = "document.documentElement.dataset.frames > {}"
-    async with opened(browser, face) as page:
-
-        async def after_two_pictures() -> int:
-            drawn = int(await page.evaluate("document.documentElement.dataset.frames"))
-            await until(page, until_next.format(drawn + 2))
-            return int(await page.evaluate(ring_pixels))
-
-        await face.publish(shown(1, 0, ROBOTS - 1, left_s=300.0, severity=Severity.CRITICAL))
-        await page.wait_for_selector('[data-id="situation-1"].critical')
-        assert await after_two_pictures() == 0
-        await page.hover('[data-id="situation-1"]')
-        await until(page, f"{ring_pixels} > 0")
-        await page.mouse.move(10, 10)
-        await until(page, f"{ring_pixels} === 0")
-        await face.publish(shown(1, 0, ROBOTS - 1, revision=2, severity=Severity.CRITICAL))
-        await until(page, f"{ring_pixels} > 0")
-        over = shown(1, 0, ROBOTS - 1, revision=3, severity=Severity.CRITICAL, advice=None, advisories=())
-        await face.publish(over)
-        await until(page, f"{ring_pixels} === 0")
-
-
 async def test_what_it_costs_says_how_much_was_warned_of_and_heeded(browser: "Browser", face: Served) -> None:
     script = """async (total) => {
         const { Costs } = await import("/page/dialogs/costs.js");
@@ -360,44 +212,6 @@ async def test_what_it_costs_says_how_much_was_warned_of_and_heeded(browser: "Br
         unadvised = total | {"advised_s": 0, "heeded_s": 0}
         assert "60 s were warned of before. Sums" in await page.evaluate(script, unadvised)
         assert "warned" not in await page.evaluate(script, total | {"losses": 0, "lost_s": 0})
-
-
-async def test_a_press_on_a_card_shows_it_on_the_map(browser: "Browser", face: Served) -> None:
-    await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
-    async with opened(browser, face) as page:
-        await page.click("#situations .what")
-        await page.wait_for_selector('[data-id="situation-1"].chosen')
-        assert await text(page, "#situations .show") == "Back"
-
-
-async def test_another_press_on_a_card_shows_what_the_map_showed_before(browser: "Browser", face: Served) -> None:
-    await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
-    async with opened(browser, face) as page:
-        await page.click("#situations .show")
-        await page.wait_for_selector('[data-id="situation-1"].chosen')
-        await page.click("#situations .show")
-        await until(page, "!document.querySelector('#situations .chosen')")
-        assert await text(page, "#situations .show") == "Show on the map"
-
-
-async def test_the_map_goes_back_when_the_situation_that_it_shows_is_over(browser: "Browser", face: Served) -> None:
-    situation = shown(1, 0, 1, severity=Severity.CRITICAL)
-    await face.publish(situation)
-    async with opened(browser, face) as page:
-        await page.click("#situations .show")
-        await until(page, "document.getElementById('map').dataset.visited === 'situation-1'")
-        await face.publish(cleared(situation, "nothing is foreseen there any more"))
-        await until(page, "document.getElementById('map').dataset.visited === ''")
-
-
-async def test_the_box_of_a_robot_closes(browser: "Browser", face: Served) -> None:
-    await face.publish(shown(1, 0, 1))
-    async with opened(browser, face) as page:
-        await page.click("#situations .chip")
-        await page.wait_for_selector("#detail:not([hidden])")
-        assert "forecast from" in await text(page, "#detail")
-        await page.click("#detail .close")
-        await page.wait_for_selector("#detail", state="hidden")
 
 
 async def test_a_line_of_what_has_ended_says_how(browser: "Browser", face: Served) -> None:
@@ -465,13 +279,6 @@ async def test_cards_keep_their_order_while_somebody_points_at_them(browser: "Br
         await until(page, f"{order} === 'situation-1,situation-2'")
 
 
-async def test_a_situation_without_a_place_has_no_map_button(browser: "Browser", face: Served) -> None:
-    await face.publish(shown(1, 0, 1, location=None, outline=(), advice=None, situation_kind="identity"))
-    async with opened(browser, face) as page:
-        assert await page.is_visible("#situations .take")
-        assert not await page.is_visible("#situations .show")
-
-
 async def test_one_press_acknowledges_a_situation_and_a_second_says_who_and_what(
     browser: "Browser", face: Served
 ) -> None:
@@ -510,25 +317,6 @@ async def test_one_key_acknowledges_what_has_the_focus(browser: "Browser", face:
             ("Kim", "Seen"),
             ("Kim", "called back"),
         ]
-
-
-async def test_the_filter_hides_others_and_says_how_many(browser: "Browser", face: Served) -> None:
-    borealis = ("Alder", "Borealis")
-    await face.publish(shown(1, 0, 1, severity="critical"), shown(2, 4, 5, severity="caution", vendors=borealis))
-    async with opened(browser, face) as page:
-        await page.select_option("#by-severity", "critical")
-        await until(page, f"{CARDS}.map((card) => card.dataset.id).join() === 'situation-1'")
-        await until(page, "document.getElementById('filtered').textContent.startsWith('1 situation hidden')")
-        await page.click("#all")
-        await until(page, f"{CARDS}.length === 2")
-
-
-async def test_a_robot_is_found_by_a_part_of_its_name(browser: "Browser", face: Served) -> None:
-    async with opened(browser, face) as page:
-        await until(page, "document.querySelectorAll('#names option').length > 2")
-        await page.fill("#robot", robot("A-2")[:8])
-        await page.keyboard.press("Enter")
-        await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
 
 
 async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_acknowledged(
@@ -579,34 +367,6 @@ async def test_a_long_summary_prints_from_its_heading_on(browser: "Browser", fac
         assert heading["y"] >= 0
 
 
-async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_are(
-    browser: "Browser", face: Served
-) -> None:
-    script = """async () => {
-        const { Labels } = await import("/page/map/labels.js");
-        const places = [[200, 200], [212, 204], [190, 196], [205, 214], [198, 186], [230, 190], [225, 215], [180, 210]];
-        const things = places.map(([x, y]) =>
-            ({ left: x - 8, right: x + 8, top: y - 5, bottom: y + 5, wide: 16, high: 10 }));
-        const labels = new Labels(), frame = () => {
-            labels.begin({ width: 600, height: 400 }, 1);
-            for (const thing of things) labels.take(thing);
-            return things.map((thing, i) => labels.place(i, thing, 90, 18, { must: true }));
-        };
-        const first = frame(), second = frame();
-        const overlap = (a, b) =>
-            a.left < b.left + b.wide && b.left < a.left + a.wide && a.top < b.top + b.high && b.top < a.top + a.high;
-        return {
-            covering: first.filter((a, i) => [...things, ...first.slice(i + 1)].some((b) => overlap(a, b))).length,
-            still: JSON.stringify(first) === JSON.stringify(second),
-            lines: first.filter(({ line }) => line).length,
-        };
-    }"""
-    async with opened(browser, face) as page:
-        found = await page.evaluate(script)
-    assert (found["covering"], found["still"]) == (0, True)
-    assert found["lines"] > 0, "a label that is far has a line to its robot"
-
-
 async def test_critical_situations_are_announced_at_once_and_others_politely(browser: "Browser", face: Served) -> None:
     async with opened(browser, face) as page:
         await face.publish(shown(1, 0, 1))
@@ -620,23 +380,6 @@ async def test_critical_situations_are_announced_at_once_and_others_politely(bro
         await face.publisher.acknowledge("situation-2", seen)
         await face.publish(shown(2, 4, 5, revision=2, severity="critical"))
         await until(page, "document.getElementById('say').textContent.includes('Column 2')")
-
-
-async def test_a_situation_is_outlined_on_the_map_and_can_be_chosen_there(browser: "Browser", face: Served) -> None:
-    await face.publish(shown(1, 0, 1, 2), shown(2, 6, 7, 8))
-    async with opened(browser, face) as page:
-        await page.click('[data-id="situation-2"] .show')
-        await page.wait_for_selector('[data-id="situation-2"].chosen')
-        box = await page.locator("#map").bounding_box()
-        assert box
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        await page.mouse.click(x, box["y"] + 30)
-        await page.wait_for_selector(".chosen", state="detached")
-        await page.mouse.click(x, y)
-        await page.wait_for_selector('[data-id="situation-2"].chosen')
-        await page.click('[data-id="situation-1"] .chip >> nth=2')
-        await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
-        await page.wait_for_selector('[data-id="situation-1"].chosen')
 
 
 async def test_only_the_most_urgent_are_shown_until_the_others_are_asked_for(browser: "Browser", face: Served) -> None:
@@ -654,17 +397,6 @@ async def test_a_card_of_many_robots_fits_a_phone(browser: "Browser", face: Serv
         assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         PICTURES.mkdir(parents=True, exist_ok=True)
         await page.screenshot(path=PICTURES / "phone-situations.png", full_page=True)
-
-
-NOTE_ALARMS = """() => {
-  const started = OscillatorNode.prototype.start, Shown = Notification;
-  Object.assign(window, { tones: 0, notices: [] });
-  OscillatorNode.prototype.start = function (...at) { tones += 1; return started.apply(this, at); };
-  window.Notification = class extends Shown {
-    constructor(title, options) { super(title, options); notices.push(title); }
-  };
-}"""
-"""Has the page count its tones and list its notifications, which it makes all the same."""
 
 
 async def test_sound_and_notifications_are_off_until_chosen_and_then_come_with_what_is_critical(

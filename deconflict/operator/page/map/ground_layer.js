@@ -105,7 +105,7 @@ export class GroundLayer {
     for (const place of scene.places) {
       const contended = scene.contended.get(place.id), queue = contended?.queue_length && !contended.resources?.length ? `, ${contended.queue_length} will queue` : "";
       if (tiny && !contended) continue;
-      this.beside(place.id, edges(place.polygon, camera), `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint, Boolean(contended && !contended.resources?.length));
+      this.beside(place.id, edges(place.polygon, camera), `${place.name || place.id} ${place.taken}/${place.capacity}${queue}`, 12, contended ? ink[contended.severity] : ink.faint, Boolean(contended && contended.severity !== "caution" && !contended.resources?.length));
     }
     if (!tiny) for (const { name, x, y } of scene.marks) this.beside(`mark ${name}`, { left: camera.px(x) - 4, right: camera.px(x) + 4, top: camera.py(y) - 4, bottom: camera.py(y) + 4 }, name, 11, ink.faint);
   }

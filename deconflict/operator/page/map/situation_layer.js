@@ -2,8 +2,8 @@
 
 import { FADE_MS } from "../floor/feed.js";
 import { inside } from "./places.js";
-import { leader } from "./labels.js";
-import { KINDS, SIGNS, countdown, isOver } from "../texts.js";
+import { AROUND, leader } from "./labels.js";
+import { KINDS, SIGNS, countdown, isOver, needsSomebody } from "../texts.js";
 
 const ANSWERED = 0.65; // opacity of what somebody takes care of
 const OVER = 0.25; // opacity of what is over but may come back
@@ -27,7 +27,7 @@ export class SituationLayer {
   placeLabels(scene) {
     this.labels = [];
     for (const situation of scene.situations) {
-      const label = situation.endedMs || isOver(situation) ? null : this.label(situation, scene.listedS);
+      const label = situation.endedMs || isOver(situation) ? null : this.label(situation, scene.listedS, scene.picked.has(situation.id));
       if (label) this.labels.push(label);
     }
   }
@@ -86,13 +86,15 @@ export class SituationLayer {
     pen.setLineDash([]);
   }
 
-  label(situation, nowS) {
+  // What nobody has to do anything about has a label only where there is room beside it.
+  label(situation, nowS, picked) {
     const { pen, unit } = this.map, { id, severity, acknowledgement, situation_kind: kind } = situation;
     const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
     pen.font = FONT(unit);
     const { box } = this.shape(situation);
     if (!this.map.labels.inSight(box)) return null;
-    return { id, text, severity, isAnswered: Boolean(acknowledgement), ...this.map.labels.place(id, box, pen.measureText(text).width + 14 * unit, 21 * unit, { must: true }) };
+    const place = this.map.labels.place(id, box, pen.measureText(text).width + 14 * unit, 21 * unit, needsSomebody(situation) || picked ? { must: true } : { tries: AROUND });
+    return place && { id, text, severity, isAnswered: Boolean(acknowledgement), ...place };
   }
 
   pill({ text, severity, isAnswered, left, top, wide, high, line }, picked) {

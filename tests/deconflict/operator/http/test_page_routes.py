@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -135,8 +136,11 @@ async def test_a_page_is_sent_the_floor_and_then_what_changes(face: Served) -> N
     face.sources.recent.add(NOW_S, fleet.next_batch(NOW_S).to_bytes())
     async with connect(f"ws://{face.address}/live") as page:
         known: set[str] = set()
-        while robot("A-1") not in known:
-            known |= {row[0] for row in json.loads(await page.recv())["floor"]["robots"]}
+        health: dict[str, Any] = {}
+        while robot("A-1") not in known or not health:
+            message = json.loads(await page.recv())
+            known |= {row[0] for row in message["floor"]["robots"]}
+            health = message.get("health", health)
         fleet.receive(status("A-2", NOW_S), NOW_S, Connection(1))
         face.sources.recent.add(NOW_S + 0.1, fleet.next_batch(NOW_S + 0.1).to_bytes())
         while True:
@@ -145,9 +149,19 @@ async def test_a_page_is_sent_the_floor_and_then_what_changes(face: Served) -> N
                 break
         assert [row[0] for row in frame["floor"]["robots"]] == [robot("A-2")]
         assert (frame["floor"]["whole"], frame["floor"]["now_s"]) == (False, NOW_S + 0.1)
-        assert frame["health"]["roles"] == {"receiver": "up", "engine": "up"}
+        assert health["roles"] == {"receiver": "up", "engine": "up"}
         assert face.measured("deconflict_page_viewers") == 1
     await until(lambda: face.measured("deconflict_page_viewers") == 0)
+
+
+async def test_a_live_message_has_the_health_only_if_it_is_news(face: Served) -> None:
+    async with connect(f"ws://{face.address}/live") as page:
+        healths, fleet = [], fleet_of(Site(), Measures())
+        for step in range(30):
+            face.sources.recent.add(NOW_S + step, fleet.next_batch(NOW_S + step).to_bytes())
+            healths.append(json.loads(await page.recv()).get("health"))
+    sent = [health["at_s"] for health in healths if health]
+    assert len(sent) == len(set(sent)) < 5
 
 
 async def test_a_page_that_reads_nothing_is_dropped_and_delays_no_other(tmp_path: Path) -> None:
@@ -173,7 +187,7 @@ async def test_a_page_that_reads_nothing_is_dropped_and_delays_no_other(tmp_path
 async def test_while_the_receiver_is_down_the_page_shows_it_and_then_the_floor_comes_back(face: Served) -> None:
     face.sources.down.add("receiver")
     async with connect(f"ws://{face.address}/live") as page:
-        while json.loads(await page.recv())["health"].get("roles") != {"receiver": "down", "engine": "up"}:
+        while json.loads(await page.recv()).get("health", {}).get("roles") != {"receiver": "down", "engine": "up"}:
             pass
         fleet = fleet_of(Site(), Measures())
         fleet.receive(status("A-1", NOW_S), NOW_S, Connection(1))

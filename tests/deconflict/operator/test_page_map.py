@@ -1,0 +1,157 @@
+"""Situations on the map of the operator's page, and what its filters show, in a real Chromium."""
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from deconflict.advisory import Severity
+from tests.deconflict.operator.http.served_face import Served
+from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, opened, shown, text, until
+from tests.helpers.saying import robot
+
+if TYPE_CHECKING:
+    from playwright.async_api import Browser
+
+pytestmark = pytest.mark.asyncio(loop_scope="module")
+
+
+async def test_the_map_marks_no_robots_of_what_is_far_ahead_or_over(browser: "Browser", face: Served) -> None:
+    """The situation is at its first robot. Its last robot is at the other end of the map: marked robots have a ring."""
+    ring_pixels = """(() => {
+        const canvas = document.getElementById("map"), left = Math.round(0.7 * canvas.width);
+        const ink = getComputedStyle(document.documentElement).getPropertyValue("--critical").trim();
+        const rgb = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
+        const { data } = canvas.getContext("2d").getImageData(left, 0, canvas.width - left, canvas.height);
+        let count = 0;
+        for (let i = 0; i < data.length; i += 4) count += rgb.every((value, channel) => data[i + channel] === value);
+        return count;
+    })()"""
+    until_next = "document.documentElement.dataset.frames > {}"
+    async with opened(browser, face) as page:
+
+        async def after_two_pictures() -> int:
+            drawn = int(await page.evaluate("document.documentElement.dataset.frames"))
+            await until(page, until_next.format(drawn + 2))
+            return int(await page.evaluate(ring_pixels))
+
+        await face.publish(shown(1, 0, ROBOTS - 1, left_s=300.0, severity=Severity.CRITICAL))
+        await page.wait_for_selector('[data-id="situation-1"].critical')
+        assert await after_two_pictures() == 0
+        await page.hover('[data-id="situation-1"]')
+        await until(page, f"{ring_pixels} > 0")
+        await page.mouse.move(10, 10)
+        await until(page, f"{ring_pixels} === 0")
+        await face.publish(shown(1, 0, ROBOTS - 1, revision=2, severity=Severity.CRITICAL))
+        await until(page, f"{ring_pixels} > 0")
+        over = shown(1, 0, ROBOTS - 1, revision=3, severity=Severity.CRITICAL, advice=None, advisories=())
+        await face.publish(over)
+        await until(page, f"{ring_pixels} === 0")
+
+
+async def test_a_press_on_a_card_shows_it_on_the_map(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
+    async with opened(browser, face) as page:
+        await page.click("#situations .what")
+        await page.wait_for_selector('[data-id="situation-1"].chosen')
+        assert await text(page, "#situations .show") == "Back"
+
+
+async def test_another_press_on_a_card_shows_what_the_map_showed_before(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
+    async with opened(browser, face) as page:
+        await page.click("#situations .show")
+        await page.wait_for_selector('[data-id="situation-1"].chosen')
+        await page.click("#situations .show")
+        await until(page, "!document.querySelector('#situations .chosen')")
+        assert await text(page, "#situations .show") == "Show on the map"
+
+
+async def test_the_map_goes_back_when_the_situation_that_it_shows_is_over(browser: "Browser", face: Served) -> None:
+    situation = shown(1, 0, 1, severity=Severity.CRITICAL)
+    await face.publish(situation)
+    async with opened(browser, face) as page:
+        await page.click("#situations .show")
+        await until(page, "document.getElementById('map').dataset.visited === 'situation-1'")
+        await face.publish(cleared(situation, "nothing is foreseen there any more"))
+        await until(page, "document.getElementById('map').dataset.visited === ''")
+
+
+async def test_the_box_of_a_robot_closes(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1))
+    async with opened(browser, face) as page:
+        await page.click("#situations .chip")
+        await page.wait_for_selector("#detail:not([hidden])")
+        assert "forecast from" in await text(page, "#detail")
+        await page.click("#detail .close")
+        await page.wait_for_selector("#detail", state="hidden")
+
+
+async def test_a_situation_without_a_place_has_no_map_button(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, location=None, outline=(), advice=None, situation_kind="identity"))
+    async with opened(browser, face) as page:
+        assert await page.is_visible("#situations .take")
+        assert not await page.is_visible("#situations .show")
+
+
+async def test_the_filter_hides_others_and_says_how_many(browser: "Browser", face: Served) -> None:
+    borealis = ("Alder", "Borealis")
+    await face.publish(shown(1, 0, 1, severity="critical"), shown(2, 4, 5, severity="caution", vendors=borealis))
+    async with opened(browser, face) as page:
+        await page.select_option("#by-severity", "critical")
+        await until(page, f"{CARDS}.map((card) => card.dataset.id).join() === 'situation-1'")
+        await until(page, "document.getElementById('filtered').textContent.startsWith('1 situation hidden')")
+        await page.click("#all")
+        await until(page, f"{CARDS}.length === 2")
+
+
+async def test_a_robot_is_found_by_a_part_of_its_name(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face) as page:
+        await until(page, "document.querySelectorAll('#names option').length > 2")
+        await page.fill("#robot", robot("A-2")[:8])
+        await page.keyboard.press("Enter")
+        await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
+
+
+async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_are(
+    browser: "Browser", face: Served
+) -> None:
+    script = """async () => {
+        const { Labels } = await import("/page/map/labels.js");
+        const places = [[200, 200], [212, 204], [190, 196], [205, 214], [198, 186], [230, 190], [225, 215], [180, 210]];
+        const things = places.map(([x, y]) =>
+            ({ left: x - 8, right: x + 8, top: y - 5, bottom: y + 5, wide: 16, high: 10 }));
+        const labels = new Labels(), frame = () => {
+            labels.begin({ width: 600, height: 400 }, 1);
+            for (const thing of things) labels.take(thing);
+            return things.map((thing, i) => labels.place(i, thing, 90, 18, { must: true }));
+        };
+        const first = frame(), second = frame();
+        const overlap = (a, b) =>
+            a.left < b.left + b.wide && b.left < a.left + a.wide && a.top < b.top + b.high && b.top < a.top + a.high;
+        return {
+            covering: first.filter((a, i) => [...things, ...first.slice(i + 1)].some((b) => overlap(a, b))).length,
+            still: JSON.stringify(first) === JSON.stringify(second),
+            lines: first.filter(({ line }) => line).length,
+        };
+    }"""
+    async with opened(browser, face) as page:
+        found = await page.evaluate(script)
+    assert (found["covering"], found["still"]) == (0, True)
+    assert found["lines"] > 0, "a label that is far has a line to its robot"
+
+
+async def test_a_situation_is_outlined_on_the_map_and_can_be_chosen_there(browser: "Browser", face: Served) -> None:
+    await face.publish(shown(1, 0, 1, 2), shown(2, 6, 7, 8))
+    async with opened(browser, face) as page:
+        await page.click('[data-id="situation-2"] .show')
+        await page.wait_for_selector('[data-id="situation-2"].chosen')
+        box = await page.locator("#map").bounding_box()
+        assert box
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        await page.mouse.click(x, box["y"] + 30)
+        await page.wait_for_selector(".chosen", state="detached")
+        await page.mouse.click(x, y)
+        await page.wait_for_selector('[data-id="situation-2"].chosen')
+        await page.click('[data-id="situation-1"] .chip >> nth=2')
+        await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
+        await page.wait_for_selector('[data-id="situation-1"].chosen')

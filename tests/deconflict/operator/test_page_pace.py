@@ -1,0 +1,118 @@
+"""A page that is late says so, and costs what it shows: in a real Chromium."""
+
+import asyncio
+from typing import TYPE_CHECKING
+
+import pytest
+
+from deconflict.advisory import Severity
+from tests.deconflict.operator.http.served_face import Served
+from tests.deconflict.operator.opened_page import CARDS, cleared, opened, shown, text, until
+
+if TYPE_CHECKING:
+    from playwright.async_api import Browser
+
+pytestmark = pytest.mark.asyncio(loop_scope="module")
+
+LATE = """async () => {
+    const { Live } = await import(new URL("page/floor/live.js", location));
+    const { statusOf } = await import(new URL("page/floor/status.js", location));
+    let fellBehind = 0;
+    const live = new Live(() => { fellBehind += 1; }), past = { atS: null }, states = [];
+    live.socket.onmessage = live.socket.onclose = null;
+    const receive = (lateS, atMs) => {
+        Date.now = () => atMs;
+        const sentS = atMs / 1000 - lateS;
+        const floor = { now_s: sentS, whole: false, floors: [], robots: [], gone: [] };
+        live.receive({ sent_s: sentS, health: { roles: {} }, floor });
+        const [state, sentence] = statusOf(live, past);
+        states.push([state, sentence, fellBehind]);
+    };
+    const { now } = Date, beganMs = now();
+    try {
+        for (let i = 0; i < 60; i += 1) receive(0.05, beganMs + 100 * i);
+        for (let i = 60; i < 170; i += 1) receive(60, beganMs + 100 * i);
+    } finally { Date.now = now; }
+    return states;
+}"""
+
+
+async def test_a_page_that_is_late_never_calls_its_floor_live(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face) as page:
+        states = await page.evaluate(LATE)
+    assert {state for state, _, _ in states[:60]} == {"live"}
+    assert {state for state, _, _ in states[60:]} == {"stale"}, "a delay is no less if all messages have it"
+    assert states[60][1].startswith("This page is 60 s behind: this is the floor at ")
+    assert [fell for _, _, fell in states[60:]].count(0) == pytest.approx(100, abs=3), (
+        "it begins anew after ten seconds"
+    )
+
+
+async def test_a_page_that_fell_behind_lists_what_is_open_now(browser: "Browser", face: Served) -> None:
+    ends, stays = shown(1, 0, 1), shown(2, 4, 5)
+    await face.publish(ends, stays)
+    async with opened(browser, face) as page:
+        await until(page, f"{CARDS}.length === 2")
+        await page.evaluate(
+            """async () => {
+                const { Feed } = await import(new URL("page/floor/feed.js", location));
+                window.feed = new Feed(() => {});
+            }"""
+        )
+        await until(page, "feed.socket?.readyState === 1")
+        await page.evaluate("feed.socket.onmessage = () => {}")
+        await face.publish(cleared(ends, "they have passed each other"))
+        await page.wait_for_selector("#situations .ended")
+        assert await page.evaluate("feed.situations.size") == 2
+        await page.evaluate("feed.renew()")
+        await until(page, f"[...feed.situations.keys()].join() === '{stays.id}'")
+        await face.publish(cleared(stays, "they have passed each other"))
+        await until(page, "feed.situations.size === 0")
+
+
+async def test_what_ended_unseen_does_not_push_the_others_away(browser: "Browser", face: Served) -> None:
+    unseen = [shown(i, i, i + 1, left_s=10 + i) for i in range(5, 9)]
+    await face.publish(*(shown(i, i, i + 1, left_s=10 + i) for i in range(5)), *unseen)
+    async with opened(browser, face) as page:
+        await until(page, f"{CARDS}.length === 5")
+        await face.publish(*(cleared(each, "they have passed each other") for each in unseen))
+        await until(page, "document.getElementById('count').textContent === '(5, 4 over)'")
+        assert await page.evaluate(f"{CARDS}.length") == 5
+
+
+async def test_only_cards_that_are_shown_are_filled(browser: "Browser", face: Served) -> None:
+    await face.publish(*(shown(i, i, i + 1, left_s=10 + i) for i in range(8)))
+    async with opened(browser, face) as page:
+        await until(page, f"{CARDS}.length === 5")
+        filled = "[...document.querySelectorAll('#situations .what')].filter((each) => each.textContent).length"
+        assert await page.evaluate(filled) == 5
+
+
+async def test_a_sentence_names_no_part_of_the_robots_beside_it(browser: "Browser", face: Served) -> None:
+    listed = "Alder A-9, Alder A-0 and 1 more"
+    sentence = f"4 robots get in each other's way at 2 places now: {listed}, the worst 3 m from Door 1 on Hall"
+    await face.publish(shown(1, 0, 1, situation_kind="knot", summary=sentence))
+    async with opened(browser, face) as page:
+        what = await text(page, "#situations .what")
+    assert what == "4 robots get in each other's way at 2 places, the worst 3 m from Door 1 on Hall"
+
+
+async def test_labels_of_what_needs_nobody_give_way(browser: "Browser", face: Served) -> None:
+    """Twelve calm situations lie at one place, where there is room beside it for fewer labels."""
+    calm = [shown(i, 3, 4, severity=Severity.CAUTION, advice=None) for i in range(1, 13)]
+    await face.publish(shown(0, 3, 4, severity=Severity.CRITICAL), *calm)
+    count_labels = """async () => {
+        const { SituationLayer } = await import(new URL("page/map/situation_layer.js", location));
+        const { placeLabels } = SituationLayer.prototype;
+        return new Promise((done) => {
+            SituationLayer.prototype.placeLabels = function (scene) {
+                placeLabels.call(this, scene);
+                const hasCritical = this.labels.some(({ severity }) => severity === "critical");
+                if (scene.situations.length === 13) done([hasCritical, this.labels.length]);
+            };
+        });
+    }"""
+    async with opened(browser, face) as page, asyncio.timeout(20):
+        has_critical, labels = await page.evaluate(count_labels)
+    assert has_critical
+    assert 1 < labels <= 9
