@@ -161,7 +161,8 @@ def test_a_floor_without_robots_says_so(browser: "Browser", service: Service) ->
 def test_the_page_counts_the_robots_in_a_place_as_the_service_does(browser: "Browser", service: Service) -> None:
     """A zone has whoever touches it, corner or edge; a resource whoever's middle is inside."""
     script = """async () => {
-        const { holds } = await import("/page/map/places.js");
+        const { countIn } = await import("/page/map/places.js");
+        const holds = (place, robot) => countIn([place], [robot])[0] === 1;
         const polygon = [[0, 0], [4, 0], [4, 2], [0, 2]], robot = { lengthM: 1, widthM: 0.5, yaw: 0 };
         const at = (kind, x, y, yaw = 0) => holds({ kind, polygon }, { ...robot, x, y, yaw });
         return {
@@ -169,6 +170,7 @@ def test_the_page_counts_the_robots_in_a_place_as_the_service_does(browser: "Bro
             dock: [at("dock", 4.4, 1), at("dock", 3.9, 1), at("dock", 2, 2.1)],
             across: holds({ kind: "door", polygon }, { x: 2, y: 1, yaw: 0, lengthM: 9, widthM: 0.5 }),
             unknown: holds({ kind: "door", polygon }, robot),
+            apart: countIn([{ kind: "dock", polygon }], [-9.9, 0.1, 3.9, 10.1].map((x) => ({ ...robot, x, y: 1 }))),
         };
     }"""
     with opened(browser, service) as page:
@@ -177,6 +179,7 @@ def test_the_page_counts_the_robots_in_a_place_as_the_service_does(browser: "Bro
             "dock": [False, True, False],
             "across": True,
             "unknown": False,
+            "apart": [2],
         }
 
 

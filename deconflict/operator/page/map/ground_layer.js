@@ -2,7 +2,7 @@
 
 import { exits } from "./exits.js";
 import { BESIDE } from "./labels.js";
-import { holds } from "./places.js";
+import { countIn } from "./places.js";
 
 const SMALL_PX = 60; // a place that is smaller is covered by no label
 const AREA_NAME_AT = [[0, 0.5], [0, 0.8], [0, 0.2], [0.3, 0.5], [0.6, 0.5]]; // where the name of an area may stand, by length and breadth
@@ -84,19 +84,19 @@ export class GroundLayer {
 
   places(scene) {
     const { pen, camera, ink } = this.map;
-    for (const place of scene.places) {
+    const counts = countIn(scene.places, scene.robots);
+    scene.places.forEach((place, i) => {
       pen.beginPath();
       place.polygon.forEach(([x, y]) => pen.lineTo(camera.px(x), camera.py(y)));
       pen.closePath();
-      const taken = scene.robots.filter((robot) => holds(place, robot)).length;
       const contended = scene.contended.get(place.id);
       pen.fillStyle = ink.place;
       pen.fill();
       pen.strokeStyle = contended ? ink[contended.severity] : ink["place-line"];
       pen.lineWidth = contended ? 3 : 1.5;
       pen.stroke();
-      place.taken = taken;
-    }
+      place.taken = counts[i];
+    });
   }
 
   // The names of places and of columns, where they cover nothing.

@@ -1,25 +1,27 @@
-// Whether a robot is in a place, by the service's rule: a zone holds robots that touch it, a resource those with their
+// How many robots are in each place, by the service's rule: a zone holds robots that touch it, a resource those with their
 // centre inside.
 
 const ZONES = new Set(["crossing", "aisle", "door"]);
-const boxes = new WeakMap(); // the box around each polygon
+const CELL_M = 10;
 
-export function holds(place, robot) {
-  if (robot.x === undefined || !isNear(boxOf(place.polygon), robot)) return false;
+// How many robots are in each place. Only those in the cells around a place are looked at.
+export function countIn(places, robots) {
+  const cells = Map.groupBy(robots.filter(({ x }) => x !== undefined), ({ x, y }) => cellAt(Math.floor(x / CELL_M), Math.floor(y / CELL_M)));
+  const reach = Math.max(0, ...robots.map(({ lengthM, widthM }) => Math.hypot(lengthM, widthM) / 2));
+  return places.map((place) => near(cells, place.polygon, reach).filter((robot) => holds(place, robot)).length);
+}
+
+function near(cells, polygon, reach) {
+  const [xs, ys] = [0, 1].map((axis) => polygon.map((point) => point[axis])), cell = (metres) => Math.floor(metres / CELL_M), found = [];
+  for (let i = cell(Math.min(...xs) - reach); i <= cell(Math.max(...xs) + reach); i += 1)
+    for (let j = cell(Math.min(...ys) - reach); j <= cell(Math.max(...ys) + reach); j += 1) found.push(...cells.get(cellAt(i, j)) ?? []);
+  return found;
+}
+
+function cellAt(i, j) { return i * 1e6 + j; }
+
+function holds(place, robot) {
   return ZONES.has(place.kind) ? touches(place.polygon, corners(robot)) : inside(place.polygon, robot.x, robot.y);
-}
-
-function boxOf(polygon) {
-  if (!boxes.has(polygon)) {
-    const xs = polygon.map(([x]) => x), ys = polygon.map(([, y]) => y);
-    boxes.set(polygon, [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]);
-  }
-  return boxes.get(polygon);
-}
-
-function isNear([left, bottom, right, top], { x, y, lengthM, widthM }) {
-  const reach = (lengthM + widthM) / 2;
-  return x > left - reach && x < right + reach && y > bottom - reach && y < top + reach;
 }
 
 function corners(robot) {
