@@ -8,7 +8,7 @@ from functools import cache
 from html import escape
 from importlib.metadata import version
 
-from fastapi import FastAPI, Response, WebSocket
+from fastapi import Depends, FastAPI, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 
@@ -31,7 +31,11 @@ from deconflict.operator.http.api_models import (
 from deconflict.operator.http.api_routes import ApiRoutes, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.page_routes import add_page_routes
-from deconflict.operator.http.request_limits import RequestLimitsMiddleware, invalid_request
+from deconflict.operator.http.request_limits import (
+    RequestLimitsMiddleware,
+    invalid_request,
+    refuse_unknown_parameters,
+)
 from deconflict.operator.http.server_protocols import Places
 from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.operator.live.advisory_stream import AdvisoryStream
@@ -64,6 +68,7 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
         docs_url=None,
         redoc_url=None,
         openapi_url=None,
+        dependencies=[Depends(refuse_unknown_parameters)],
         generate_unique_id_function=lambda route: route.name,
     )
     undescribed = app.openapi

@@ -1,4 +1,5 @@
-"""What holds for every request: a share by address or person, a bounded body, plain cookies, no error, safe headers."""
+"""What holds for every request: a share by address or person, a bounded body, plain cookies, known parameters,
+safe headers, no error."""
 
 import asyncio
 from collections import OrderedDict
@@ -8,7 +9,9 @@ from typing import Any
 from fastapi import HTTPException, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from fastapi.routing import APIRoute
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from deconflict.operator.http.server_protocols import Places
@@ -127,6 +130,18 @@ def _limited(receive: Receive) -> Receive:
         return message
 
     return limited
+
+
+def refuse_unknown_parameters(connection: HTTPConnection) -> None:
+    """Refuse a parameter that the route does not have. If it were ignored, all would pass for what was asked for."""
+    route = connection.scope.get("route")
+    if not isinstance(route, APIRoute) or not route.include_in_schema:
+        return
+    known = [field.alias for field in route.dependant.query_params]
+    for name in connection.query_params:
+        if name not in known:
+            expected = f"expected {', '.join(known)}" if known else "it has none"
+            raise HTTPException(422, f"{_written(name)}: is no parameter of {route.path}; {expected}")
 
 
 async def invalid_request(_: Request, error: Exception) -> JSONResponse:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.runtime.worker_process import worker_pool
-from deconflict.settings.fleet_factory import fleet_of
+from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path
 from deconflict.settings.site import Site
 from ingest.fleet.log_recovery import recover
 from ingest.measures.measures import Measures
@@ -25,6 +25,8 @@ class BusyError(Exception):
 def floor_at(site: Site, log: Path, at_s: float) -> str:
     """The whole floor at a time as one frame of `FloorFrames`, from the recording alone."""
     fleet, frames = fleet_of(site, Measures()), FloorFrames()
+    if fast_path := load_compiled_fast_path():
+        fleet.use(fast_path)
     recover(fleet, segments_until(log, at_s), at_s)
     frames.add_batch(fleet.snapshot(at_s), whole=True)
     return frames.since(0)

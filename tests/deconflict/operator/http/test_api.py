@@ -54,6 +54,21 @@ async def test_advisories_by_state_kind_vendor_robot_and_limit(face: Served, cli
     assert (await client.get("/advisories?limit=1")).json()["more"] is True
 
 
+@pytest.mark.parametrize(
+    ("address", "detail"),
+    [
+        ("/advisories?after=4", "after: is no parameter of /advisories; expected state, "),
+        ("/robots?name=A-1", "name: is no parameter of /robots; expected vendor"),
+        ("/vendors?grade=A", "grade: is no parameter of /vendors; it has none"),
+        ("/heat?until=5", "until: is no parameter of /heat; expected until_s"),
+    ],
+)
+async def test_an_unknown_parameter_is_refused(client: httpx.AsyncClient, address: str, detail: str) -> None:
+    answer = await client.get(address)
+    assert answer.status_code == 422
+    assert answer.json()["detail"].startswith(detail)
+
+
 @pytest.mark.parametrize("query", ["state=shut", "kind=collision", "limit=0", "limit=100000", "limit=many"])
 async def test_an_invalid_query_names_the_parameter(client: httpx.AsyncClient, query: str) -> None:
     answer = await client.get(f"/advisories?{query}")
