@@ -15,8 +15,8 @@ BAD_AFTER = 4400
 """Close code of the stream: `after` is not a whole number, 0 or more."""
 BAD_KINDS = 4422
 """Close code of the stream: `kinds` names something else than kinds."""
-AFTER_BEYOND_LAST = 4416
-"""Close code of the stream: `after` is a number that this store has not given yet."""
+POSITION_LOST = 4416
+"""Close code of the stream: not all that follows `after` is known here. What is open has to be read again."""
 STORE_FAILED = 1011
 """Close code of the stream: the stored advisories can't be read."""
 

@@ -21,7 +21,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
 from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation
-from deconflict.advisory import ADVISORY, AFTER_BEYOND_LAST, BAD_KINDS, AnyAdvisory, KindChoice, Listing
+from deconflict.advisory import ADVISORY, BAD_KINDS, POSITION_LOST, AnyAdvisory, KindChoice, Listing
 from deconflict.operator.vendor_models import VendorHealth, VendorList
 
 MOST_LISTED = 1000
@@ -47,7 +47,10 @@ class NoSuchAdvisoryError(ClientError):
 
 
 class PositionLostError(ClientError):
-    """The given number is beyond the store's last: it is another store. Read the open advisories again."""
+    """Not all that follows the given number is stored. Read what is open again, and drop what is not in it.
+
+    It was removed while nobody followed the stream, or the number is beyond the store's last: it is another store.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +177,7 @@ async def _revisions(stream: ClientConnection) -> AsyncIterator[AnyRevision]:
             yield REVISION.validate_json(await stream.recv())
     except ConnectionClosed as closed:
         code, reason = (closed.rcvd.code, closed.rcvd.reason) if closed.rcvd else (None, "")
-        if code == AFTER_BEYOND_LAST:
+        if code == POSITION_LOST:
             raise PositionLostError(reason) from closed
         if code == CLOSED_BY_POLICY:
             raise NotAllowedError(reason) from closed

@@ -1,4 +1,5 @@
 // Follows the stream of situations and advisories, and loses none: after a lost connection it resumes where it was.
+// If revisions were removed meanwhile, it says so and begins anew.
 //
 //     node examples/follow_stream.mjs http://127.0.0.1:8080 place.json
 //
@@ -10,7 +11,8 @@ import { existsSync, readFileSync, renameSync, writeFileSync } from "node:fs";
 
 const KINDS = "situation,advisory";
 const LONGEST_WAIT_MS = 10_000;
-const PERMANENT = new Set([4400, 4416, 4422]); // the request is wrong: to send it again helps nothing
+const PERMANENT = new Set([4400, 4422]); // the request is wrong: to send it again helps nothing
+const POSITION_LOST = 4416;
 
 if (!globalThis.WebSocket) {
   console.error("This Node.js has no WebSocket: use 22, or start 20 with --experimental-websocket");
@@ -24,7 +26,7 @@ if (!/^https?:/.test(url ?? "") || !place) {
 }
 const token = process.env.DECONFLICT_TOKEN;
 const headers = token ? { authorization: `Bearer ${token}` } : {};
-let seq = existsSync(place) ? JSON.parse(readFileSync(place, "utf8")).seq : await newest();
+let seq = existsSync(place) ? JSON.parse(readFileSync(place, "utf8")).seq : null;
 let waitMs = 200;
 follow();
 
@@ -34,7 +36,8 @@ async function newest() {
   return (await answer.json()).seq;
 }
 
-function follow() {
+async function follow() {
+  seq ??= await newest();
   const stream = new WebSocket(`${url.replace("http", "ws")}/advisories/stream?after=${seq}&kinds=${KINDS}`, { headers });
   stream.onmessage = ({ data }) => {
     const revision = JSON.parse(data);
@@ -48,6 +51,10 @@ function follow() {
     if (PERMANENT.has(code)) {
       console.error(`${code}: ${reason}`);
       process.exit(1);
+    }
+    if (code === POSITION_LOST) {
+      console.error(`${code}: ${reason}`);
+      seq = null;
     }
     setTimeout(follow, waitMs);
     waitMs = Math.min(2 * waitMs, LONGEST_WAIT_MS);

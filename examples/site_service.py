@@ -4,7 +4,8 @@
 
 It acknowledges every urgent advisory that nobody has acknowledged. This stands for what a site does: call a fleet
 manager, switch a light. After each advisory it writes its position in the stream to `place.json`. So after a crash it
-may receive an advisory a second time. The newest revision then shows that the advisory is acknowledged.
+may receive an advisory a second time. The newest revision then shows that the advisory is acknowledged. If it was away
+for so long that the service has removed revisions meanwhile, it begins with what is open.
 
 `DECONFLICT_TOKEN` is the token of a person of the site file who may acknowledge. `DECONFLICT_AUTHORITY` is the file of
 the authority that signed the service's certificate. Set each only if the site uses it.
@@ -17,7 +18,7 @@ import os
 from pathlib import Path
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
-from deconflict.client import Client, NoSuchAdvisoryError
+from deconflict.client import Client, NoSuchAdvisoryError, PositionLostError
 
 NAME = "site service"
 
@@ -25,17 +26,22 @@ NAME = "site service"
 async def serve(url: str, place: Path) -> None:
     token, authority = os.environ.get("DECONFLICT_TOKEN"), os.environ.get("DECONFLICT_AUTHORITY")
     async with Client(url, token=token, authority=Path(authority) if authority else None) as client:
-        if place.exists():
-            seq = json.loads(place.read_text())["seq"]
-        else:
-            listing = await client.open()
-            for advisory in listing.advisories:
-                await deal_with(client, advisory)
-            seq = listing.seq
-            note(place, seq)
-        async for advisory in client.follow(after=seq):
-            await deal_with(client, advisory)
-            note(place, advisory.seq)
+        while True:
+            if not place.exists():
+                await deal_with_open(client, place)
+            try:
+                async for advisory in client.follow(after=json.loads(place.read_text())["seq"]):
+                    await deal_with(client, advisory)
+                    note(place, advisory.seq)
+            except PositionLostError:
+                place.unlink()
+
+
+async def deal_with_open(client: Client, place: Path) -> None:
+    listing = await client.open()
+    for advisory in listing.advisories:
+        await deal_with(client, advisory)
+    note(place, listing.seq)
 
 
 async def deal_with(client: Client, advisory: AnyAdvisory) -> None:

@@ -11,23 +11,31 @@ import asyncio
 import os
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import AdvisoryState
-from deconflict.client import Client
+from deconflict.client import Client, PositionLostError
 
 
 async def follow(url: str) -> None:
     async with Client(url, token=os.environ.get("DECONFLICT_TOKEN")) as client:
-        listing = await client.situations()
-        board = {situation.id: situation for situation in listing.situations}
-        show(board.values())
-        async for revision in client.follow(after=listing.seq, kinds=["situation"]):
-            if isinstance(revision, Situation):
-                board[revision.id] = revision
-                if revision.state is AdvisoryState.CLEARED:
-                    del board[revision.id]
-                show(board.values())
+        while True:
+            with suppress(PositionLostError):
+                await follow_open(client)
+
+
+async def follow_open(client: Client) -> None:
+    """Read what is open, and follow it until not all that follows is stored."""
+    listing = await client.situations()
+    board = {situation.id: situation for situation in listing.situations}
+    show(board.values())
+    async for revision in client.follow(after=listing.seq, kinds=["situation"]):
+        if isinstance(revision, Situation):
+            board[revision.id] = revision
+            if revision.state is AdvisoryState.CLEARED:
+                del board[revision.id]
+            show(board.values())
 
 
 def show(situations: Iterable[Situation]) -> None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.deconflict.operator.outlets.made_outlets import SECRET, delivered, kept, posting
 from tests.deconflict.roles.made_service import Served as Service
 from tests.deconflict.roles.made_service import free_ports, healthy
-from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
+from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
 from tests.helpers.patience import PATIENCE_S
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -136,6 +137,25 @@ async def test_the_webhook_receiver_takes_each_signed_revision_and_no_other(tmp_
     ]
 
 
+def with_removed(folder: Path) -> None:
+    """Numbers 1 to 3 of a store, of which 2 and 3 were removed."""
+    with kept(folder) as (store, _):
+        store.append([made(1), made(2), cleared(2)])
+        store.prune(START + timedelta(days=1))
+
+
+async def test_the_site_service_whose_position_is_lost_begins_with_what_is_open(tmp_path: Path) -> None:
+    place = tmp_path / "place.json"
+    place.write_text(json.dumps({"seq": 2}))
+    with_removed(tmp_path)
+    async with served(tmp_path, **secured(tmp_path)) as service:
+        running = started(service, place)
+        await until(lambda: place_of(place) == 4)
+        running.kill()
+        await asyncio.to_thread(running.communicate)
+        assert [advisory.id for advisory in taken_up(service)] == ["advisory-1"]
+
+
 @pytest.mark.skipif(not node_has_websockets(), reason="needs node 22, or 20.10")
 async def test_the_javascript_client_resumes_after_a_restart_of_the_service_and_of_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -166,13 +186,22 @@ async def test_the_javascript_client_resumes_after_a_restart_of_the_service_and_
 
 
 @pytest.mark.skipif(not node_has_websockets(), reason="needs node 22, or 20.10")
-async def test_the_javascript_client_says_why_the_stream_refuses_its_position(tmp_path: Path) -> None:
-    (tmp_path / "place.json").write_text('{"seq": 99}')
+@pytest.mark.parametrize("seq", [2, 99])
+async def test_the_javascript_client_says_that_its_position_is_lost_and_begins_anew(tmp_path: Path, seq: int) -> None:
+    (tmp_path / "place.json").write_text(json.dumps({"seq": seq}))
+    with_removed(tmp_path)
     async with served(tmp_path) as service:
         command = [*NODE, str(EXAMPLES / "follow_stream.mjs"), service.http, str(tmp_path / "place.json")]
-        client = await asyncio.create_subprocess_exec(*command, stderr=asyncio.subprocess.PIPE)
-        errors = (await client.communicate())[1].decode()
-    assert (client.returncode, "4416: after is beyond the last seq 0" in errors) == (1, True)
+        pipe = asyncio.subprocess.PIPE
+        client = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=pipe)
+        assert client.stderr
+        async with asyncio.timeout(PATIENCE_S):
+            assert (await client.stderr.readline()).startswith(b"4416: ")
+        await until(lambda: service.measured("deconflict_stream_subscribers") == 1)
+        await service.publish(made(3))
+        assert await lines_of(client, 1) == ["4 raised conflict: Tug 1 and Lift 2 cross in 4 s\n"]
+        client.kill()
+        await client.wait()
 
 
 @pytest.mark.skipif(not node_has_websockets(), reason="needs node 22, or 20.10")

@@ -3,6 +3,7 @@ import socket
 import subprocess
 import sys
 from contextlib import aclosing, suppress
+from datetime import timedelta
 from pathlib import Path
 
 import httpx
@@ -21,7 +22,7 @@ from deconflict.client import (
 from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served
-from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
+from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -120,6 +121,16 @@ async def test_a_position_beyond_the_store_is_an_error_without_a_wait(tmp_path: 
     async with served(tmp_path) as service, client(service) as subscriber:
         with pytest.raises(PositionLostError, match="beyond the last seq 0"):
             await first(subscriber, 7, 1)
+
+
+async def test_a_position_before_what_was_removed_is_an_error_and_what_is_left_can_be_read(tmp_path: Path) -> None:
+    async with served(tmp_path) as service:
+        await service.publish(made(1), made(2), cleared(2), made(3))
+        service.store.prune(START + timedelta(days=1))
+    async with served(tmp_path) as service, client(service) as subscriber:
+        with pytest.raises(PositionLostError, match="some revisions after 2 were removed"):
+            await first(subscriber, 2, 1)
+        assert [advisory.seq for advisory in await first(subscriber, 0, 2)] == [1, 4]
 
 
 async def test_a_missing_permission_is_an_error(tmp_path: Path) -> None:

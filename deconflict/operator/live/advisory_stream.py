@@ -9,10 +9,10 @@ from fastapi import WebSocket, WebSocketDisconnect
 
 from deconflict.advisory import (
     ADVISORY_KINDS,
-    AFTER_BEYOND_LAST,
     BAD_AFTER,
     BAD_KINDS,
     EVERY_KIND,
+    POSITION_LOST,
     STORE_FAILED,
     chosen_kinds,
 )
@@ -26,7 +26,7 @@ MOST_DIGITS = 18
 
 
 class RefusedError(Exception):
-    """The stream can't start at the position that the subscriber asks for."""
+    """The stream can't start at the position that the subscriber asks for, or can't go on."""
 
     def __init__(self, code: int, reason: str) -> None:
         super().__init__(reason)
@@ -55,7 +55,7 @@ class AdvisoryStream:
         except RefusedError as refusal:
             await self._close(websocket, refusal.code, refusal.reason)
         except StreamEndedError:
-            await self._close(websocket, AFTER_BEYOND_LAST, "the numbers begin anew; get /advisories afresh")
+            await self._close(websocket, POSITION_LOST, "the numbers begin anew; get /advisories afresh")
         except StoreError:
             await self._close(websocket, STORE_FAILED, "the stored advisories can't be read; see /healthz")
 
@@ -65,12 +65,17 @@ class AdvisoryStream:
         seq = int(after)
         last = await asyncio.to_thread(self._store.last_seq)
         if seq > last:
-            raise RefusedError(AFTER_BEYOND_LAST, f"after is beyond the last seq {last}; get /advisories afresh")
+            raise RefusedError(POSITION_LOST, f"after is beyond the last seq {last}; get /advisories afresh")
         return seq
 
     async def _send_lines(self, websocket: WebSocket, seq: int, kinds: Set[str]) -> None:
+        removed_before = 0
         while True:
             page = await self._publisher.after(seq, kinds)
+            if seq == 0:
+                removed_before = page.removed  # a new subscriber holds nothing of it
+            if page.removed > max(seq, removed_before):
+                raise RefusedError(POSITION_LOST, f"some revisions after {seq} were removed; get /advisories afresh")
             for line in page.lines:
                 async with asyncio.timeout(self._send_timeout_s()):
                     await websocket.send_text(line.text)

@@ -43,11 +43,14 @@ class Page(NamedTuple):
 
     revisions: list[AnyRevision]
     last: int
-    """Up to this number these are all."""
+    """Up to this number these are all that are stored."""
+    removed: int
+    """The highest number of one of these kinds that was removed."""
 
 
-def first_page(rows: Iterable[tuple[int, AnyRevision | None]], after: int, limit: int) -> Page:
-    """Up to `limit` revisions of numbers above `after`. A number without a revision is not wanted."""
+def first_page(rows: Iterable[tuple[int, AnyRevision | None]], after: int, limit: int, removed: int) -> Page:
+    """Up to `limit` revisions of numbers above `after`. A number without a revision is not wanted. `removed` as of
+    `Page`."""
     found: list[AnyRevision] = []
     last = after
     for number, revision in islice(rows, MOST_SCANNED):
@@ -56,4 +59,4 @@ def first_page(rows: Iterable[tuple[int, AnyRevision | None]], after: int, limit
             found.append(revision)
         if len(found) == limit:
             break
-    return Page(found, last)
+    return Page(found, last, removed)

@@ -74,5 +74,6 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX cleared_by_age ON advisories (updated_s) WHERE open = 0",
         "CREATE INDEX cleared_by_vendors ON advisories (vendors, updated_s, revision) WHERE open = 0",
     ),
+    ("CREATE TABLE removed (kind TEXT PRIMARY KEY, seq INTEGER NOT NULL) WITHOUT ROWID",),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""

@@ -1,18 +1,37 @@
-"""Removal of cleared advisories, by age and by the size of the file. Open ones stay."""
+"""Removal of cleared advisories, by age and by the size of the file. Open ones stay.
+
+Subscribers may hold open what is removed. What an outlet may hold stays, unless it is too old. The store knows the
+position of no other subscriber: it keeps the highest removed numbers, so that one that was away can be told.
+"""
 
 import sqlite3
 from collections import Counter
+from typing import NamedTuple
+
+from deconflict.operator.store import tables
 
 STEP = 200
 """So many advisories are removed in one transaction: no revision can be stored meanwhile."""
 ROOM = 0.01
 """A file that is too large gets this share of its size free, so that revisions are rarely counted by vendors."""
+HELD = """EXISTS (SELECT 1 FROM positions AS p WHERE p.seq < a.seq
+    AND p.seq >= (SELECT min(r.seq) FROM revisions AS r WHERE r.id = a.id))"""
+"""Whether an outlet has sent the first revision of the advisory `a`, and not the newest."""
+
+
+class RemovedAdvisory(NamedTuple):
+    """Its newest revision, and that one's number."""
+
+    id: str
+    revision: int
+    kind: str
+    seq: int
 
 
 def remove_before(db: sqlite3.Connection, before_s: float) -> int:
     """Remove up to `STEP` cleared advisories last changed before a time, the oldest first; returns how many."""
-    chosen = """SELECT id, revision FROM advisories INDEXED BY cleared_by_age WHERE open = 0 AND updated_s < ?
-        ORDER BY updated_s LIMIT ?"""
+    chosen = """SELECT id, revision, kind, seq FROM advisories INDEXED BY cleared_by_age
+        WHERE open = 0 AND updated_s < ? ORDER BY updated_s LIMIT ?"""
     return len(_removed(db, chosen, before_s))
 
 
@@ -28,15 +47,16 @@ def remove_of_most(db: sqlite3.Connection, least_bytes: float, revisions: Counte
     """Remove up to `STEP` cleared advisories of the vendors with most revisions, the oldest first, unless the file
     uses `least_bytes` or less. Returns how many, and takes their revisions off `revisions`.
 
-    Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others.
+    Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others. What
+    an outlet may hold open stays: no more than was open when it stopped.
     """
-    chosen = """SELECT id, revision FROM advisories INDEXED BY cleared_by_vendors WHERE open = 0 AND vendors = ?
-        ORDER BY updated_s LIMIT ?"""
+    chosen = f"""SELECT id, revision, kind, seq FROM advisories AS a INDEXED BY cleared_by_vendors
+        WHERE open = 0 AND vendors = ? AND NOT {HELD} ORDER BY updated_s LIMIT ?"""  # noqa: S608 - a constant
     while revisions and used_bytes(db) > least_bytes:
         ((vendors, _),) = revisions.most_common(1)
         removed = _removed(db, chosen, vendors)
         if removed:
-            revisions[vendors] -= sum(revision for _, revision in removed)
+            revisions[vendors] -= sum(each.revision for each in removed)
             return len(removed)
         del revisions[vendors]
     return 0
@@ -50,11 +70,12 @@ def used_bytes(db: sqlite3.Connection) -> int:
     return (pages - free) * page_bytes
 
 
-def _removed(db: sqlite3.Connection, chosen: str, bound: float | str) -> list[tuple[str, int]]:
-    """Remove the advisories that a selection gives, with every revision; their ids, and how many revisions each had.
-    The selection has two parameters: `bound`, and how many it gives at most."""
-    removed: list[tuple[str, int]] = db.execute(chosen, (bound, STEP)).fetchall()
-    ids = [(advisory_id,) for advisory_id, _ in removed]
+def _removed(db: sqlite3.Connection, chosen: str, bound: float | str) -> list[RemovedAdvisory]:
+    """Remove the advisories that a selection gives, with every revision. The selection has two parameters: `bound`, and
+    how many it gives at most."""
+    removed = [RemovedAdvisory(*row) for row in db.execute(chosen, (bound, STEP))]
+    tables.note_removed(db, ((each.kind, each.seq) for each in removed))
+    ids = [(each.id,) for each in removed]
     for table in ("revisions", "parties", "advisories"):
         db.executemany(f"DELETE FROM {table} WHERE id = ?", ids)  # noqa: S608 - the tables are constants
     return removed

@@ -40,7 +40,9 @@ class PublishedPage(NamedTuple):
 
     lines: list[PublishedLine]
     last: int
-    """Up to this number these are all."""
+    """Up to this number these are all that are left."""
+    removed: int
+    """The highest number of one of these kinds that was removed and may be missing here; 0 if none is missing."""
 
 
 class StreamEndedError(Exception):
@@ -213,11 +215,11 @@ class Publisher:
         """
         await self.reached(seq + 1)
         if lines := self._tail_after(seq):
-            return PublishedPage([line for line in lines if line.kind in kinds], lines[-1].seq)
+            return PublishedPage([line for line in lines if line.kind in kinds], lines[-1].seq, 0)
         known = self.last_seq
         page = await asyncio.to_thread(self._store.page_after, seq, kinds, MOST_LINES)
-        are_pruned = page.last == seq
-        return PublishedPage([_line(revision) for revision in page.revisions], known if are_pruned else page.last)
+        last = known if page.last == seq else page.last
+        return PublishedPage([_line(revision) for revision in page.revisions], last, page.removed)
 
     def _tail_after(self, seq: int) -> list[PublishedLine]:
         """The next lines above `seq`; none if the tail does not go back so far."""

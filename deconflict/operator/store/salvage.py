@@ -8,7 +8,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from deconflict.operator.store.tables import last_seq, read_only, use_up_number
+from deconflict.operator.store.tables import begin_after, last_seq, read_only
 
 SALVAGE_S = 3.0
 """Revisions that are not copied by then stay in the old file only. The other tables take up to twice as long."""
@@ -73,8 +73,7 @@ def salvage(damaged: Path, new: Path, known_seq: int, clock: Callable[[], float]
             _copy_rows(old, db, table, key, columns)
         for statement in DERIVED:
             db.execute(statement)
-        if max(given, known_seq) > last_seq(db):
-            use_up_number(db, max(given, known_seq))
+        begin_after(db, max(given, known_seq, last_seq(db)))
         db.execute("COMMIT")
     return result
 

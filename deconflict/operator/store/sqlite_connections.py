@@ -16,7 +16,7 @@ from typing import NamedTuple
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.reserved_numbers import ReservedNumbers
 from deconflict.operator.store.salvage import Salvage, salvage
-from deconflict.operator.store.tables import StoreError, last_seq, use_up_number
+from deconflict.operator.store.tables import StoreError, begin_after, last_seq
 
 log = logging.getLogger(__name__)
 
@@ -148,7 +148,7 @@ class SqliteConnections:
                 db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
             if version == 0 and self._known_seq:
                 log.warning("%s is new; its numbers continue after %d", self.path, self._known_seq)
-                use_up_number(db, self._known_seq)
+                begin_after(db, self._known_seq)
             self._known_seq = last_seq(db)
 
     def _begin_anew(self) -> None:

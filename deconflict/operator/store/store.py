@@ -188,7 +188,8 @@ class Store:
         """Up to `limit` revisions of these kinds with a number above `seq`. Returns fewer if others lie between."""
         with self._file_and_pending() as (db, pending):
             unstored = ((each.seq, each if each.kind in kinds else None) for each in pending if each.seq > seq)
-            return first_page(chain(tables.after(db, seq, kinds), unstored), seq, limit)
+            stored, removed = tables.after(db, seq, kinds), tables.last_removed(db, kinds)
+            return first_page(chain(stored, unstored), seq, limit, removed)
 
     def latest(
         self, state: StateFilter = "open", *, limit: int | None = None, **fields: str | None

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from deconflict.advisories.situations.situation import REVISION, AnyRevision
-from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
+from deconflict.advisory import EVERY_KIND, SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
 from deconflict.operator.store.listings import OPEN_VALUES, ListingFilter
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
 from ingest.batch import Pair
@@ -247,6 +247,28 @@ def insert(db: sqlite3.Connection, advisory: AnyRevision, answers: int, at: date
     db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
     if isinstance(advisory, ConflictAdvisory):
         count_encounter(db, advisory)
+
+
+def note_removed(db: sqlite3.Connection, numbers: Iterable[tuple[str, int]]) -> None:
+    """Note that revisions up to a number may be gone, each with its kind."""
+    db.executemany(
+        "INSERT INTO removed VALUES (?, ?) ON CONFLICT (kind) DO UPDATE SET seq = max(seq, excluded.seq)", numbers
+    )
+
+
+def last_removed(db: sqlite3.Connection, kinds: Set[str]) -> int:
+    """The highest number of a revision of these kinds that may be gone; 0 if none is."""
+    (seq,) = db.execute(
+        "SELECT max(seq) FROM removed WHERE kind IN (SELECT value FROM json_each(?))", (json.dumps(sorted(kinds)),)
+    ).fetchone()
+    return int(seq or 0)
+
+
+def begin_after(db: sqlite3.Connection, seq: int) -> None:
+    """Continue the numbers of another file after `seq`. Some of its revisions may be gone."""
+    if seq > last_seq(db):
+        use_up_number(db, seq)
+    note_removed(db, ((kind, seq) for kind in EVERY_KIND))
 
 
 def use_up_number(db: sqlite3.Connection, seq: int) -> None:

@@ -8,20 +8,49 @@ from typing import TYPE_CHECKING, Any
 
 from deconflict.advisories.situations.situation import Situation, SituationAdvice
 from deconflict.advisory import Action, ConflictAdvisory, Location, moment
+from deconflict.settings.fleet_factory import fleet_of
+from deconflict.settings.site import Site
+from ingest.fleet.fleet import Fleet
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 from tests.deconflict.operator.http.served_face import Served
 from tests.helpers.made_advisories import made, situation
 from tests.helpers.patience import PATIENCE_S
-from tests.helpers.saying import HALL, robot
+from tests.helpers.saying import HALL, robot, status
 
 if TYPE_CHECKING:
     from playwright.async_api import Browser, Page
 
-ROBOTS = 12
+ROBOTS, TICK_S = 12, 0.2
 CARDS = "[...document.querySelectorAll('#situations > li:not([hidden])')]"
 
 
 def name(i: int) -> str:
     return f"Alder A-{i}"
+
+
+@asynccontextmanager
+async def ticking(face: Served) -> AsyncIterator[None]:
+    """Robots that stand in a row, 2 m apart, and report at each tick."""
+    fleet = fleet_of(Site(), Measures())
+
+    async def tick() -> None:
+        while True:
+            report(fleet, time.time())
+            face.sources.whole = fleet.snapshot(time.time())
+            face.sources.recent.add(time.time(), fleet.next_batch(time.time()).to_bytes())
+            await asyncio.sleep(TICK_S)
+
+    task = asyncio.create_task(tick())
+    try:
+        yield
+    finally:
+        task.cancel()
+
+
+def report(fleet: Fleet, now_s: float) -> None:
+    for i in range(ROBOTS):
+        fleet.receive(status(f"A-{i}", now_s, 2.0 * i, 0.0), now_s, Connection(1))
 
 
 @asynccontextmanager

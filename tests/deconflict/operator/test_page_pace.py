@@ -1,13 +1,17 @@
 """A page that is late says so, and costs what it shows: in a real Chromium."""
 
 import asyncio
+from contextlib import AsyncExitStack
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from deconflict.advisory import Severity
-from tests.deconflict.operator.http.served_face import Served
-from tests.deconflict.operator.opened_page import CARDS, cleared, opened, shown, text, until
+from deconflict.operator.store.store import Store
+from tests.deconflict.operator.http.served_face import Served, served
+from tests.deconflict.operator.opened_page import CARDS, cleared, opened, shown, text, ticking, until, warning
 
 if TYPE_CHECKING:
     from playwright.async_api import Browser
@@ -68,6 +72,24 @@ async def test_a_page_that_fell_behind_lists_what_is_open_now(browser: "Browser"
         await until(page, f"[...feed.situations.keys()].join() === '{stays.id}'")
         await face.publish(cleared(stays, "they have passed each other"))
         await until(page, "feed.situations.size === 0")
+
+
+async def test_what_ended_and_was_removed_while_the_page_was_away_is_shown_no_more(
+    browser: "Browser", tmp_path: Path
+) -> None:
+    first = shown(1, 0, 1)
+    async with AsyncExitStack() as pages:
+        async with served(tmp_path) as face, ticking(face):
+            await face.publish(first, warning(1))
+            page = await pages.enter_async_context(opened(browser, face))
+            assert await page.evaluate(f"{CARDS}.length") == 1
+        store = Store(tmp_path)
+        store.append([cleared(first, "avoided")])
+        assert store.prune(datetime.now(UTC) + timedelta(days=1)) == 1
+        store.close()
+        async with served(tmp_path, at=face.address) as again, ticking(again):
+            await until(page, f"{CARDS}.length === 0")
+            assert (await text(page, "#machines-count")).startswith("1 warning for machines")
 
 
 async def test_what_ended_unseen_does_not_push_the_others_away(browser: "Browser", face: Served) -> None:

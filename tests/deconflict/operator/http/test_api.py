@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
-from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, BAD_KINDS, STORE_FAILED
+from deconflict.advisory import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED
 from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served
 from tests.helpers.made_advisories import ROBOTS, cleared, made
 from tests.helpers.plain_http import http_client
@@ -235,7 +235,7 @@ async def test_the_api_page_names_every_route_and_close_code(client: httpx.Async
     page = API_PAGE.read_text()
     paths = [*(await client.get("/openapi.json")).json()["paths"], "/advisories/stream", "/live", "/openapi.json"]
     assert not [path for path in paths if f"`{path}`" not in page.replace("`GET ", "`").replace("`POST ", "`")]
-    codes = (BAD_AFTER, BAD_KINDS, AFTER_BEYOND_LAST, STORE_FAILED)
+    codes = (BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED)
     assert not [code for code in codes if f"`{code}`" not in page]
 
 

@@ -1,7 +1,8 @@
 import asyncio
 import json
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Set
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -9,10 +10,12 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
 from websockets.frames import Frame, Opcode
 
-from deconflict.advisory import AFTER_BEYOND_LAST, BAD_AFTER, BAD_KINDS, STORE_FAILED
+from deconflict.advisory import BAD_AFTER, BAD_KINDS, EVERY_KIND, POSITION_LOST, STORE_FAILED
 from deconflict.operator.http.server_protocols import WebSocketProtocol
+from deconflict.operator.store.publisher import MOST_LINES, PublishedPage
+from deconflict.operator.store.store import Store
 from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
-from tests.helpers.made_advisories import deadlock, made, situation
+from tests.helpers.made_advisories import START, cleared, cleared_situation, deadlock, made, situation
 
 RESTARTING = 1012
 
@@ -151,10 +154,76 @@ async def test_after_beyond_the_last_number_is_refused_and_the_last_itself_is_no
         with pytest.raises(ConnectionClosedError, match="beyond the last seq 1") as closed:
             await subscriber.recv()
     assert closed.value.rcvd
-    assert closed.value.rcvd.code == AFTER_BEYOND_LAST
+    assert closed.value.rcvd.code == POSITION_LOST
     async with connect(face.stream("?after=1")) as subscriber:
         await face.publish(made(2))
         assert json.loads(await subscriber.recv())["seq"] == 2
+
+
+def with_removed(folder: Path) -> None:
+    """Numbers 1 to 6 of a store, of which 2 and 3, a conflict, and 5, its situation, were removed."""
+    store = Store(folder)
+    store.append([made(1), made(2), cleared(2), situation(1), cleared_situation(2, 1), made(3)])
+    assert store.prune(START + timedelta(days=1)) == 2
+    store.close()
+
+
+@pytest.mark.parametrize("query", ["?after=1", "?after=2", "?after=4&kinds=situation", "?after=2&kinds=conflict"])
+async def test_a_subscriber_that_missed_what_was_removed_is_told_to_read_again(tmp_path: Path, query: str) -> None:
+    with_removed(tmp_path)
+    async with served(tmp_path) as face, connect(face.stream(query)) as subscriber:
+        with pytest.raises(ConnectionClosedError, match="removed; get /advisories afresh") as closed:
+            await subscriber.recv()
+    assert closed.value.rcvd
+    assert closed.value.rcvd.code == POSITION_LOST
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ("?after=0&kinds=situation,advisory", [1, 4, 6, 7]),
+        ("?after=3", [6, 7]),
+        ("?after=5&kinds=situation,advisory", [6, 7]),
+        ("?after=1&kinds=deadlock", [7]),
+        ("", [7]),
+    ],
+)
+async def test_a_subscriber_that_missed_nothing_of_its_kinds_hears_what_is_left(
+    tmp_path: Path, query: str, expected: list[int]
+) -> None:
+    with_removed(tmp_path)
+    async with served(tmp_path) as face, connect(face.stream(query)) as subscriber:
+        await face.publish(deadlock("r-1", "r-2"))
+        assert [json.loads(await subscriber.recv())["seq"] for _ in expected] == expected
+
+
+async def test_a_new_subscriber_is_told_if_something_is_removed_while_it_reads(tmp_path: Path) -> None:
+    with_removed(tmp_path)
+    store = Store(tmp_path)
+    store.append([made(number) for number in range(4, 4 + MOST_LINES)] + [cleared(4)])
+    store.close()
+    async with served(tmp_path) as face:
+        page_after = face.publisher.after
+
+        async def after(seq: int, kinds: Set[str] = EVERY_KIND) -> PublishedPage:
+            page = await page_after(seq, kinds)
+            face.store.prune(START + timedelta(days=1))
+            return page
+
+        face.publisher.after = after  # type: ignore[method-assign]
+        async with connect(face.stream("?after=0")) as subscriber:
+            for _ in range(MOST_LINES):
+                await subscriber.recv()
+            with pytest.raises(ConnectionClosedError, match="some revisions after 104 were removed"):
+                await subscriber.recv()
+
+
+async def test_a_subscriber_of_a_new_file_whose_numbers_continue_is_told_to_read_again(tmp_path: Path) -> None:
+    with_removed(tmp_path)
+    (tmp_path / "advisories.db").unlink()
+    async with served(tmp_path) as face, connect(face.stream("?after=6")) as subscriber:
+        with pytest.raises(ConnectionClosedError, match="removed; get /advisories afresh"):
+            await subscriber.recv()
 
 
 async def test_subscribers_are_counted_while_they_stay(face: Served) -> None:

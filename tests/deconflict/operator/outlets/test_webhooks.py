@@ -9,7 +9,9 @@ import pytest
 from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import verified
 from deconflict.operator.outlets.webhooks import WebhookOutlet
+from deconflict.operator.store.publisher import Publisher
 from deconflict.settings.outlet_settings import Webhook
+from ingest.measures.measures import Measures
 from ingest.measures.outages import QUIET_S
 from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
@@ -65,6 +67,18 @@ async def test_a_restart_resumes_and_loses_nothing(tmp_path: Path) -> None:
             async with posting(other.url, store, publisher, tmp_path):
                 await until(lambda: len(other.heard) == 3)
         assert numbers(other.heard) == [1, 2, 3]
+
+
+async def test_a_webhook_hears_the_end_of_what_it_was_told_of_though_much_was_removed(tmp_path: Path) -> None:
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        async with posting(other.url, store, publisher, tmp_path):
+            await publisher.publish([made(1)])
+            await until(lambda: store.position("mes") == 1)
+        await publisher.publish([cleared(1), made(2), cleared(2)])
+        assert store.prune_to(1) == 1
+        async with posting(other.url, store, Publisher(store, Measures()), tmp_path):
+            await until(lambda: len(other.heard) == 2)
+        assert numbers(other.heard) == [1, 2]
 
 
 async def test_an_answer_without_end_is_not_read_to_its_end(tmp_path: Path) -> None:

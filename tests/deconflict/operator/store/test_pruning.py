@@ -87,6 +87,19 @@ def test_revisions_are_counted_by_vendors_once_for_all_steps_and_without_the_loc
     assert store.used_bytes() <= most_bytes * 0.99
 
 
+def test_what_an_outlet_has_sent_open_is_kept_for_it_unless_it_is_too_old(store: Store) -> None:
+    store.append([made(1), made(2), cleared(1), cleared(2), made(3), cleared(3)])
+    for position, kept in [(2, ["advisory-2", "advisory-1"]), (3, ["advisory-2"]), (4, [])]:
+        store.set_position("mes", position)
+        store.flush()
+        store.prune_to(1)
+        assert [advisory.id for advisory in store.latest("all").advisories] == kept
+    store.append([made(4)])
+    store.set_position("mes", store.last_seq())
+    store.append([cleared(4)])
+    assert store.prune(START + timedelta(days=1)) == 1
+
+
 def test_open_advisories_are_kept_however_large_the_database_is(store: Store) -> None:
     store.append([made(1), made(2), cleared(2)])
     assert store.prune_to(1) == 1

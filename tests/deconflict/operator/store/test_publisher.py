@@ -122,7 +122,7 @@ async def test_a_subscriber_whose_position_was_pruned_reads_once_and_waits(tmp_p
     store.prune(START + timedelta(days=1))
     publisher = Publisher(store, Measures())
     pruned = await publisher.after(1)
-    assert pruned == PublishedPage([], 4)
+    assert pruned == PublishedPage([], 4, removed=4)
     following = asyncio.create_task(publisher.after(pruned.last))
     (news,) = await publisher.publish([made(5)])
     assert [line.seq for line in (await following).lines] == [news.seq] == [5]

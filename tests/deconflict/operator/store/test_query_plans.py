@@ -34,7 +34,13 @@ def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store
     assert plans == [
         ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"],
         ["SCAN advisories USING INDEX cleared_by_vendors"],
-        ["SEARCH advisories USING INDEX cleared_by_vendors (vendors=?)"],
+        [
+            "SEARCH a USING INDEX cleared_by_vendors (vendors=?)",
+            "CORRELATED SCALAR SUBQUERY 2",
+            "SCAN p",
+            "CORRELATED SCALAR SUBQUERY 1",
+            "SEARCH r USING COVERING INDEX sqlite_autoindex_revisions_1 (id=?)",
+        ],
     ]
 
 
