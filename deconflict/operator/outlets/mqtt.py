@@ -108,12 +108,8 @@ class MqttOutlet:
 
     async def _remove_others(self, client: Client) -> None:
         """Empty the topics of other kinds. Earlier settings may have sent them until the outlet's position."""
-        others, seq = EVERY_KIND - self._cursor.kinds, self._cursor.seq
-        removed = [(each.kind, each.id) async for each in self._open_documents() if each.kind in others]
-        while (page := await asyncio.to_thread(self._store.page_after, seq, others, MOST_AT_ONCE)).last > seq:
-            removed += [(each.kind, each.id) for each in page.revisions if each.state is AdvisoryState.CLEARED]
-            seq = page.last
-        for kind, revision_id in removed:
+        others = EVERY_KIND - self._cursor.kinds
+        for kind, revision_id in await asyncio.to_thread(self._store.held_at, self._cursor.seq, others):
             await self._send(client, MqttMessage(topic_of(self._settings.topic, kind, revision_id), None, True))
 
     async def _open_documents(self) -> AsyncIterator[StoredDocument]:

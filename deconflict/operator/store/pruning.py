@@ -14,8 +14,7 @@ STEP = 200
 """So many advisories are removed in one transaction: no revision can be stored meanwhile."""
 ROOM = 0.01
 """A file that is too large gets this share of its size free, so that revisions are rarely counted by vendors."""
-HELD = """EXISTS (SELECT 1 FROM positions AS p WHERE p.seq < a.seq
-    AND p.seq >= (SELECT min(r.seq) FROM revisions AS r WHERE r.id = a.id))"""
+HELD = f"EXISTS (SELECT 1 FROM positions AS p WHERE p.seq < a.seq AND p.seq >= {tables.FIRST_SEQ})"  # noqa: S608 - constant
 """Whether an outlet has sent the first revision of the advisory `a`, and not the newest."""
 
 

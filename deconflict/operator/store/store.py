@@ -216,6 +216,13 @@ class Store:
             )
             return list(islice(chain(stored, unstored), limit))
 
+    def held_at(self, seq: int, kinds: Set[str]) -> list[tuple[str, str]]:
+        """Kind and id of what a receiver that knows these kinds up to a number holds open, and perhaps of some more."""
+        with self._file_and_pending(long=True) as (db, pending):
+            stored = tables.held_at(db, seq, kinds)
+        unstored = ((each.kind, each.id) for each in pending if each.seq <= seq and each.kind in kinds)
+        return list(dict.fromkeys([*stored, *unstored]))
+
     def open_at(self, now_s: float, limit: int = MOST_PAST) -> list[AnyRevision]:
         """What was open at a time, the newest `limit`: the newest revision by then of each that changed in the hour
         before."""

@@ -46,6 +46,9 @@ OF_KIND = {
 }
 """Conditions of a listing by kind. That for situations names the kind, so that SQLite takes the index of situations."""
 
+FIRST_SEQ = "(SELECT min(r.seq) FROM revisions AS r WHERE r.id = a.id)"
+"""The number of the first revision of the advisory `a`."""
+
 
 def last_seq(db: sqlite3.Connection) -> int:
     row = db.execute("SELECT seq FROM sqlite_sequence WHERE name = 'revisions'").fetchone()
@@ -130,6 +133,15 @@ def open_after(db: sqlite3.Connection, seq: int) -> Iterator[StoredDocument]:
         (seq,),
     )
     return (StoredDocument(*row) for row in rows)
+
+
+def held_at(db: sqlite3.Connection, seq: int, kinds: Set[str]) -> list[tuple[str, str]]:
+    """Kind and id of what a receiver that knows these kinds up to a number holds open."""
+    return db.execute(
+        f"""SELECT kind, id FROM advisories AS a WHERE (open = 1 OR (open = 0 AND seq > :seq))
+        AND kind IN (SELECT value FROM json_each(:kinds)) AND {FIRST_SEQ} <= :seq""",  # noqa: S608 - a constant
+        {"seq": seq, "kinds": json.dumps(sorted(kinds))},
+    ).fetchall()
 
 
 def encounters_after(db: sqlite3.Connection, pair: Pair, limit: int) -> list[tuple[Pair, int]]:

@@ -4,6 +4,8 @@ import asyncio
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
+from aiomqtt import Client
+
 from deconflict.advisories.situations.situation import REVISION
 from deconflict.advisory import KindChoice
 from deconflict.operator.outlets.mqtt import MqttOutlet, messages_of
@@ -74,6 +76,24 @@ async def test_the_broker_retains_open_situations_and_forgets_the_kinds_of_earli
                 assert REVISION.validate_json(held["deconflict/situations/situation-2"]).seq == 5
                 await publisher.publish([cleared_situation(2)])
                 await retained(port, {"service", "situations/situation-1"})
+
+
+async def test_topics_that_the_outlet_cannot_have_sent_are_not_emptied(tmp_path: Path) -> None:
+    async with broker() as port, asyncio.timeout(PATIENCE_S):
+        with kept(tmp_path) as (store, publisher):
+            async with feeding(port, store, publisher):
+                await publisher.publish([made(1), made(2)])
+                await until(lambda: store.position("mqtt") == 2)
+            await publisher.publish([cleared(1), made(3), cleared(3), made(4), situation(1)])
+            async with Client("127.0.0.1", port) as watching, feeding(port, store, publisher, Mqtt(host="").kinds):
+                await watching.subscribe("deconflict/+/+", qos=1)
+                emptied = set()
+                async for message in watching.messages:
+                    if message.topic.matches("deconflict/situations/+"):
+                        break
+                    if not message.payload:
+                        emptied.add(message.topic.value)
+    assert emptied == {"deconflict/advisories/advisory-1", "deconflict/advisories/advisory-2"}
 
 
 def test_a_clearing_revision_is_sent_and_then_the_topic_is_emptied() -> None:
