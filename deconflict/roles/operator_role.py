@@ -144,7 +144,7 @@ class OperatorRole:
             log.info("%s advisories %s are removed", removed, text)
 
     async def _refresh(self) -> None:
-        """Read changed secrets of outlets, and retry a disk that failed."""
+        """Read changed secrets of outlets, and store their positions and what a disk that failed has not taken."""
         while True:
             await asyncio.sleep(REFRESH_EVERY_S)
             if self._store.has_pending:

@@ -64,21 +64,17 @@ class StoreCursor:
                 continue
             for line in page.lines:
                 yield line
-            self._skip(page.last)
+            self._move(page.last)
 
     def delivered(self, line: PublishedLine) -> None:
-        """The receiver has the revision. The position is stored soon, without a wait for the disk."""
+        """The receiver has the revision."""
         self._publisher.measures.count("deconflict_outlet_deliveries_total", self.name)
         if self._outages.worked():
             log.info("%s accepts revisions again, %s wait", self.name, self._publisher.last_seq - line.seq)
         self._move(line.seq)
 
     def _move(self, seq: int) -> None:
-        self._skip(seq)
-        self._publisher.begin_storing()
-
-    def _skip(self, seq: int) -> None:
-        """Set the position. It is stored with the next revisions."""
+        """Set the position. The publisher stores it: an outlet that catches up has no commit for each revision."""
         self.seq = seq
         self._measure()
         self._store.set_position(self.name, seq)

@@ -122,9 +122,12 @@ class Publisher:
         return numbers
 
     async def store_pending(self) -> None:
-        """Store pending writes. Waits for the disk for at most `DISK_TIMEOUT_S`, and only once while it is stuck."""
+        """Store pending revisions and positions of outlets.
+
+        Waits for the disk for at most `DISK_TIMEOUT_S`, and only once while it is stuck.
+        """
         is_stuck = self.failing is not None and self._storing is not None and not self._storing.done()
-        storing = self.begin_storing()
+        storing = self._begin_storing()
         await asyncio.wait({storing}, timeout=0 if is_stuck else DISK_TIMEOUT_S)
         if storing.done():
             storing.result()
@@ -132,7 +135,7 @@ class Publisher:
             self._fail("the disk is slow")
         self.measures.level("deconflict_store_unstored", {(): self._store.unstored})
 
-    def begin_storing(self) -> asyncio.Task[None]:
+    def _begin_storing(self) -> asyncio.Task[None]:
         """The task that stores pending writes; starts one if none runs."""
         if self._storing is None or self._storing.done():
             self._storing = asyncio.create_task(self._store_all())
@@ -140,7 +143,7 @@ class Publisher:
 
     async def close(self) -> None:
         """Store the rest. Logs how many revisions the disk did not take."""
-        await asyncio.wait({self.begin_storing()}, timeout=DISK_TIMEOUT_S)
+        await asyncio.wait({self._begin_storing()}, timeout=DISK_TIMEOUT_S)
         if self._store.unstored:
             log.error("%d revisions were published and never stored", self._store.unstored)
 

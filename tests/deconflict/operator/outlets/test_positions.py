@@ -135,6 +135,19 @@ async def test_an_outlet_killed_on_a_full_disk_loses_nothing_and_resends_what_ha
         assert numbers(other.heard)[len(made_numbers) :][-2:] == [stored + 1, stored + 2]
 
 
+async def test_an_outlet_that_catches_up_has_no_commit_for_each_revision(tmp_path: Path) -> None:
+    with hearing() as other, kept(tmp_path) as (store, publisher):
+        store.set_position("mes", 0)
+        await publisher.publish([made(number) for number in range(1, 21)])
+        statements: list[str] = []
+        store._connections._writer.set_trace_callback(statements.append)
+        async with posting(other.url, store, publisher, tmp_path):
+            await delivered(publisher, 20)
+            assert "COMMIT" not in statements
+        await publisher.close()
+        assert (statements.count("COMMIT"), placed(tmp_path)) == (1, 20)
+
+
 def test_a_position_never_goes_back_and_is_known_before_it_is_stored(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert store.position("mes") is None
