@@ -108,11 +108,11 @@ class ConflictLifecycle:
     ) -> list[ConflictAdvisory]:
         """The revisions of one pass, ordered by pair.
 
-        `updated` are the robots with a new forecast. The pass looked no further than `until_s`: an open advisory on a
-        later conflict stands as it is.
+        `updated` are the robots with a new forecast, and those that have left the floor. The pass looked no further
+        than `until_s`: an open advisory on a later conflict stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        examination = self.pairs.examine(predictions, now_s, scene.encounters)
+        examination = self.pairs.examine(predictions, updated, now_s, scene.encounters)
         revisions, candidates = [], []
         for found in examination.found:
             outcome = self._revise_predicted(found, now_s, scene)
@@ -275,7 +275,8 @@ class ConflictLifecycle:
     def _revise_unpredicted(
         self, examination: Examination, updated: set[str], now_s: float, scene: ConflictScene, until_s: float
     ) -> Iterator[ConflictAdvisory | None]:
-        """The revisions of pairs without a prediction: they clear, or fall to a low probability."""
+        """The revisions of pairs without a prediction: they clear, or fall to a low probability. A pair without an
+        advisory is forgotten if a robot of it has left."""
         for watched, code in examination.unpredicted:
             a, b = watched.pair
             is_look = a in updated or b in updated

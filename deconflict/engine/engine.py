@@ -91,7 +91,7 @@ class Engine:
         self._loss_warnings = LossWarnings(restored, self.foresight.last_advised_wait_s)
         self.near_misses, self.losses = [], []
         self._updated: set[str] = set()
-        """Robots with a new forecast since the last pass."""
+        """Robots with a new forecast since the last pass, and those that have left since."""
         self._metrics = EngineMetrics(self.measures, self.open, self.foresight, self._map_drift)
 
     def presence_document(self, now_s: float) -> dict[str, Any]:
@@ -148,8 +148,7 @@ class Engine:
         self._map_drift.observe(batch)
         self.live.remove(batch.gone)
         self._sweep.discard(batch.gone)
-        self._updated.update(batch.robots)
-        self._updated.difference_update(batch.gone)
+        self._updated.update(batch.robots, batch.gone)
         return batch
 
     def pending(self) -> int:

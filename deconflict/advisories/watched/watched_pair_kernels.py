@@ -259,16 +259,20 @@ def _decide_with_advisory(pair: Any, advisory: Any, predicted: Any, now_s: float
 
 @inner
 def _unpredicted(pairs: NDArray[Any], advisories: NDArray[Any], now_s: float, thresholds: Any) -> tuple[Ints, Ints]:
-    """The rows of watched pairs without a prediction, and the code of each."""
+    """The rows of watched pairs without a prediction of which something may change, and the code of each.
+
+    Without an advisory, nothing changes of a pair that is not updated, unless nothing is left to remember.
+    """
     rows, codes, n = np.empty(len(pairs), np.int64), np.full(len(pairs), NO_CHANGE), 0
     for row in range(len(pairs)):
         pair = pairs[row]
-        if pair.in_use and not pair.predicted:
+        is_open, is_idle = advisories[row].is_open, not (pair.inside or pair.looks)
+        if pair.in_use and not pair.predicted and (is_open or is_idle or pair.updated):
             rows[n] = row
-            if advisories[row].is_open:
+            if is_open:
                 codes[n] = _decide_unlikely(pair, advisories[row], 0.0, now_s, thresholds)
             n += 1
-        pair.predicted = False
+        pair.predicted = pair.updated = False
     return rows[:n].copy(), codes[:n].copy()
 
 
@@ -285,8 +289,8 @@ def examine_pairs(
     now_s: float,
     thresholds: NDArray[Any],
 ) -> tuple[Ints, Ints, Ints, Ints]:
-    """Which predictions change something, and the code of each; the rows of watched pairs without a prediction, and the
-    code of each.
+    """Which predictions change something, and the code of each; the rows of watched pairs without a prediction of which
+    something may change, and the code of each.
 
     `pairs` and `advisories` (n,) are of `WATCHED_PAIR` and `OPEN_ADVISORY`, `thresholds` (1,) of `THRESHOLDS`. `rows`
     (p,) are the rows of the predicted pairs, -1 if not watched; new pairs are given free rows, of which there must be

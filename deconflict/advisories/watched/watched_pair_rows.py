@@ -26,6 +26,7 @@ WATCHED_PAIR = np.dtype(
         ("inside", np.bool_),  # within the clearance, or not yet drawn apart from it
         ("met", np.bool_),  # it came within the clearance while the advisory was open
         ("predicted", np.bool_),  # this pass has a prediction of the pair
+        ("updated", np.bool_),  # since the last pass a robot of it has a new forecast, or has left
         ("looks", np.int64),  # one bit for each of the last looks, 1 if it was alerting; the newest is the lowest bit
         ("predicted_s", np.float64),  # when a pair with an advisory was last predicted as likely enough
         ("weighed_contact_s", np.float64),  # predicted time of the last weighed prediction

@@ -4,7 +4,7 @@ A pair is watched while it has an open advisory, is within the clearance, or had
 columns are named in `watched_pair_rows`.
 """
 
-from collections.abc import Callable, Container, Sequence, Set
+from collections.abc import Callable, Container, Iterable, Sequence, Set
 from dataclasses import dataclass
 from itertools import compress, repeat
 from math import inf
@@ -68,7 +68,8 @@ class Examination(NamedTuple):
 
     found: list[FoundPrediction]
     unpredicted: list[tuple[WatchedPair, int]]
-    """The watched pairs without a prediction, and the code of each."""
+    """Watched pairs without a prediction, and the code of each: all with an advisory, and without one those of which
+    something may change."""
 
 
 class WatchedPairs:
@@ -78,6 +79,8 @@ class WatchedPairs:
         self._thresholds = _thresholds(settings)
         self._looks_mask = int(self._thresholds["looks_mask"][0])
         self._row_of: dict[Pair, int] = {}
+        self._others: dict[str, dict[str, WatchedPair]] = {}
+        """By robot, its watched pairs by the other robot."""
         self._by_row: list[WatchedPair] = []
         self._pairs: NDArray[Any] = np.zeros(0, WATCHED_PAIR)
         self._advisories: NDArray[Any] = np.zeros(0, OPEN_ADVISORY)
@@ -91,13 +94,14 @@ class WatchedPairs:
 
     def among(self, robots: Container[str], changed: Set[str]) -> list[WatchedPair]:
         """The watched pairs of two of `robots`, of which at least one is in `changed`."""
-        if not changed:
-            return []
         return [
-            self._by_row[row]
-            for (a, b), row in self._row_of.items()
-            if (a in changed or b in changed) and a in robots and b in robots
+            watched for watched in self._pairs_of(changed) if watched.pair[0] in robots and watched.pair[1] in robots
         ]
+
+    def _pairs_of(self, robots: Set[str]) -> Iterable[WatchedPair]:
+        """The watched pairs of which at least one robot is in `robots`."""
+        watched = (each for uuid in self._others.keys() & robots for each in self._others[uuid].values())
+        return {each.pair: each for each in watched}.values()
 
     def add(self, pair: Pair) -> WatchedPair:
         """Watch a pair that is not watched yet."""
@@ -111,7 +115,7 @@ class WatchedPairs:
         row = self._pairs[watched.row]
         if watched.advisory is None and not row["inside"] and not row["looks"]:
             row["in_use"] = False
-            del self._row_of[watched.pair]
+            self._unregister(watched.pair)
 
     def set_advisory(self, watched: WatchedPair, advisory: ConflictAdvisory | None, floor: int | None) -> None:
         """Set the newest revision of a pair's open advisory, with which nothing has been compared yet.
@@ -163,16 +167,22 @@ class WatchedPairs:
         self._pairs["predicted_s"][watched.row] = at_s
 
     def examine(
-        self, predictions: Predictions, now_s: float, encounters: Callable[[Sequence[Pair], Floats], Encounters]
+        self,
+        predictions: Predictions,
+        updated: Set[str],
+        now_s: float,
+        encounters: Callable[[Sequence[Pair], Floats], Encounters],
     ) -> Examination:
-        """Record the predictions of a pass; return those that change something, and the pairs without a prediction.
+        """Record the predictions of a pass; return those that change something, and the pairs without a prediction of
+        which something may change.
 
-        Which predictions these are stands in `watched_pair_kernels`. `encounters` says how pairs meet, as
-        `ConflictScene.encounters` does.
+        Which predictions these are stands in `watched_pair_kernels`. `updated` are the robots with a new forecast, and
+        those that have left. `encounters` says how pairs meet, as `ConflictScene.encounters` does.
         """
         pairs = predictions.pairs
         self._make_room(len(pairs))
         self._drop_free_rows(len(self._row_of) + len(pairs))
+        self._pairs["updated"][[watched.row for watched in self._pairs_of(updated)]] = True
         rows = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
         chosen, codes, unpredicted, quiet_codes = examine_pairs(
             self._pairs, self._advisories, rows, _columns(predictions), now_s, self._thresholds
@@ -182,7 +192,7 @@ class WatchedPairs:
         moved = self._moved(predictions, rows, same, encounters)
         for i, code in coded:
             if code == FORGET:
-                del self._row_of[pairs[i]]
+                self._unregister(pairs[i])
             elif pairs[i] not in self._row_of:
                 self._register(pairs[i], int(rows[i]))
         due = [(i, code) for i, code in coded if code not in _NOT_DUE or i in moved]
@@ -210,7 +220,16 @@ class WatchedPairs:
     def _register(self, pair: Pair, row: int) -> WatchedPair:
         watched = WatchedPair(pair, row)
         self._row_of[pair], self._by_row[row] = row, watched
+        for uuid, other in (pair, pair[::-1]):
+            self._others.setdefault(uuid, {})[other] = watched
         return watched
+
+    def _unregister(self, pair: Pair) -> None:
+        del self._row_of[pair]
+        for uuid, other in (pair, pair[::-1]):
+            del self._others[uuid][other]
+            if not self._others[uuid]:
+                del self._others[uuid]
 
     def _make_room(self, pairs: int) -> None:
         """Have free rows for this many more pairs."""

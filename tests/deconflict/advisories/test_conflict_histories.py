@@ -39,6 +39,8 @@ class ChangingScene(MadeScene):
 
     def __init__(self) -> None:
         self.present = set(ROBOTS)
+        self.left = set[str]()
+        """Robots that have left since the last pass."""
         self.apart_m: dict[Pair, float] = {}
 
     def is_present(self, uuid: str) -> bool:
@@ -78,15 +80,23 @@ class Histories(RuleBasedStateMachine):
                 predictions.append(
                     Prediction(pair, self.now_s + in_s, min(separation_m, start_m), start_m, fresh, probability)
                 )
-        updated &= self.scene.present
+        updated = updated & self.scene.present | self.scene.left
+        self.scene.left.clear()
         until_s = self.now_s + reach_s
         revisions = self.lifecycle.revise(self.now_s, in_columns(predictions), updated, self.scene, until_s)
+        self._watches_nobody_who_left()
         stored = self.store.append(revisions)
         assert self.store.append(revisions) == stored, "revisions that are sent again are stored once"
 
     @rule(uuid=st.sampled_from(ROBOTS))
     def comes_or_goes(self, uuid: str) -> None:
         self.scene.present ^= {uuid}
+        self.scene.left = self.scene.left | {uuid} if uuid not in self.scene.present else self.scene.left - {uuid}
+
+    def _watches_nobody_who_left(self) -> None:
+        for pair in PAIRS:
+            watched = self.lifecycle.pairs.get(pair)
+            assert watched is None or watched.advisory or self.scene.present.issuperset(pair)
 
     @rule()
     def restarts(self) -> None:

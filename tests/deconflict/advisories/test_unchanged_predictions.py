@@ -1,5 +1,6 @@
 """Predictions that say nothing new are left alone: what is told is the same as if each were weighed anew."""
 
+from collections.abc import Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,11 +26,11 @@ NOWHERE = np.array((np.nan, np.nan, -1, -1), ENCOUNTER)
 
 
 class EveryPair(WatchedPairs):
-    """Leaves no open advisory alone: whatever was weighed before, and however the two meet."""
+    """Leaves no pair alone: whatever was weighed before, however the two meet, and whether they are updated."""
 
-    def examine(self, predictions: Predictions, now_s: float, _: object) -> Examination:
-        self._pairs["weighed_until_s"] = -np.inf
-        return super().examine(predictions, now_s, lambda pairs, _: np.full(len(pairs), NOWHERE))
+    def examine(self, predictions: Predictions, updated: Set[str], now_s: float, _: object) -> Examination:
+        self._pairs["weighed_until_s"], self._pairs["updated"] = -np.inf, True
+        return super().examine(predictions, updated, now_s, lambda pairs, _: np.full(len(pairs), NOWHERE))
 
 
 class ThoroughLifecycle(ConflictLifecycle):

@@ -1,5 +1,7 @@
 """Messages through fleet and engine, tick by tick, as the service and replay drive them."""
 
+from dataclasses import replace
+
 import pytest
 
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass
@@ -46,6 +48,15 @@ def test_two_that_pass_within_the_clearance_have_their_separation_in_the_advisor
 
 def test_two_that_begin_close_and_draw_apart_do_not_alert() -> None:
     assert Floor({"A": eastward(), "B": eastward(-1.0, -1.1)}).run(10) == []
+
+
+def test_a_pair_without_an_advisory_is_forgotten_once_both_have_left() -> None:
+    floor = Floor({"A": standing(0), "B": standing(1.1)})
+    floor.run(3)
+    assert len(floor.engine._conflicts.pairs) == 1
+    floor.engine.receive(replace(floor.fleet.next_batch(NOW_S + 3), gone=(robot("A"), robot("B"))))
+    floor.engine.step(NOW_S + 3)
+    assert len(floor.engine._conflicts.pairs) == 0
 
 
 def test_two_that_stand_side_by_side_do_not_alert() -> None:
