@@ -34,6 +34,8 @@ class RotatingLog:
         self._failed_s = 0.0
         self.failing: str | None = None
         """Why nothing can be written; None if writing works."""
+        self._not_removable: set[Path] = set()
+        """Segments of which the log says that they can't be removed."""
 
     def write(self, data: bytes) -> int:
         """Append whole lines. Returns how many bytes were written: fewer than all if the disk fails."""
@@ -78,9 +80,11 @@ class RotatingLog:
             self.close()
             self._directory.mkdir(parents=True, exist_ok=True)
             existing = sorted(self._directory.glob(PATTERN))
-            self._remove_oldest(self._remove_old(existing))
-            self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
-            self._written, self._released_bytes, self._begun_s = 0, 0, self._clock()
+            try:
+                self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
+                self._written, self._released_bytes, self._begun_s = 0, 0, self._clock()
+            finally:  # a full disk may need the room
+                self._remove_oldest(self._remove_old(existing))
         return self._file
 
     def _is_removed(self, file: FileIO) -> bool:
@@ -95,25 +99,46 @@ class RotatingLog:
         newest_us = int("".join(filter(str.isdigit, existing[-1].stem))) if existing else 0
         return f"log-{max(round(self._clock() * 1e6), newest_us + 1):017d}.jsonl"
 
-    def _remove_old(self, segments: list[Path]) -> list[Path]:
-        """Remove segments to which nothing was added for `keep_days`. Returns the others."""
-        before_s = self._clock() - self.settings.keep_days * DAY_S
-        old = [segment for segment in segments if segment.stat().st_mtime < before_s]
-        for segment in old:
-            segment.unlink()
-            log.info("removed %s: it is older than keep_days", segment.name)
-        return [segment for segment in segments if segment not in old]
+    def _remove_old(self, segments: list[Path]) -> dict[Path, int]:
+        """Remove segments to which nothing was added for `keep_days`. Returns the others with their sizes in bytes."""
+        before_s, sizes = self._clock() - self.settings.keep_days * DAY_S, {}
+        for segment in segments:
+            try:
+                status = segment.stat()
+            except FileNotFoundError:  # somebody else has removed it
+                continue
+            except OSError as error:
+                self._log_once(segment, error)
+                continue
+            if status.st_mtime >= before_s or not self._remove(segment, "it is older than keep_days"):
+                sizes[segment] = status.st_size
+        return sizes
 
-    def _remove_oldest(self, segments: list[Path]) -> None:
-        """Remove the oldest segments until there is room for one more within `total_bytes`."""
-        sizes = [segment.stat().st_size for segment in segments]
-        excess = sum(sizes) + self.settings.segment_bytes - self.settings.total_bytes
-        for segment, size in zip(segments, sizes, strict=True):
+    def _remove_oldest(self, sizes: dict[Path, int]) -> None:
+        """Remove the oldest of the segments, which have these sizes in bytes, until there is room for one more within
+        `total_bytes`."""
+        excess = sum(sizes.values()) + self.settings.segment_bytes - self.settings.total_bytes
+        for segment, size in sizes.items():
             if excess <= 0:
                 return
-            segment.unlink()
-            excess -= size
-            log.info("removed %s: recordings had reached total_bytes", segment.name)
+            if self._remove(segment, "recordings had reached total_bytes"):
+                excess -= size
+
+    def _remove(self, segment: Path, reason: str) -> bool:
+        """Remove a segment. Returns whether it is gone."""
+        try:
+            segment.unlink(missing_ok=True)
+        except OSError as error:
+            self._log_once(segment, error)
+            return False
+        log.info("removed %s: %s", segment.name, reason)
+        return True
+
+    def _log_once(self, segment: Path, error: OSError) -> None:
+        """Log that an old segment stays, if the log does not say so already."""
+        if segment not in self._not_removable:
+            log.error("the old segment %s can't be removed: %s; remove it by hand", segment, error)
+        self._not_removable.add(segment)
 
     def _fail(self, error: OSError) -> None:
         if not self.failing:

@@ -232,6 +232,32 @@ def test_a_segment_is_begun_each_day_and_goes_when_it_is_too_old(tmp_path: Path)
     assert [round((tick_s - NOW_S) / 90_000.0, 2) for tick_s in ticks] == [3.0, 3.0, 4.0, 4.0, 5.0, 5.0]
 
 
+@pytest.mark.parametrize(("modified_s", "total_bytes"), [(0.0, 1_000_000), (NOW_S, 10_000)], ids=["age", "size"])
+def test_an_old_segment_that_cannot_be_removed_stops_no_recording_and_is_logged_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, modified_s: float, total_bytes: int
+) -> None:
+    """A folder can't be removed as a file. A link to nothing looks like a segment that has just vanished."""
+    folder, vanished, old = (tmp_path / f"log-{number:017d}.jsonl" for number in (1, 2, 3))
+    folder.mkdir()
+    vanished.symlink_to(tmp_path / "nothing")
+    old.write_bytes(b" " * 20_000)
+    for path in (folder, old):
+        os.utime(path, (modified_s, modified_s))
+    writer, _ = recorder(tmp_path, segment_bytes=100, total_bytes=total_bytes)
+    ticks = [Tick(NOW_S + second) for second in range(12)]
+    for tick in ticks:
+        writer.tick(tick.now_s)
+        assert writer.sync()
+    assert writer.failing is None
+    writer.close()
+    vanished.unlink()
+    assert read(tmp_path)[0] == ticks
+    assert folder.exists()
+    assert not old.exists()
+    (message,) = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+    assert f"{folder} can't be removed" in message
+
+
 def test_a_log_of_the_first_release_is_read_to_the_last_line(tmp_path: Path) -> None:
     """As it was written then: no vendor, no engine's start, a rejected message quoted."""
     (tmp_path / "log-01790000000000000.jsonl").write_text(
