@@ -203,7 +203,8 @@ def _time_of(event: Event) -> float | None:
 
 def segments_until(directory: Path, t_s: float) -> list[Path]:
     """The service's own logs in a directory that began before `t_s`, oldest first. Empty if there is no directory."""
-    return [segment for segment in segments(directory) if begun_s(segment) <= t_s] if directory.is_dir() else []
+    begun = {segment: begun_s(segment) for segment in segments(directory)} if directory.is_dir() else {}
+    return sorted((segment for segment, at_s in begun.items() if at_s <= t_s), key=begun.__getitem__)
 
 
 def ends_s(directory: Path) -> float:
@@ -220,9 +221,11 @@ def ends_s(directory: Path) -> float:
 
 
 def begun_s(segment: Path) -> float:
-    """When one of the service's own logs began, by its name. 0 if the name does not say it."""
-    digits = "".join(filter(str.isdigit, segment.name.split(".")[0]))
-    return int(digits) / 1e6 if digits else 0.0
+    """The first time in one of the service's own logs; inf if it has none.
+
+    The time in its name may be much later: after a start with the clock ahead, names only keep the order of writing.
+    """
+    return _first_time_s(segment, inf)
 
 
 def segments(path: Path) -> list[Path]:

@@ -95,7 +95,7 @@ class RotatingLog:
         return is_removed
 
     def _name(self, existing: list[Path]) -> str:
-        """A name that sorts after all others, even if the clock was set back."""
+        """A name that sorts after all others, even if the clock was set back. So its time may be later than now."""
         newest_us = int("".join(filter(str.isdigit, existing[-1].stem))) if existing else 0
         return f"log-{max(round(self._clock() * 1e6), newest_us + 1):017d}.jsonl"
 

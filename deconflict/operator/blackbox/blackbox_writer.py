@@ -11,6 +11,7 @@ The last message of each robot before the lead comes first, so that no quiet rob
 import base64
 import json
 import os
+from bisect import bisect_right
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
@@ -183,8 +184,8 @@ def _events(request: BlackBoxRequest) -> Iterator[tuple[bytes, Event]]:
 
 def _log_lines(request: BlackBoxRequest) -> Iterator[bytes]:
     files = segments_until(request.log, request.span.until_s)
-    begun = [row for row, file in enumerate(files) if begun_s(file) <= request.span.lead_s]
-    for file in files[max((begun[-1] if begun else 0) - EARLIER_SEGMENTS, 0) :]:
+    before_lead = bisect_right(files, request.span.lead_s, key=begun_s)
+    for file in files[max(before_lead - 1 - EARLIER_SEGMENTS, 0) :]:
         yield from lines_of(file)
 
 

@@ -32,10 +32,17 @@ def floor_at(site: Site, log: Path, at_s: float) -> str:
     return frames.since(0)
 
 
-def recorded_span(log: Path) -> tuple[float, float] | None:
-    """When the recording begins and ends, seconds since the epoch; None if there is none."""
+def recorded_span(log: Path, now_s: float) -> tuple[float, float] | None:
+    """When the recording begins and ends, seconds since the epoch; None if there is none.
+
+    What was recorded while the clock was ahead does not count until that time has come.
+    """
     files = segments(log) if log.is_dir() else []
-    return (begun_s(files[0]), min(files[-1].stat().st_mtime, time.time())) if files else None
+    if not files:
+        return None
+    until_s = min(files[-1].stat().st_mtime, now_s)
+    from_s = next((at_s for at_s in map(begun_s, files) if at_s <= until_s), None)
+    return None if from_s is None else (from_s, until_s)
 
 
 class History:
@@ -47,7 +54,7 @@ class History:
         self._waiting = 0
 
     def recorded(self) -> tuple[float, float] | None:
-        return recorded_span(self._log)
+        return recorded_span(self._log, time.time())
 
     async def floor_at(self, at_s: float) -> str:
         """Raises `BusyError` if too many requests wait, or the worker process ended."""

@@ -9,7 +9,7 @@ import pytest
 import zstandard
 
 from ingest.languages import timestamps
-from ingest.recording.log_reader import LOGGED_LINES, LogReader, Received, Tick, by_time
+from ingest.recording.log_reader import LOGGED_LINES, LogReader, Received, Tick, by_time, segments_until
 from tests.helpers.saying import status
 from tests.ingest.recording.made_logs import LINE, NOW_S, read, recorder
 
@@ -145,6 +145,17 @@ def test_a_file_without_a_time_stays_behind_the_one_before(tmp_path: Path) -> No
     empty, torn = heard(tmp_path / "empty"), tmp_path / "torn"
     torn.write_text("{")
     assert by_time([empty, late, torn, early]) == [empty, early, late, torn]
+
+
+def test_logs_until_a_time_are_those_whose_first_time_is_earlier_whatever_their_names_say(tmp_path: Path) -> None:
+    times_s = (NOW_S, NOW_S + 9e7, NOW_S + 5, NOW_S + 9)
+    first, ahead, second, third = (
+        heard(tmp_path / f"log-{number}.jsonl", t_s) for number, t_s in enumerate(times_s, 1)
+    )
+    heard(tmp_path / "log-5.jsonl")
+    assert segments_until(tmp_path, NOW_S + 6) == [first, second]
+    assert segments_until(tmp_path, NOW_S + 1e8) == [first, second, third, ahead]
+    assert segments_until(tmp_path, NOW_S - 1) == segments_until(tmp_path / "none", NOW_S) == []
 
 
 def test_a_pipe_is_not_read_to_find_its_order(tmp_path: Path) -> None:

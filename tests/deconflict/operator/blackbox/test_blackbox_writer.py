@@ -116,6 +116,12 @@ def test_a_torn_line_of_the_log_is_left_out(tmp_path: Path) -> None:
     assert write_blackbox(floor.order())
 
 
+def test_a_log_that_began_with_the_clock_far_ahead_hides_no_near_miss(tmp_path: Path) -> None:
+    (tmp_path / "log").mkdir()
+    (tmp_path / "log" / "log-01947000000000000.jsonl").write_text('{"tick":"2031-09-13T00:00:00Z"}\n')
+    assert write_blackbox(lived(tmp_path, crossing(60.0, 1.7), 80).order())
+
+
 def test_a_box_is_a_log_that_others_can_read(floor: Floor, box: Box) -> None:
     packed = file_of(floor, box).read_bytes()
     data = zstandard.ZstdDecompressor().decompressobj().decompress(packed)

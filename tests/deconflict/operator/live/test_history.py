@@ -54,12 +54,22 @@ def test_the_past_floor_equals_the_live_floor_of_that_time(tmp_path: Path) -> No
 
 def test_before_and_without_a_recording_the_floor_is_empty(tmp_path: Path) -> None:
     assert rows(floor_at(Site(), tmp_path / "none", NOW_S)) == []
-    assert recorded_span(tmp_path / "none") is None
+    assert recorded_span(tmp_path / "none", NOW_S) is None
     driven(tmp_path, 3)
     assert rows(floor_at(Site(), tmp_path, NOW_S - 1)) == []
-    found = recorded_span(tmp_path)
-    assert found
-    assert found[0] == pytest.approx(NOW_S, abs=1e-5)
+    assert recorded_span(tmp_path, NOW_S + 2) == pytest.approx((NOW_S, NOW_S + 2), abs=1e-5)
+
+
+def test_a_start_with_the_clock_far_ahead_hides_nothing_that_is_recorded_later(tmp_path: Path) -> None:
+    ahead_s = NOW_S + 5 * 365 * 86_400.0
+    ahead = Recorder(RecorderSettings(), tmp_path, Measures(), lambda: ahead_s)
+    ahead.tick(ahead_s)
+    ahead.close()
+    seen = driven(tmp_path, 40)
+    assert len(list(tmp_path.iterdir())) > 2
+    for second in (3, 20, 39):
+        assert rows(floor_at(Site(), tmp_path, NOW_S + second)) == rows(seen[second])
+    assert recorded_span(tmp_path, NOW_S + 39) == pytest.approx((NOW_S, NOW_S + 39), abs=1e-5)
 
 
 async def test_a_worker_process_reads_one_request_at_a_time_and_refuses_too_many(tmp_path: Path) -> None:
