@@ -15,9 +15,10 @@ class OwnerRegister:
     """Robots by vendor. Only robots whose vendor is settled are entered."""
 
     def __init__(self) -> None:
-        self._owners: OrderedDict[str, str] = OrderedDict()
-        """The vendor by UUID, those entered longest ago first."""
-        self._counts: dict[str, int] = {}
+        self._owners: dict[str, str] = {}
+        """The vendor by UUID."""
+        self._robots: dict[str, OrderedDict[str, None]] = {}
+        """The UUIDs by vendor, those entered longest ago first."""
         self.changes = 0
         """Grows with each change."""
         self.forgotten: dict[str, int] = {}
@@ -31,18 +32,19 @@ class OwnerRegister:
         if self._owners.get(uuid) != vendor:
             self._remove(uuid)
             self._owners[uuid] = vendor
-            self._counts[vendor] = self._counts.get(vendor, 0) + 1
+            self._robots.setdefault(vendor, OrderedDict())[uuid] = None
             self.changes += 1
-        self._owners.move_to_end(uuid)
-        if self._counts[vendor] > MOST_OWNED:
-            self._remove(next(known for known, owner in self._owners.items() if owner == vendor))
+        robots = self._robots[vendor]
+        robots.move_to_end(uuid)
+        if len(robots) > MOST_OWNED:
+            self._remove(next(iter(robots)))
             self.forgotten[vendor] = self.forgotten.get(vendor, 0) + 1
 
     def settle(self, rename: Callable[[str], str | None]) -> None:
         """Give the robots of each vendor to the vendor that `rename` returns, or to nobody if that is None."""
-        for vendor in list(self._counts):
+        for vendor in list(self._robots):
             if (renamed := rename(vendor)) != vendor:
-                for uuid in [uuid for uuid, owner in self._owners.items() if owner == vendor]:
+                for uuid in list(self._robots[vendor]):
                     if renamed:
                         self.enter(uuid, renamed)
                     else:
@@ -51,15 +53,16 @@ class OwnerRegister:
     def _remove(self, uuid: str) -> None:
         owner = self._owners.pop(uuid, None)
         if owner is not None:
-            self._counts[owner] -= 1
-            if not self._counts[owner]:
-                del self._counts[owner]
+            del self._robots[owner][uuid]
+            if not self._robots[owner]:
+                del self._robots[owner]
             self.changes += 1
 
     def to_bytes(self, vendors: VendorRegistry) -> bytes:
         """As JSON. `vendors` says which of the owners the site file names."""
-        configured = sorted(filter(vendors.configured, self._counts))
-        return json.dumps({"format": FORMAT, "configured": configured, "owners": list(self._owners.items())}).encode()
+        configured = sorted(filter(vendors.configured, self._robots))
+        owners = [(uuid, vendor) for vendor, robots in self._robots.items() for uuid in robots]
+        return json.dumps({"format": FORMAT, "configured": configured, "owners": owners}).encode()
 
     def read(self, data: bytes, vendors: VendorRegistry) -> None:
         """Enter what `to_bytes` wrote under another site file, perhaps. Raises `ValueError` if it is something else."""

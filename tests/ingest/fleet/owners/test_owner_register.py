@@ -127,6 +127,44 @@ def test_invented_robots_of_a_vendor_displace_those_of_no_other(
     assert receiving_fleet.measures.values[FORGOTTEN] == {("Basalt",): 3}
 
 
+class ComparedName(str):
+    """The name of a vendor that counts how often it is compared."""
+
+    comparisons = 0
+
+    def __eq__(self, other: object) -> bool:
+        ComparedName.comparisons += 1
+        return super().__eq__(other)
+
+    __hash__ = str.__hash__
+
+
+def test_a_new_robot_of_a_vendor_at_its_limit_costs_no_look_at_robots_of_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(owner_register, "MOST_OWNED", 3)
+    register, full = OwnerRegister(), ComparedName("Basalt")
+    for number in range(100):
+        register.enter(f"other {number}", f"Alder {number}")
+    for number in range(4):
+        register.enter(f"own {number}", full)
+    assert register.forgotten == {"Basalt": 1}
+    assert ComparedName.comparisons < 20
+
+
+def test_robots_that_were_entered_longest_ago_are_forgotten_first_also_after_a_restart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(owner_register, "MOST_OWNED", 3)
+    before, after, vendors = OwnerRegister(), OwnerRegister(), VendorRegistry((ALDER, BASALT))
+    for uuid, vendor in (("a", "Alder"), ("b", "Basalt"), ("c", "Alder"), ("d", "Alder"), ("a", "Alder")):
+        before.enter(uuid, vendor)
+    after.read(before.to_bytes(vendors), vendors)
+    for register in (before, after):
+        register.enter("e", "Alder")
+        assert [register.owner(uuid) for uuid in "abcde"] == ["Alder", "Basalt", None, "Alder", "Alder"]
+
+
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"format": 2}', b'{"format": 1, "owners": [["a"]]}', b"[" * 100_000])
 def test_an_unreadable_register_is_set_aside_and_counted(
     tmp_path: Path, content: bytes, caplog: pytest.LogCaptureFixture
