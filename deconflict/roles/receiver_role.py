@@ -25,10 +25,11 @@ from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.clocks import SteadyClock
 from ingest.fleet import fleet_report
-from ingest.fleet.log_recovery import recover
 from ingest.fleet.owners.owner_file import OwnerFile
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.shared_identities import SharedIdentity
+from ingest.fleet.recovery.kept_messages import KeptMessages
+from ingest.fleet.recovery.log_recovery import recover, summary
+from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.broker_source import BrokerSource
@@ -36,7 +37,6 @@ from ingest.port.connection import Connection
 from ingest.port.dialer import Dialer
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.receiver import Receiver
-from ingest.recording.log_reader import segments
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.tokens import SecretError
 from ingest.security.vendor_credentials import VendorCredentials
@@ -47,8 +47,6 @@ logger = logging.getLogger(__name__)
 DISK_TIMEOUT_S = 0.05
 """A batch waits at most this long until its messages are recorded, and not at all if the disk is already behind."""
 DOCUMENTS_AT_ONCE = 20
-INTRODUCER = "another ingest"
-"""Recorded as the peer of an identity report that came from another ingest."""
 RELOAD_CHECK_S = 0.2
 UNASKED_SHARE = 0.05
 """While no engine asks for batches, at most this share of the time goes into showing the floor to followers."""
@@ -71,11 +69,12 @@ class ReceiverRole:
         )
         self.fleet = fleet_of(site, self.measures)
         self._fast_path_asked = False
-        found = recover(self.fleet, segments(log) if log.is_dir() else [], self._now_s(), self._note_recovered)
-        if found.messages:
-            logger.info("the floor is restored: %s messages read from the recording", found.messages)
+        self._kept = KeptMessages(log.parent, self.fleet, self.measures)
+        found = recover(self.fleet, [log], self._now_s(), self._note_recovered, self._kept.read())
         self._canary = CanaryPair(self._now_s)
         self._owners = OwnerFile(log.parent, self.fleet.owners, self.measures)
+        if found.messages:
+            logger.info("%s", summary(self.fleet, found))
         self.recorder = Recorder(site.recorder, log, self.measures, self._now_s)
         self.receiver = Receiver(
             site.receiver,
@@ -118,7 +117,9 @@ class ReceiverRole:
         await self._open_port()
         self._dial()
         self._hear_brokers(self.site)
-        loops = [asyncio.create_task(loop) for loop in (self._reload(), self._owners.keep(), self._canary.run())]
+        keeping = self._kept.keep(lambda: self.recorder.leaving_before_s, self._now_s)
+        running = self._reload(), self._owners.keep(), keeping, self._canary.run()
+        loops = [asyncio.create_task(loop) for loop in running]
         try:
             async with listening(socket_path(self._runtime, "receiver"), calls):
                 self.ready.set()
@@ -130,6 +131,7 @@ class ReceiverRole:
             await asyncio.gather(*tasks, return_exceptions=True)
             await self.receiver.close()
             self._owners.write()
+            self._kept.write(self.recorder.leaving_before_s, self._now_s())
             self.recorder.close()
 
     async def _open_port(self) -> None:

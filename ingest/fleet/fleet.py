@@ -63,6 +63,8 @@ class Fleet:
         self.owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
         self._left: list[str] = []
         """UUIDs of robots that were dropped since the last batch."""
+        self.changed_identities: set[str] = set()
+        """UUIDs of robots with another identity than before, or none. Who keeps identities begins a new set."""
         self._placement = Placement(vendors, frames, reading)
         self._repeat_readers: RepeatReaders | None = None
         self.clock_changes, self.message_rates = ClockChanges(), MessageRates()
@@ -135,7 +137,7 @@ class Fleet:
             findings = self._update_identity(robot, message, raw, arrival_s, connection)
         elif isinstance(message, Status):
             event_s, findings = self._event_time(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
-            findings += self._update_status(robot, message, raw, arrival_s, event_s)
+            findings += self._update_status(robot, message, raw, arrival_s, event_s, connection)
         else:
             findings = self._reconsider(robot, self.owners.names_as_uuid(connection)) if is_remembered else ()
         if isnan(robot.arrival_s):
@@ -153,10 +155,11 @@ class Fleet:
         if found is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))
             assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before
-            found = status.findings + self._update_status(robot, status, scanned.raw, arrival_s, event_s)
+            taken = scanned.raw, arrival_s, event_s, reader.connection
+            found = status.findings + self._update_status(robot, status, *taken)
         else:
             findings += plausibility.frequency(gap_s, max(self.reading.quiet_after_s, robot.reports_within_s))
-            self._note_newest(robot, scanned.raw, arrival_s)
+            self._note_newest(robot, scanned.raw, arrival_s, reader.connection)
             self._changed[robot.uuid] = robot
         self._accept(robot, reader.connection, found + findings)
 
@@ -185,9 +188,12 @@ class Fleet:
         self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection
     ) -> tuple[str, ...]:
         """Take over an identity. The robot's last status is forecast again with it. Returns the deviations."""
-        before, robot.identity = robot.identity, identity
+        before, robot.identity, known = robot.identity, identity, robot.shared_identity
         assigned = self.owners.assign_by_identity(robot, identity, connection)
-        robot.shared_identity = SharedIdentity.received(identity, raw, arrival_s, connection, robot.vendor, assigned)
+        shared_identity = SharedIdentity.received(identity, raw, arrival_s, connection, robot.vendor, assigned)
+        robot.shared_identity = shared_identity
+        if not (before and known and identity.says_the_same(before) and shared_identity.is_sent_as(known)):
+            self.changed_identities.add(robot.uuid)
         self._forecast_again(robot, self.owners.names_as_uuid(connection))
         changed = before is not None and before.distinguishing != identity.distinguishing
         return ("identity-changed",) if changed else ()
@@ -205,7 +211,7 @@ class Fleet:
         return event_s, findings
 
     def _update_status(
-        self, robot: Robot, status: Status, raw: bytes, arrival_s: float, event_s: float
+        self, robot: Robot, status: Status, raw: bytes, arrival_s: float, event_s: float, connection: Connection
     ) -> tuple[str, ...]:
         """Place and forecast the robot by its status, unless it already sent a newer one. Returns the deviations."""
         findings: tuple[str, ...] = ()
@@ -219,12 +225,12 @@ class Fleet:
                 return (*findings, "stamp-not-increasing")
         robot.state, robot.known_state = status.state, status.known_state
         robot.amounts = status.amounts
-        self._note_newest(robot, raw, arrival_s)
+        self._note_newest(robot, raw, arrival_s, connection)
         self._changed[robot.uuid] = robot
         return findings + self._placement.forecast(robot, status, frame, sighting, robot.seen)
 
-    def _note_newest(self, robot: Robot, raw: bytes, arrival_s: float) -> None:
-        robot.status_raw, robot.arrival_s = raw, arrival_s
+    def _note_newest(self, robot: Robot, raw: bytes, arrival_s: float, connection: Connection) -> None:
+        robot.status_raw, robot.arrival_s, robot.status_from = raw, arrival_s, connection
         self._count_status(robot, arrival_s)
         self.robots.move_to_end(robot.uuid)
 
@@ -252,14 +258,7 @@ class Fleet:
                 deviations[rule] = deviations.get(rule, 0) + 1
 
     def reject(
-        self,
-        rule: str,
-        reason: str,
-        raw: bytes,
-        arrival_s: float,
-        connection: Connection,
-        *,
-        vendor: str | None = None,
+        self, rule: str, reason: str, raw: bytes, arrival_s: float, connection: Connection, *, vendor: str | None = None
     ) -> None:
         """Count a rejected message and keep it in the quarantine. `vendor` replaces that of the connection."""
         vendor = vendor or connection.vendor or UNKNOWN
@@ -345,5 +344,7 @@ class Fleet:
         if self._repeat_readers:
             self._repeat_readers.remove(robot)
         self.owners.remove(robot)
+        if robot.shared_identity:
+            self.changed_identities.add(robot.uuid)
         self._changed.pop(robot.uuid, None)
         return self.robots.pop(robot.uuid).uuid

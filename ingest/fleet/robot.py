@@ -11,6 +11,7 @@ from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import MASSROBOTICS
 from ingest.languages.model import Identity, LoadBox
 from ingest.languages.visible_text import visible
+from ingest.port.connection import Connection
 
 
 @dataclass(slots=True, eq=False)
@@ -35,6 +36,8 @@ class Robot:
     """The report that its identity was read from."""
     status_raw: bytes = b""
     """The bytes of its newest status."""
+    status_from: Connection | None = None
+    """The connection over which that came."""
     state: str = ""
     """Operational state as the schema spells it, or as the sender does if the standard does not have it."""
     known_state: bool = True

@@ -11,6 +11,9 @@ from ingest.languages.front_ends import MASSROBOTICS
 from ingest.languages.model import Identity
 from ingest.port.connection import Connection
 
+INTRODUCER = "another ingest"
+"""Recorded as the peer of an identity report that came from another ingest."""
+
 
 @dataclass(frozen=True, slots=True)
 class SharedIdentity:
@@ -38,7 +41,7 @@ class SharedIdentity:
     ) -> "SharedIdentity":
         """The report that came over a connection."""
         sender = connection.vendor, owner, assigned, connection.language, connection.topic
-        return cls(identity.uuid, raw, arrival_s, *sender)
+        return cls(identity.uuid, raw, arrival_s, *sender, elsewhere=connection.peer == INTRODUCER)
 
     @classmethod
     def of_document(cls, document: dict[str, Any]) -> "SharedIdentity":
@@ -56,6 +59,10 @@ class SharedIdentity:
             "language": self.language,
             "topic": self.topic,
         }
+
+    def is_sent_as(self, known: "SharedIdentity") -> bool:
+        """Whether the known report came for the same vendor, in the same language and on the same topic."""
+        return (self.vendor, self.language, self.topic) == (known.vendor, known.language, known.topic)
 
     def is_news_to(self, known: "SharedIdentity | None") -> bool:
         """Whether it is newer than the known report, differs from it, and its vendor may report the robot."""

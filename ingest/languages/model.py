@@ -64,6 +64,11 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
         """What makes it another robot if it changes."""
         return self.manufacturer, self.model, self.serial, self.envelope_m
 
+    def says_the_same(self, other: "Identity") -> bool:
+        """Whether all that it says of the robot is in the other one too, which may be of another time."""
+        mine, others = (msgspec.structs.replace(each, stamp_s=0.0, findings=()) for each in (self, other))
+        return msgspec.structs.astuple(mine) == msgspec.structs.astuple(others)
+
 
 class LoadBox(NamedTuple):
     """The rectangle about a robot's load, in the robot's frame: x along the heading, y to its left."""

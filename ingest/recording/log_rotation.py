@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from io import FileIO
+from math import inf
 from pathlib import Path
 
 from ingest.settings import RecorderSettings
@@ -36,6 +37,14 @@ class RotatingLog:
         """Why nothing can be written; None if writing works."""
         self._not_removable: set[Path] = set()
         """Segments of which the log says that they can't be removed."""
+
+    @property
+    def leaving_before_s(self) -> float:
+        """When the newest file began, once it is half full; -inf until then. May be read from any thread.
+
+        Lines from before are in none of the two newest files as soon as the next one begins.
+        """
+        return self._begun_s if 2 * self._written >= self.settings.segment_bytes else -inf
 
     def write(self, data: bytes) -> int:
         """Append whole lines. Returns how many bytes were written: fewer than all if the disk fails."""

@@ -83,6 +83,11 @@ class Recorder:
         return self._writer.failing or self._files.failing
 
     @property
+    def leaving_before_s(self) -> float:
+        """What was received before this will soon be in neither of the two newest segments. -inf if that is far off."""
+        return self._files.leaving_before_s
+
+    @property
     def behind(self) -> bool:
         """Whether lines wait for the disk."""
         return self._writer.waiting

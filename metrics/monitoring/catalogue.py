@@ -245,6 +245,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_owners_failures_total": counter(
         "Failed attempts to read or write the register of robots' owners.", "what"
     ),
+    "deconflict_kept_messages_failures_total": counter(
+        "Failed attempts to read or write the identity reports and statuses that are kept for a restart.", "what"
+    ),
     "deconflict_owners_forgotten_total": counter(
         "Robots that the register of owners forgot because their vendor has too many.", "vendor"
     ),

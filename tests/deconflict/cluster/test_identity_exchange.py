@@ -13,7 +13,7 @@ from websockets.asyncio.client import connect
 from deconflict.cluster import identity_exchange
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
-from ingest.fleet.log_recovery import recover
+from ingest.fleet.recovery.log_recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import segments
 from ingest.settings import Reading

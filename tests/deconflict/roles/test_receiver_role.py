@@ -1,5 +1,6 @@
 import asyncio
 import json
+import logging
 import sys
 import threading
 import time
@@ -17,12 +18,13 @@ from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.fleet_factory import load_fast_path
 from deconflict.settings.site import Site
 from ingest.batch import Batch
+from ingest.fleet.recovery.kept_messages import FILE_NAME, kept_messages
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Received, Tick
 from ingest.recording.log_rotation import RotatingLog
 from ingest.settings import ReceiverSettings
 from tests.helpers.patience import PATIENCE_S
-from tests.helpers.saying import status
+from tests.helpers.saying import identity, status
 from tests.ingest.recording.made_logs import read
 
 SITE = Site(name="Test hall", receiver=ReceiverSettings(port=0))
@@ -126,6 +128,25 @@ async def test_a_stalled_disk_delays_no_batch_and_loses_nothing(
     assert isinstance(events[0], EngineStarted)
     assert sum(isinstance(event, Tick) for event in events) == ticks
     assert sum(isinstance(event, Received) for event in events) == 1
+
+
+async def test_a_restarted_receiver_knows_identities_that_the_log_has_no_longer(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with serving(tmp_path) as role:
+        now_s = time.time()
+        role._deliver(identity("A-1", now_s, baseRobotEnvelope={"x": 2.0, "y": 1.0, "z": 0.4}), now_s, Connection(1))
+        async with asyncio.timeout(PATIENCE_S):
+            while not kept_messages(tmp_path / FILE_NAME):
+                await asyncio.sleep(0.05)
+        role._deliver(identity("A-2", now_s), now_s, Connection(1))
+    for segment in (tmp_path / "log").iterdir():
+        segment.unlink()
+    caplog.set_level(logging.INFO)
+    async with serving(tmp_path) as role:
+        names = {robot.name: robot.identity and robot.identity.envelope_m for robot in role.fleet.robots.values()}
+        assert names == {"Alder A-1": (2.0, 1.0, 0.4), "Alder A-2": (1.0, 0.5, 0.4)}
+    assert "the floor is restored: 2 robots, 0 of them with a position; 0 have sent no identity" in caplog.text
 
 
 def deliver_recording(role: ReceiverRole) -> None:

@@ -11,6 +11,7 @@ from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.operator.live.history import MOST_WAITING, BusyError, History, floor_at, recorded_span
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
 from ingest.recording.recorder import Recorder
 from ingest.settings import RecorderSettings
@@ -22,13 +23,13 @@ def rows(frame: str) -> list[Any]:
     return sorted(json.loads(frame)["robots"])
 
 
-def driven(log: Path, seconds: int) -> dict[int, str]:
+def driven(log: Path, seconds: int, keeps: bool = False) -> dict[int, str]:
     """Record two robots, one of which says late who it is, in small segments; the live picture at each second."""
     site, clock = Site(), [NOW_S]
     fleet = fleet_of(site, Measures())
     settings = RecorderSettings(segment_bytes=20_000, total_bytes=1_000_000)
     recorder = Recorder(settings, log, Measures(), lambda: clock[0])
-    seen = {}
+    kept, seen = KeptMessages(log.parent, fleet, Measures()), {}
     for second in range(seconds):
         clock[0] = now_s = NOW_S + second
         messages = [status("A-1", now_s, x=float(second)), status("A-2", now_s, y=float(second))]
@@ -41,6 +42,8 @@ def driven(log: Path, seconds: int) -> dict[int, str]:
         picture = FloorFrames()
         picture.add_batch(fleet.snapshot(now_s), whole=True)
         seen[second] = picture.since(0)
+        if keeps:
+            kept.write(recorder.leaving_before_s, now_s)
     recorder.close()
     return seen
 
@@ -50,6 +53,15 @@ def test_the_past_floor_equals_the_live_floor_of_that_time(tmp_path: Path) -> No
     assert len(list(tmp_path.iterdir())) > 1
     for second in (3, 6, 20, 39):
         assert rows(floor_at(Site(), tmp_path, NOW_S + second)) == rows(seen[second])
+
+
+def test_the_past_floor_has_identities_that_came_long_before(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    seen = driven(tmp_path / "log", 130, keeps=True)
+    for second in (4, 70, 129):
+        assert rows(floor_at(Site(), tmp_path / "log", NOW_S + second)) == rows(seen[second])
+    (tmp_path / "robots.db").write_bytes(b"damaged" * 1000)
+    assert rows(floor_at(Site(), tmp_path / "log", NOW_S + 129)) != rows(seen[129])
+    assert "without the identity reports" in caplog.text
 
 
 def test_before_and_without_a_recording_the_floor_is_empty(tmp_path: Path) -> None:

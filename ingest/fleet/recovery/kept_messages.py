@@ -1,0 +1,206 @@
+"""What a restart needs of robots, but may not find in the newest segments of the message log: `robots.db` beside it.
+
+The file has the identity report of each robot that is known. It is written soon after one says something new, and a
+robot that is forgotten is removed. The file also has the last status of robots that report rarely: once half of a
+segment of the log is written, of the robots that have not reported in it. So one of the two newest segments or the
+file has the last status of each robot that is not silent.
+"""
+
+import asyncio
+import json
+import logging
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from math import inf
+from pathlib import Path
+from typing import NamedTuple
+
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.robot import Robot
+from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
+from ingest.languages.front_ends import FRONT_ENDS
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.recording.log_reader import Received
+from ingest.recording.replaced_file import ASIDE, set_file_aside
+
+FILE_NAME = "robots.db"
+FORMAT = 1
+WRITE_EVERY_S, RETRY_S = 1.0, 10.0
+BUSY_TIMEOUT_S = 5.0
+ROWS_AT_ONCE = 500
+"""Rows of one statement: a thread that runs a statement for each row waits for the other threads after each."""
+FAILURES = "deconflict_kept_messages_failures_total"
+IDENTITY, STATUS = "identity", "status"
+TABLE = (
+    "CREATE TABLE IF NOT EXISTS messages (kind TEXT, uuid TEXT, arrival_s REAL, raw BLOB, peer TEXT, vendor TEXT, "
+    "language TEXT, topic TEXT, PRIMARY KEY (kind, uuid))"
+)
+
+log = logging.getLogger(__name__)
+
+Row = tuple[str, str, float, bytes, str, str | None, str, str]
+"""The values of the columns."""
+
+
+class _Changes(NamedTuple):
+    """What is to be written."""
+
+    identities: dict[str, SharedIdentity | None]
+    """By UUID. None for a robot that has none any more."""
+    is_whole: bool
+    """Whether these are the identities of all robots, so that the file keeps no other."""
+    statuses: list[Row] | None
+    """Those of all robots that have not reported since `before_s`. None if the ones in the file stay."""
+    before_s: float
+
+
+class KeptMessages:
+    """Keeps the file as the fleet is. A failure is logged and counted, and what it concerns is written later."""
+
+    def __init__(self, directory: Path, fleet: Fleet, measures: Measures) -> None:
+        self._path, self._fleet, self._measures = directory / FILE_NAME, fleet, measures
+        self._lacks_none = False
+        """Whether the file has all identities but those that changed since. Not known at first."""
+        self._statuses_before_s = -inf
+        """The `before_s` of the statuses in the file."""
+        for operation in ("read", "write"):
+            measures.count(FAILURES, operation, by=0)
+
+    def read(self) -> list[Received]:
+        """All kept messages, the oldest first. Empty if they can't be read."""
+        try:
+            return kept_messages(self._path)
+        except sqlite3.OperationalError as error:
+            self._fail("read", f"{error}; check the owner of {FILE_NAME}")
+        except sqlite3.DatabaseError as error:
+            self._set_aside("read", error)
+        return []
+
+    async def keep(self, leaving_before_s: Callable[[], float], now_s: Callable[[], float]) -> None:
+        """Write every change soon, until cancelled. `leaving_before_s` is that of the recorder."""
+        wait_s = WRITE_EVERY_S
+        while True:
+            await asyncio.sleep(wait_s)
+            if changes := self._changes(leaving_before_s(), now_s()):
+                is_new = await asyncio.to_thread(self._write, changes)
+                self._note_written(changes, is_new)
+                wait_s = RETRY_S if is_new is None else WRITE_EVERY_S
+
+    def write(self, leaving_before_s: float, now_s: float) -> None:
+        """Write what has changed."""
+        if changes := self._changes(leaving_before_s, now_s):
+            self._note_written(changes, self._write(changes))
+
+    def _changes(self, leaving_before_s: float, now_s: float) -> _Changes | None:
+        """What is to be written now. None if nothing is."""
+        is_due = leaving_before_s > self._statuses_before_s
+        statuses = list(self._rare_statuses(leaving_before_s, now_s)) if is_due else None
+        changed, self._fleet.changed_identities = self._fleet.changed_identities, set()
+        is_whole = not self._lacks_none
+        known = {uuid: self._fleet.robots.get(uuid) for uuid in (self._fleet.robots if is_whole else changed)}
+        identities = {uuid: robot.shared_identity if robot else None for uuid, robot in known.items()}
+        return _Changes(identities, is_whole, statuses, leaving_before_s) if identities or is_due else None
+
+    def _rare_statuses(self, before_s: float, now_s: float) -> Iterator[Row]:
+        """The last statuses of the robots that have not reported since `before_s` and are not silent."""
+        since_s = now_s - self._fleet.reading.silent_after_s
+        for robot in self._fleet.robots.values():
+            if robot.arrival_s >= before_s:
+                return
+            if robot.arrival_s >= since_s and robot.status_from:
+                yield _status_row(robot, robot.status_from)
+
+    def _write(self, changes: _Changes) -> bool | None:
+        """Write the changes. Returns whether the file is new; None if it can't be written. For any thread."""
+        try:
+            with closing(sqlite3.connect(self._path, timeout=BUSY_TIMEOUT_S)) as db, db:
+                is_new = _is_new(db)
+                if is_new:
+                    db.execute(TABLE)
+                    db.execute(f"PRAGMA user_version = {FORMAT}")
+                _replace(db, changes)
+                return is_new
+        except sqlite3.OperationalError as error:
+            self._fail("write", f"{error}; free some space, or check the owner of the directory")
+        except sqlite3.DatabaseError as error:
+            self._set_aside("write", error)
+        return None
+
+    def _note_written(self, changes: _Changes, is_new: bool | None) -> None:
+        if is_new is None:
+            self._fleet.changed_identities |= changes.identities.keys()
+            return
+        self._lacks_none = changes.is_whole or not is_new
+        if changes.statuses is not None:
+            self._statuses_before_s = changes.before_s
+
+    def _set_aside(self, operation: str, error: sqlite3.Error) -> None:
+        """Begin the file anew with the next write."""
+        with suppress(OSError):
+            set_file_aside(self._path)
+            self._path.with_name(f"{FILE_NAME}-journal").unlink(missing_ok=True)
+        self._fail(operation, f"{error}; the file is set aside as {FILE_NAME}{ASIDE} and begun anew")
+
+    def _fail(self, operation: str, message: str) -> None:
+        self._measures.count(FAILURES, operation)
+        log.warning("identity reports can't be kept for a restart: %s", message)
+
+
+def kept_messages(path: Path, *kinds: str) -> list[Received]:
+    """The messages of these kinds in a file, or of all, the oldest first. Empty if there is no file.
+
+    Raises `sqlite3.Error`.
+    """
+    if not path.exists():
+        return []
+    with closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as db:
+        if _is_new(db):
+            return []
+        rows: list[Row] = db.execute("SELECT * FROM messages ORDER BY arrival_s, kind").fetchall()
+    return [_received(row) for row in rows if row[0] in (kinds or (IDENTITY, STATUS)) and row[6] in FRONT_ENDS]
+
+
+def _received(row: Row) -> Received:
+    _, _, arrival_s, raw, peer, vendor, language, topic = row
+    return Received(raw, arrival_s, Connection(0, peer, vendor=vendor, language=language, topic=topic))
+
+
+def _identity_row(identity: SharedIdentity) -> Row:
+    peer = INTRODUCER if identity.elsewhere else ""
+    sender = peer, identity.vendor, identity.language, identity.topic
+    return IDENTITY, identity.uuid, identity.arrival_s, identity.raw, *sender
+
+
+def _status_row(robot: Robot, connection: Connection) -> Row:
+    sender = "", connection.vendor, connection.language, connection.topic
+    return STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender
+
+
+def _is_new(db: sqlite3.Connection) -> bool:
+    """Whether a file has no table yet. Raises `DatabaseError` for another format."""
+    (found,) = db.execute("PRAGMA user_version").fetchone()
+    if found not in (0, FORMAT):
+        raise sqlite3.DatabaseError(f"format {found} is not {FORMAT}")
+    return not found
+
+
+def _replace(db: sqlite3.Connection, changes: _Changes) -> None:
+    """Put the changes in the place of what the file has."""
+    if changes.is_whole:
+        db.execute("DELETE FROM messages WHERE kind = ?", (IDENTITY,))
+    else:
+        uuids = json.dumps(list(changes.identities))
+        db.execute(
+            "DELETE FROM messages WHERE kind = ? AND uuid IN (SELECT value FROM json_each(?))", (IDENTITY, uuids)
+        )
+    rows = [_identity_row(identity) for identity in changes.identities.values() if identity]
+    if changes.statuses is not None:
+        db.execute("DELETE FROM messages WHERE kind = ?", (STATUS,))
+        rows += changes.statuses
+    for at in range(0, len(rows), ROWS_AT_ONCE):
+        part = rows[at : at + ROWS_AT_ONCE]
+        places = ",".join(["(?, ?, ?, ?, ?, ?, ?, ?)"] * len(part))
+        values = [value for row in part for value in row]
+        db.execute(f"INSERT OR REPLACE INTO messages VALUES {places}", values)  # noqa: S608 - question marks

@@ -1,0 +1,233 @@
+"""What a restart has of robots whose messages are no longer in the newest segments of the log."""
+
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.fleet_report import add_identity, shared_identities
+from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME, KeptMessages, kept_messages
+from ingest.fleet.recovery.log_recovery import recover
+from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.recording.log_reader import segments
+from ingest.recording.recorder import Recorder
+from ingest.settings import RecorderSettings, Vendor
+from tests.helpers import iso_saying, vda_saying
+from tests.helpers.saying import identity, robot, status
+from tests.ingest.fleet.made_fleet import NOW_S, document, fleet
+
+ALDER = Vendor(name="Alder", names_as_uuid=True)
+BASALT = Vendor(name="Basalt")
+FROM_ALDER, FROM_BASALT = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
+LARGE = {"x": 2.0, "y": 1.0, "z": 0.4}
+
+
+def kept_of(of: Fleet, directory: Path) -> KeptMessages:
+    return KeptMessages(directory, of, of.measures)
+
+
+def restored(directory: Path, now_s: float, *vendors: Vendor, log: Path | None = None) -> Fleet:
+    """A new fleet that has read the file, and perhaps a log."""
+    again = fleet(*vendors)
+    recover(again, [log] if log else [], now_s, kept=kept_of(again, directory).read())
+    return again
+
+
+def identified(of: Fleet) -> dict[str, tuple[str, str, str, tuple[float, float, float]]]:
+    """By UUID: vendor, name, language and size."""
+    return {
+        uuid: (each.vendor, each.name, each.language, each.identity.envelope_m)
+        for uuid, each in of.robots.items()
+        if each.identity
+    }
+
+
+def rows(directory: Path) -> dict[str, bytes]:
+    """By UUID, the identity reports in the file."""
+    with closing(sqlite3.connect(directory / FILE_NAME)) as db:
+        return dict(db.execute("SELECT uuid, raw FROM messages WHERE kind = 'identity'").fetchall())
+
+
+@pytest.mark.parametrize(
+    ("raw", "connection"),
+    [
+        (identity("A-1", NOW_S, baseRobotEnvelope=LARGE), FROM_ALDER),
+        (identity("A-1", NOW_S, uuid="cart 7"), FROM_ALDER),
+        (identity("A-1", NOW_S), Connection(3)),
+        (vda_saying.factsheet(NOW_S), vda_saying.line("factsheet")),
+        (iso_saying.identity(NOW_S), iso_saying.line("identity")),
+    ],
+    ids=["sized", "by name", "of no vendor", "VDA 5050", "ISO 21423"],
+)
+def test_an_identity_comes_back_whatever_its_age_and_language(
+    tmp_path: Path, raw: bytes, connection: Connection
+) -> None:
+    before = fleet(ALDER)
+    before.receive(raw, NOW_S, connection)
+    kept_of(before, tmp_path).write(-inf, NOW_S)
+    again = restored(tmp_path, NOW_S + 1e6, ALDER)
+    assert len(identified(again)) == 1
+    assert identified(again) == identified(before)
+
+
+def test_a_robot_that_reports_rarely_comes_back_from_beyond_the_segments_that_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.fleet.recovery.log_recovery.MOST_BYTES", 0)
+    before, now, log = fleet(ALDER), [NOW_S], tmp_path / "log"
+    recorder = Recorder(RecorderSettings(segment_bytes=5_000), log, Measures(), lambda: now[0])
+    kept = kept_of(before, tmp_path)
+
+    def take(raw: bytes) -> None:
+        recorder.received(raw, now[0], FROM_ALDER, before.receive(raw, now[0], FROM_ALDER))
+
+    take(identity("A-1", NOW_S))
+    for second in range(50):
+        now[0] = NOW_S + second
+        if second % 30 == 3:
+            take(status("A-1", now[0], x=float(second)))
+        take(status("A-2", now[0], y=float(second)))
+        recorder.tick(now[0])
+        assert recorder.sync()
+        kept.write(recorder.leaving_before_s, now[0])
+    recorder.close()
+    assert len(segments(log)) > 4
+    again = restored(tmp_path, now[0], ALDER, log=log)
+    for name in ("A-1", "A-2"):
+        for key in ("identified", "location", "envelope", "age_s", "vendor"):
+            assert document(again, name, now[0])[key] == document(before, name, now[0])[key]
+    assert document(restored(tmp_path, NOW_S + 500, ALDER), "A-1")["location"] is None, "it may have driven on"
+
+
+def test_only_what_is_new_of_an_identity_is_written(tmp_path: Path) -> None:
+    of = fleet(ALDER)
+    kept = kept_of(of, tmp_path)
+    of.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept.write(-inf, NOW_S)
+    kept.write(-inf, NOW_S)
+    of.receive(identity("A-1", NOW_S + 1), NOW_S + 1, FROM_ALDER)
+    assert not of.changed_identities
+    kept.write(-inf, NOW_S + 1)
+    assert rows(tmp_path) == {robot("A-1"): identity("A-1", NOW_S)}
+    of.receive(identity("A-1", NOW_S + 2, baseRobotEnvelope=LARGE), NOW_S + 2, FROM_ALDER)
+    kept.write(-inf, NOW_S + 2)
+    assert rows(tmp_path) == {robot("A-1"): identity("A-1", NOW_S + 2, baseRobotEnvelope=LARGE)}
+
+
+def test_many_identities_are_written_at_once(tmp_path: Path) -> None:
+    of = fleet(ALDER)
+    for number in range(1_200):
+        of.receive(identity(f"A-{number}", NOW_S), NOW_S, FROM_ALDER)
+    kept_of(of, tmp_path).write(-inf, NOW_S)
+    assert rows(tmp_path).keys() == of.robots.keys()
+
+
+@pytest.mark.parametrize(
+    "leave", [lambda of: of.next_batch(NOW_S + 1e6), lambda of: of.give(robot("A-1"), "Basalt")], ids=["forget", "give"]
+)
+def test_the_identity_of_a_robot_that_left_is_removed(tmp_path: Path, leave: Callable[[Fleet], object]) -> None:
+    of = fleet(ALDER, BASALT)
+    kept = kept_of(of, tmp_path)
+    of.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept.write(-inf, NOW_S)
+    leave(of)
+    kept.write(-inf, NOW_S)
+    assert rows(tmp_path) == {}
+
+
+def test_a_robot_that_was_given_away_comes_back_as_its_new_vendors_and_without_a_claim(tmp_path: Path) -> None:
+    before, log = fleet(ALDER, BASALT), tmp_path / "log"
+    recorder = Recorder(RecorderSettings(), log, Measures(), lambda: NOW_S)
+    recorder.received(status("A-1", NOW_S), NOW_S, FROM_ALDER, before.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER))
+    before.give(robot("A-1"), "Basalt")
+    recorder.given(robot("A-1"), "Basalt", NOW_S + 1)
+    before.receive(identity("A-1", NOW_S + 2), NOW_S + 2, FROM_BASALT)
+    kept_of(before, tmp_path).write(-inf, NOW_S + 2)
+    raw = status("A-1", NOW_S + 3)
+    recorder.received(raw, NOW_S + 3, FROM_BASALT, before.receive(raw, NOW_S + 3, FROM_BASALT))
+    recorder.close()
+    again = restored(tmp_path, NOW_S + 4, ALDER, BASALT, log=log)
+    assert identified(again) == identified(before)
+    assert document(again, "A-1")["vendor"] == "Basalt"
+    assert again.next_batch(NOW_S + 5).claims == ()
+
+
+def test_an_identity_of_another_ingest_comes_back_as_such(tmp_path: Path) -> None:
+    before = fleet(ALDER)
+    before.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    heard = SharedIdentity(robot("A-1"), identity("A-1", NOW_S), NOW_S, None, "Alder", elsewhere=True)
+    assert add_identity(before, heard, NOW_S, Connection(3, INTRODUCER)) is None
+    kept_of(before, tmp_path).write(-inf, NOW_S)
+    again = restored(tmp_path, NOW_S + 100, ALDER)
+    assert again.robots[robot("A-1")].shared_identity == heard
+    assert shared_identities(again, 0.0) == []
+
+
+def test_what_cannot_be_written_is_counted_and_written_later(tmp_path: Path) -> None:
+    of, directory = fleet(ALDER), tmp_path / "absent"
+    kept = kept_of(of, directory)
+    of.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
+    of.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept.write(NOW_S + 1, NOW_S + 2)
+    assert of.measures.values[FAILURES]["write",] == 1
+    directory.mkdir()
+    kept.write(NOW_S + 1, NOW_S + 3)
+    assert [message.raw for message in kept_messages(directory / FILE_NAME)] == [
+        identity("A-1", NOW_S),
+        status("A-1", NOW_S),
+    ]
+
+
+def test_what_the_fleet_did_not_take_back_is_removed_after_a_restart(tmp_path: Path) -> None:
+    before = fleet(ALDER)
+    for name in ("A-1", "A-2"):
+        before.receive(identity(name, NOW_S), NOW_S, FROM_ALDER)
+    kept_of(before, tmp_path).write(-inf, NOW_S)
+    again = fleet(ALDER, max_robots_per_vendor=1)
+    kept = kept_of(again, tmp_path)
+    recover(again, [], NOW_S + 1, kept=kept.read())
+    kept.write(-inf, NOW_S + 1)
+    assert rows(tmp_path).keys() == again.robots.keys()
+
+
+def newer_format(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("PRAGMA user_version = 2")
+
+
+def damaged(path: Path) -> None:
+    path.write_bytes(b"no database" * 1000)
+
+
+@pytest.mark.parametrize("spoil", [damaged, newer_format, Path.unlink])
+def test_a_file_that_is_spoilt_while_the_service_runs_is_begun_anew_with_all_robots(
+    tmp_path: Path, spoil: Callable[[Path], None]
+) -> None:
+    of = fleet(ALDER)
+    kept = kept_of(of, tmp_path)
+    for name in ("A-1", "A-2"):
+        of.receive(identity(name, NOW_S), NOW_S, FROM_ALDER)
+        kept.write(-inf, NOW_S)
+        if name == "A-1":
+            spoil(tmp_path / FILE_NAME)
+    for _ in range(3):
+        kept.write(-inf, NOW_S)
+    assert rows(tmp_path).keys() == of.robots.keys()
+
+
+@pytest.mark.parametrize("spoil", [damaged, newer_format])
+def test_an_unreadable_file_is_set_aside_at_the_start_and_counted(
+    tmp_path: Path, spoil: Callable[[Path], None], caplog: pytest.LogCaptureFixture
+) -> None:
+    spoil(tmp_path / FILE_NAME)
+    of = fleet(ALDER)
+    assert kept_of(of, tmp_path).read() == []
+    assert of.measures.values[FAILURES]["read",] == 1
+    assert "set aside" in caplog.text
+    assert [path.name for path in tmp_path.iterdir()] == [f"{FILE_NAME}.unreadable"]

@@ -1,0 +1,52 @@
+"""The floor from the end of a log."""
+
+from pathlib import Path
+
+from ingest.fleet.recovery.log_recovery import recover, summary
+from ingest.port.connection import Connection
+from ingest.recording.log_reader import Received
+from ingest.recording.recorder import Recorder
+from ingest.settings import RecorderSettings, Vendor
+from tests.helpers import vda_saying
+from tests.helpers.saying import identity, robot, status
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, fleet
+
+ALDER = Vendor(name="Alder")
+FROM_ALDER = Connection(1, vendor="Alder")
+
+
+def test_robots_come_back_however_often_the_receiver_has_started_since_they_reported(tmp_path: Path) -> None:
+    for start in range(6):
+        of = fleet(ALDER)
+        recorder = Recorder(RecorderSettings(), tmp_path, of.measures, lambda: NOW_S)
+        recorder.received(status(f"A-{start}", NOW_S + start), NOW_S + start, FROM_ALDER, None)
+        recorder.close()
+    again = fleet(ALDER)
+    recover(again, [tmp_path], NOW_S + 10)
+    assert set(again.robots) == {robot(f"A-{start}") for start in range(6)}
+
+
+def test_a_silent_robot_that_is_restored_is_forgotten_after_its_time_and_not_at_once() -> None:
+    again = fleet(ALDER, forget_after_s=1000.0)
+    recover(again, [], NOW_S, kept=[Received(identity("A-1", NOW_S - 5000), NOW_S - 5000, FROM_ALDER)])
+    assert list(again.next_batch(NOW_S + 1).gone) == []
+    assert list(again.robots) == [robot("A-1")]
+    assert list(again.next_batch(NOW_S + 1000).gone) == [robot("A-1")]
+
+
+def test_a_restored_robot_keeps_nobody_from_speaking_another_language() -> None:
+    again = fleet(ALDER)
+    report = identity("A-1", NOW_S - 5000, manufacturerName=vda_saying.MAKER, robotSerialNumber=vda_saying.SERIAL)
+    recover(again, [], NOW_S, kept=[Received(report, NOW_S - 5000, LINE)])
+    now_s = NOW_S + 1
+    assert again.receive(vda_saying.state(now_s), now_s, vda_saying.line("state")) is None
+
+
+def test_the_summary_says_how_many_robots_lack_an_identity_and_how_many_of_them_have_an_owner() -> None:
+    again = fleet(ALDER)
+    reports = [identity("A-1", NOW_S), status("A-2", NOW_S)]
+    kept = [Received(raw, NOW_S, FROM_ALDER) for raw in reports] + [Received(status("A-3", NOW_S), NOW_S, LINE)]
+    assert summary(again, recover(again, [], NOW_S + 1, kept=kept)) == (
+        "the floor is restored: 3 robots, 2 of them with a position; 2 have sent no identity report, and of these 1 "
+        "have an owner; 3 messages were read"
+    )
