@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from math import inf
 from operator import attrgetter
 from pathlib import Path
 from random import Random
@@ -46,6 +47,8 @@ logger = logging.getLogger(__name__)
 
 DISK_TIMEOUT_S = 0.05
 """A batch waits at most this long until its messages are recorded, and not at all if the disk is already behind."""
+MEASURE_EVERY_S = 1.0
+"""Levels of the fleet are measured at most so often, however many ask: of many robots that takes long."""
 DOCUMENTS_AT_ONCE = 20
 RELOAD_CHECK_S = 0.2
 UNASKED_SHARE = 0.05
@@ -71,7 +74,7 @@ class ReceiverRole:
         self._fast_path_asked = False
         self._kept = KeptMessages(log.parent, self.fleet, self.measures)
         found = recover(self.fleet, [log], self._now_s(), self._note_recovered, self._kept.read())
-        self._canary = CanaryPair(self._now_s)
+        self._canary, self._measured_s = CanaryPair(self._now_s), -inf
         self._owners = OwnerFile(log.parent, self.fleet.owners, self.measures)
         if found.messages:
             logger.info("%s", summary(self.fleet, found))
@@ -327,7 +330,9 @@ class ReceiverRole:
         return json.dumps({"before": before, "problem": problem}).encode()
 
     async def _measures(self, _: bytes) -> bytes:
-        fleet_report.measure(self.fleet, self._now_s())
+        if (now_s := self._now_s()) >= self._measured_s + MEASURE_EVERY_S:
+            self._measured_s = now_s
+            fleet_report.measure(self.fleet, now_s)
         self.measures.level("deconflict_host_clock_off_seconds", {(): self._clock.off_s})
         self.measures.level("deconflict_recording_failing", {(): float(bool(self.recorder.failing))})
         return json.dumps([self.measures.as_document()]).encode()

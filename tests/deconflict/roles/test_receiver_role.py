@@ -13,7 +13,7 @@ import pytest
 from websockets.asyncio.client import connect
 
 from deconflict.operator.live.recent_batches import unpacked_batch
-from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, FAST_PATH_AFTER, ReceiverRole
+from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, FAST_PATH_AFTER, MEASURE_EVERY_S, ReceiverRole
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.fleet_factory import load_fast_path
 from deconflict.settings.site import Site
@@ -100,6 +100,26 @@ async def test_only_the_document_of_one_robot_is_written_if_one_is_asked_for(tmp
         documents = json.loads(await caller.call("robots", known[1].encode()))
         assert [document["uuid"] for document in documents] == [known[1]]
         assert json.loads(await caller.call("robots", b"nobody")) == []
+
+
+async def test_levels_of_the_fleet_are_measured_once_a_second_however_many_ask(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    role, now = ReceiverRole(SITE, tmp_path, tmp_path / "log"), [time.time()]
+    monkeypatch.setattr(role, "_now_s", lambda: now[0])
+
+    async def asked() -> tuple[float, float]:
+        """How many robots there are, and how many messages came."""
+        await role._measures(b"")
+        values = role.measures.values
+        return sum(values["deconflict_robots"].values()), sum(values["deconflict_messages_total"].values())
+
+    assert await asked() == (0, 0)
+    role.fleet.receive(status("A-1", now[0]), now[0], Connection(1))
+    now[0] += MEASURE_EVERY_S - 0.1
+    assert await asked() == (0, 1), "counters are always true"
+    now[0] += 0.2
+    assert await asked() == (1, 1)
 
 
 async def test_a_stalled_disk_delays_no_batch_and_loses_nothing(
