@@ -39,6 +39,7 @@ from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.connection_shares import holder_of
+from ingest.recording.log_reader import Received
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
 from ingest.recording.rejected_shares import HEAD_BYTES, RecordedPart, RejectedShares
@@ -97,11 +98,7 @@ class Recorder:
         if rejected:
             self._add_rejected(raw, arrival_s, connection, rejected)
             return
-        begin = self._line_begin(arrival_s, connection)
-        if raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw:
-            self._add(b'{"received":"%b",%b,"message":%b}\n' % (*begin, raw))
-        else:
-            self._add(b'{"received":"%b",%b,%b}\n' % (*begin, _quoted(raw).encode()))
+        self._add(_message_line(raw, *self._line_begin(arrival_s, connection)))
 
     def overtaken(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """Record a message that was not read, because a newer one came first."""
@@ -176,6 +173,18 @@ class Recorder:
         self._bytes += len(line)
         if self._bytes > FLUSH_BYTES:
             self.flush()
+
+
+def line_of(message: Received) -> bytes:
+    """The line of an accepted message in the log."""
+    time = timestamps.write(message.arrival_s).encode()
+    return _message_line(message.raw, time, _connection_keys(message.connection))
+
+
+def _message_line(raw: bytes, time: bytes, connection_keys: bytes) -> bytes:
+    if raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw:
+        return b'{"received":"%b",%b,"message":%b}\n' % (time, connection_keys, raw)
+    return b'{"received":"%b",%b,%b}\n' % (time, connection_keys, _quoted(raw).encode())
 
 
 def _connection_keys(connection: Connection) -> bytes:

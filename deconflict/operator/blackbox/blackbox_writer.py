@@ -5,7 +5,7 @@
     {"before": HASH, "decided": "...Z", "advisory": {...}}
     {"before": HASH, "end": LINES}
 
-The last message of each robot before the lead comes first, so that no quiet robot is missing.
+The last messages of each robot before the lead come first, so that no quiet robot and no identity is missing.
 """
 
 import base64
@@ -29,6 +29,7 @@ from deconflict.operator.blackbox.near_misses import NearMiss, verified_near_mis
 from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
 from deconflict.settings.site import Site
+from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.recording.log_reader import (
@@ -43,6 +44,7 @@ from ingest.recording.log_reader import (
     parsed,
     segments_until,
 )
+from ingest.recording.recorder import line_of
 
 OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "mqtt_sources", "store", "recorder", "blackbox"}
 """Sections of the site that a replay does not need."""
@@ -162,7 +164,12 @@ def _encounters(published: PublishedAdvisories) -> list[list[Any]]:
 
 def _events(request: BlackBoxRequest) -> Iterator[tuple[bytes, Event]]:
     """The lines of the log that the box holds, in order, each with its event."""
-    span, last_messages = request.span, dict[tuple[str | None, str, bool], tuple[bytes, Event]]()
+    span = request.span
+    last_messages: dict[tuple[str | None, str, bool], tuple[bytes, Event]] = {
+        _sender(identity): (line_of(identity), identity)
+        for identity in kept_identities(request.log)
+        if identity.arrival_s < span.lead_s
+    }
     for line in _log_lines(request):
         try:
             event = parsed(line)
@@ -171,7 +178,7 @@ def _events(request: BlackBoxRequest) -> Iterator[tuple[bytes, Event]]:
         at_s = _time(event, span.lead_s)
         if at_s < span.lead_s:
             if isinstance(event, Received) and not event.refused:
-                last_messages[_sender(event)] = (line, event)
+                last_messages[_sender(event)] = line, event
             continue
         if last_messages:
             yield from last_messages.values()

@@ -1,8 +1,6 @@
 """The floor at a time in the past, read from the recording in a worker process, so that no live work waits."""
 
 import asyncio
-import logging
-import sqlite3
 import time
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -12,12 +10,10 @@ from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.runtime.worker_process import worker_pool
 from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path
 from deconflict.settings.site import Site
-from ingest.fleet.recovery.kept_messages import FILE_NAME, IDENTITY, kept_messages
+from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Received, begun_s, segments, segments_until
-
-logger = logging.getLogger(__name__)
+from ingest.recording.log_reader import begun_s, segments, segments_until
 
 MOST_WAITING = 4
 """Most requests at once; further ones are refused."""
@@ -32,18 +28,9 @@ def floor_at(site: Site, log: Path, at_s: float) -> str:
     fleet, frames = fleet_of(site, Measures()), FloorFrames()
     if fast_path := load_compiled_fast_path():
         fleet.use(fast_path)
-    recover(fleet, segments_until(log, at_s), at_s, kept=_identities(log))
+    recover(fleet, segments_until(log, at_s), at_s, kept=kept_identities(log))
     frames.add_batch(fleet.snapshot(at_s), whole=True)
     return frames.since(0)
-
-
-def _identities(log: Path) -> list[Received]:
-    """The identity reports that the receiver keeps. Empty if they can't be read."""
-    try:
-        return kept_messages(log.parent / FILE_NAME, IDENTITY)
-    except sqlite3.Error as error:
-        logger.warning("the past is shown without the identity reports of %s: %s", FILE_NAME, error)
-        return []
 
 
 def recorded_span(log: Path, now_s: float) -> tuple[float, float] | None:

@@ -162,6 +162,15 @@ def kept_messages(path: Path, *kinds: str) -> list[Received]:
     return [_received(row) for row in rows if row[0] in (kinds or (IDENTITY, STATUS)) and row[6] in FRONT_ENDS]
 
 
+def kept_identities(log_directory: Path) -> list[Received]:
+    """The identity reports that are kept beside a log, the oldest first. Empty if they can't be read."""
+    try:
+        return kept_messages(log_directory.parent / FILE_NAME, IDENTITY)
+    except sqlite3.Error as error:
+        log.warning("the identity reports of %s can't be read: %s", FILE_NAME, error)
+        return []
+
+
 def _received(row: Row) -> Received:
     _, _, arrival_s, raw, peer, vendor, language, topic = row
     return Received(raw, arrival_s, Connection(0, peer, vendor=vendor, language=language, topic=topic))

@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -8,10 +9,14 @@ import zstandard
 from deconflict.operator.blackbox.archive import Box
 from deconflict.operator.blackbox.blackbox_writer import write_blackbox
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, verified
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet.recovery.kept_messages import KeptMessages
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
 from ingest.recording.log_reader import lines_of
-from tests.deconflict.operator.blackbox.made_floor import Floor, crossing, lived
-from tests.helpers.saying import robot
+from tests.deconflict.operator.blackbox.made_floor import NOW_S, Floor, crossing, lived
+from tests.helpers.saying import identity, robot
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +119,23 @@ def test_a_torn_line_of_the_log_is_left_out(tmp_path: Path) -> None:
     whole = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join([*whole[:-3], b'{"received":"2026-', b"\n", *whole[-3:]]))
     assert write_blackbox(floor.order())
+
+
+def test_robots_that_identified_themselves_long_before_have_their_identity_in_the_box(tmp_path: Path) -> None:
+    floor = lived(tmp_path, crossing(60.0, 1.7), 80)
+    (log,) = (tmp_path / "log").iterdir()
+    is_status = [b"operationalState" in line for line in log.read_bytes().splitlines()]
+    first_status = is_status.index(True)
+    log.write_bytes(b"".join(log.read_bytes().splitlines(keepends=True)[first_status:]))
+    kept = fleet_of(Site(), Measures())
+    for name in crossing(60.0, 1.7):
+        kept.receive(identity(name, NOW_S - 600), NOW_S - 600, Connection(1, "127.0.0.1", vendor="Alder"))
+    KeptMessages(tmp_path, kept, Measures()).write(-inf, NOW_S)
+    box = write_blackbox(floor.order())
+    assert box
+    messages = [json.loads(line).get("message", {}) for line in lines(floor, box)]
+    identified = {message["uuid"] for message in messages if "baseRobotEnvelope" in message}
+    assert identified == {robot(name) for name in crossing(60.0, 1.7)}
 
 
 def test_a_log_that_began_with_the_clock_far_ahead_hides_no_near_miss(tmp_path: Path) -> None:

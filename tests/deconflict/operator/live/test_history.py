@@ -61,7 +61,7 @@ def test_the_past_floor_has_identities_that_came_long_before(tmp_path: Path, cap
         assert rows(floor_at(Site(), tmp_path / "log", NOW_S + second)) == rows(seen[second])
     (tmp_path / "robots.db").write_bytes(b"damaged" * 1000)
     assert rows(floor_at(Site(), tmp_path / "log", NOW_S + 129)) != rows(seen[129])
-    assert "without the identity reports" in caplog.text
+    assert "the identity reports of robots.db can't be read" in caplog.text
 
 
 def test_before_and_without_a_recording_the_floor_is_empty(tmp_path: Path) -> None:
