@@ -1,16 +1,18 @@
 """The places where silent robots are believed to stand, and which robots have driven through such a place."""
 
-from math import ceil
+from math import ceil, hypot, inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.presence.report_intervals import Legs
 from deconflict.sweep.geometry.envelope_distances import signed_gap
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.geometry.pose import Pose
+from deconflict.sweep.robot_slots import lengthened
 from ingest.batch import Batch, Bools, Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 
@@ -24,6 +26,10 @@ STEP_M = 0.2
 NONE: Ints = np.empty(0, np.int64)
 MOST_STEPS = 64
 """Most samples of a leg."""
+LEAST_ROWS = 32
+"""Room for so many places is made at once. Fewer changes build no tree anew."""
+CHANGED = -1
+"""Instead of a row: the place has changed."""
 
 
 class BelievedPlace(NamedTuple):
@@ -66,20 +72,54 @@ class Approach(NamedTuple):
     """When it first came near, seconds since the epoch."""
 
 
+class PlaceTree(NamedTuple):
+    """Finds places by position."""
+
+    tree: shapely.STRtree
+    """The centres of n places."""
+    rows: Ints
+    """(n,) the row of each place; `CHANGED` for a place that has changed since the tree was built."""
+
+    def within(self, points: NDArray[np.object_], reach_m: Floats) -> Ints:
+        """(2, m) which of n points, and the rows of the places that are within the reach (n,) of these."""
+        near, number = self.tree.query(points, "dwithin", reach_m)
+        rows = self.rows[number]
+        return np.stack([near, rows])[:, rows != CHANGED]
+
+
+def _tree_of(columns: Floats, rows: Ints) -> PlaceTree:
+    """The tree of these rows of the columns of places, of which the first two are x and y."""
+    return PlaceTree(shapely.STRtree(shapely.points(columns[:2, rows].T)), rows)
+
+
 class BelievedPlaces:
     """Places by robot. Queries cost nothing if there are no places. The caller removes the place of a robot that
-    reports again."""
+    reports again.
+
+    Each place has a row. A tree finds the places by position. Places that changed since it was built are in a second,
+    small tree, which is built anew after each change. The first is built anew once more have changed than the square
+    root of all.
+    """
 
     def __init__(self) -> None:
         self._places: dict[str, BelievedPlace] = {}
+        self._rows: dict[str, int] = {}
+        """The row of each robot. Rows are in the order in which robots came."""
         self._names: list[str] = []
-        self._columns: Floats = np.empty((9, 0))
-        """(9, n) fields of the places, in the order of `_names`."""
-        self._radius_m = 0.0
-        """Of the longest place."""
-        self._bounds_m: tuple[list[float], list[float]] = ([0.0, 0.0], [0.0, 0.0])
-        """Least and greatest x and y of the places."""
-        self._tree: shapely.STRtree | None = None
+        """By row: whose place it is, or was."""
+        self._columns: Floats = np.zeros((10, 0))
+        """(10, rows) fields of the places, and the radius of each; 0 if it was removed. There are more rows than
+        names."""
+        self._bounds_m: tuple[list[float], list[float]] = ([inf, inf], [-inf, -inf])
+        """Least and greatest x and y of the places, including those that were removed since the tree was built."""
+        self._tree = _tree_of(self._columns, NONE)
+        """The first places by row, as they were when it was built."""
+        self._changed: set[int] = set()
+        """Rows of the places that are not in the tree."""
+        self._changed_tree: PlaceTree | None = None
+        """The places of `_changed`; None if any changed since it was built."""
+        self._changes = 0
+        """How many places were set or removed since the tree was built."""
 
     def __len__(self) -> int:
         return len(self._places)
@@ -88,12 +128,28 @@ class BelievedPlaces:
         return self._places.get(uuid)
 
     def set(self, uuid: str, place: BelievedPlace) -> None:
-        if self._places.get(uuid) != place:
-            self._places[uuid], self._tree = place, None
+        if self._places.get(uuid) == place:
+            return
+        self._places[uuid] = place
+        row = self._rows.setdefault(uuid, len(self._names))
+        if row == len(self._names):
+            self._names.append(uuid)
+            if row == self._columns.shape[1]:
+                self._columns = lengthened(self._columns, max(row, LEAST_ROWS), axis=1)
+        self._columns[:, row] = *place, hypot(place.half_length_m, place.half_width_m)
+        (least_m, most_m), at_m = self._bounds_m, (place.x_m, place.y_m)
+        self._bounds_m = list(map(min, least_m, at_m)), list(map(max, most_m, at_m))
+        self._changed.add(row)
+        self._note_change(row)
 
     def discard(self, uuid: str) -> None:
         if self._places.pop(uuid, None):
-            self._tree = None
+            row = self._rows.pop(uuid)
+            self._columns[:, row] = 0.0
+            self._changed.discard(row)
+            self._note_change(row)
+            if not self._places:
+                self._rebuild()
 
     def driven_through(self, batch: Batch, legs: Legs) -> dict[str, int]:
         """The robots through whose places others of the batch have driven, and the row of the first robot that did
@@ -122,24 +178,25 @@ class BelievedPlaces:
 
     def _near(self, batch: Batch, legs: Legs, beyond_m: float) -> tuple[Ints, Ints]:
         """(n,) legs and (n,) places on one floor that may come within a distance of each other."""
-        tree, (from_x_m, to_x_m), (from_y_m, to_y_m) = self._indexed(), legs.x_m.T, legs.y_m.T
+        trees, (from_x_m, to_x_m), (from_y_m, to_y_m) = self._trees(), legs.x_m.T, legs.y_m.T
         long_m, is_joined = np.hypot(to_x_m - from_x_m, to_y_m - from_y_m), _is_joined(legs)
         own_m = np.hypot(batch.forecasts.length_m[legs.rows], batch.forecasts.width_m[legs.rows]) / 2
-        reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + self._radius_m + beyond_m
+        reach_m = np.where(is_joined, long_m / 2, 0.0) + own_m + float(self._columns[9].max()) + beyond_m
         x_m = np.where(is_joined, (from_x_m + to_x_m) / 2, to_x_m)
         y_m = np.where(is_joined, (from_y_m + to_y_m) / 2, to_y_m)
         has_moved = (long_m > MOVED_M) & np.isfinite(legs.took_s)
         some = np.flatnonzero(has_moved & self._are_in_bounds(x_m, y_m, reach_m))
         if not len(some):
             return NONE, NONE
-        near, place = tree.query(shapely.points(x_m[some], y_m[some]), "dwithin", reach_m[some])
+        points = shapely.points(x_m[some], y_m[some])
+        near, place = np.concatenate([tree.within(points, reach_m[some]) for tree in trees], axis=1)
         by_leg = np.lexsort((place, near))
         leg, place = some[near[by_leg]], place[by_leg]
         is_same_floor = legs.floor[leg, 1] == self._columns[3][place]
         return leg[is_same_floor], place[is_same_floor]
 
     def _are_in_bounds(self, x_m: Floats, y_m: Floats, reach_m: Floats) -> Bools:
-        """(n,) whether points are as near to the rectangle around all places as they may reach. Needs the tree."""
+        """(n,) whether points are as near to the rectangle around all places as they may reach."""
         (west_m, south_m), (east_m, north_m) = self._bounds_m
         within_x = (x_m >= west_m - reach_m) & (x_m <= east_m + reach_m)
         within: Bools = within_x & (y_m >= south_m - reach_m) & (y_m <= north_m + reach_m)
@@ -177,14 +234,27 @@ class BelievedPlaces:
         between_m = x_m[:, None] - at_x_m, y_m[:, None] - at_y_m
         return signed_gap(*between_m, at_yaw_rad, yaws_rad, own_m, places_m), shares
 
-    def _indexed(self) -> shapely.STRtree:
-        if self._tree is None:
-            self._names = list(self._places)
-            self._columns = np.array(list(self._places.values()), np.float64).T
-            self._radius_m = float(np.hypot(self._columns[4], self._columns[5]).max())
-            self._bounds_m = self._columns[:2].min(axis=1).tolist(), self._columns[:2].max(axis=1).tolist()
-            self._tree = shapely.STRtree(shapely.points(self._columns[:2].T))
-        return self._tree
+    def _note_change(self, row: int) -> None:
+        self._changes += 1
+        self._changed_tree = None
+        self._tree.rows[row : row + 1] = CHANGED
+
+    def _trees(self) -> tuple[PlaceTree, PlaceTree]:
+        """The unchanged and the changed places."""
+        if self._changes > max(LEAST_ROWS, sqrt(len(self._places))):
+            self._rebuild()
+        if self._changed_tree is None:
+            self._changed_tree = _tree_of(self._columns, np.array(list(self._changed), np.int64))
+        return self._tree, self._changed_tree
+
+    def _rebuild(self) -> None:
+        """Build the tree of all places anew. Leaves out the rows of those that were removed."""
+        self._columns, self._names = self._columns[:, list(self._rows.values())], list(self._rows)
+        self._rows = {name: row for row, name in enumerate(self._names)}
+        least_m, most_m = self._columns[:2].min(axis=1, initial=inf), self._columns[:2].max(axis=1, initial=-inf)
+        self._bounds_m = least_m.tolist(), most_m.tolist()
+        self._tree, self._changed_tree = _tree_of(self._columns, np.arange(len(self._names))), None
+        self._changed, self._changes = set(), 0
 
 
 def _is_joined(legs: Legs) -> Bools:
