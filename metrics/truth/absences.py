@@ -45,7 +45,8 @@ class Absences:
         self._clearances_m = tuple(clearances_m)
         self._intervals, self._places = ReportIntervals(), BelievedPlaces()
         self._newest: dict[str, tuple[Forecasts, int, Sequence[str]]] = {}
-        """By robot: the forecasts of its newest batch, its row in them, and the batch's floors."""
+        """By robot: the forecasts of its newest batch, its row in them, and the batch's floors. Of a silent robot only
+        its own forecast is kept."""
         self._silent: dict[str, SilentRobot] = {}
         self._gone: dict[str, list[TimeRange]] = {}
         self._meetings: dict[float, list[Approach]] = {clearance_m: [] for clearance_m in self._clearances_m}
@@ -120,13 +121,12 @@ class Absences:
 
     def _add_silent(self, now_s: float) -> None:
         """Add the places of robots that have become silent."""
-        heard = self._intervals.heard
-        late = np.flatnonzero((now_s - heard["arrival_s"] > GRACE_S) & (heard["reports"] > 0))
-        for slot in late.tolist():
-            uuid = self._intervals.slots.uuids[slot]
-            if uuid not in self._silent and now_s - heard["arrival_s"][slot] > grace_s(heard[slot]):
-                forecasts, row, _ = self._newest[uuid]
-                before = forecasts.single(row)
+        for uuid in self._intervals.overdue(now_s):
+            if now_s - self._intervals.heard_s(uuid) > self._intervals.grace_s(uuid):
+                self._intervals.set_due(uuid, inf)
+                forecasts, row, floors = self._newest[uuid]
+                before = forecasts.take([row])
+                self._newest[uuid] = before, 0, floors
                 pose = pose_at(before, float(before.t_s[0]))
                 self._silent[uuid] = SilentRobot(now_s)
                 if pose.floor >= 0:

@@ -18,6 +18,7 @@ from ingest.batch import Bools, Floats, Forecasts, Ints
 from metrics.truth.recorded_motion import SampledMotion
 
 MINUTE_S = 60.0
+_COLUMNS = ("_heard_s", "_there_s", "_known", "_gaps_s", "_within_s", "_place", "_is_silent")
 
 
 @dataclass(slots=True, eq=False)
@@ -52,7 +53,8 @@ class Silences:
         """x_m, y_m, yaw_rad, floor, half sides, bottom and top, by the newest report."""
         self._of: dict[int, list[RobotSilence]] = {}
         """By row: all silences, in order."""
-        self._ongoing: dict[int, RobotSilence] = {}
+        self._is_silent = np.zeros(0, np.bool_)
+        """Whether the last of these goes on."""
         self.by_minute_s: defaultdict[int, float] = defaultdict(float)
         """Total presence of all robots, by minute since the epoch."""
 
@@ -61,7 +63,7 @@ class Silences:
         rows, _ = self._slots.assign(robots)
         if (more := len(self._slots) - len(self._heard_s)) > 0:
             more = max(more, len(self._heard_s), 64)
-            lengthen(self, ("_heard_s", "_there_s", "_known", "_gaps_s", "_within_s", "_place"), more)
+            lengthen(self, _COLUMNS, more)
             self._heard_s[-more:] = -inf
         knots = forecasts.start[:-1]
         is_newer = forecasts.t_s[knots] > self._heard_s[rows]
@@ -77,28 +79,29 @@ class Silences:
 
     def fallen_silent(self, now_s: float) -> list[str]:
         """The robots that have become silent since the last call."""
-        late = np.flatnonzero(now_s - self._heard_s[: len(self._slots)] > GRACE_S).tolist()
-        fallen = [row for row in late if row not in self._ongoing and now_s - self._heard_s[row] > self._limit_s(row)]
+        is_late = (now_s - self._heard_s > GRACE_S) & ~self._is_silent
+        late = np.flatnonzero(is_late[: len(self._slots)]).tolist()
+        fallen = [row for row in late if now_s - self._heard_s[row] > self._limit_s(row)]
         for row in fallen:
             self._fall_silent(row)
         return [self._slots.uuids[row] for row in fallen]
 
     def find_driven_through(self, sampled: SampledMotion) -> None:
         """Find robots that drive through the place of a silent one."""
-        rows = np.array([row for row, silence in self._ongoing.items() if not silence.is_passed], np.int64)
+        silent = np.flatnonzero(self._is_silent).tolist()
+        rows = np.array([row for row in silent if not self._of[row][-1].is_passed], np.int64)
         if not len(rows) or not len(sampled.robot):
             return
         places = self._place[rows]
         is_other = rows[:, None] != sampled.robot
         for at, other in np.argwhere(is_other & _near(places, sampled)).tolist():
             if _drives_through(places[at], sampled, other):
-                self._ongoing[int(rows[at])].is_passed = True
+                self._of[int(rows[at])][-1].is_passed = True
 
     def finish(self) -> None:
         """End of the log: every robot is silent from its last report."""
-        for row in range(len(self._slots)):
-            if row not in self._ongoing:
-                self._fall_silent(row)
+        for row in np.flatnonzero(~self._is_silent[: len(self._slots)]).tolist():
+            self._fall_silent(row)
 
     def left_s(self, robot: str, from_s: float) -> float:
         """When a robot may have left: the begin of its silence at `from_s`, or else of its next silence; inf if there
@@ -131,18 +134,17 @@ class Silences:
 
     def _ends_silence(self, row: int, now_s: float) -> bool:
         """End the silence of a robot that reports again. Returns whether it was silent."""
-        silence = self._ongoing.pop(row, None)
-        if silence is None:
+        if not self._is_silent[row]:
             if now_s - self._heard_s[row] <= self._limit_s(row):
                 return False
-            silence = RobotSilence(float(self._heard_s[row]))
-            self._of.setdefault(row, []).append(silence)
-        silence.end_s = now_s
+            self._fall_silent(row)
+        self._is_silent[row] = False
+        self._of[row][-1].end_s = now_s
         return True
 
     def _fall_silent(self, row: int) -> None:
-        self._ongoing[row] = RobotSilence(float(self._heard_s[row]))
-        self._of.setdefault(row, []).append(self._ongoing[row])
+        self._is_silent[row] = True
+        self._of.setdefault(row, []).append(RobotSilence(float(self._heard_s[row])))
 
     def _limit_s(self, row: int) -> float:
         """How long a robot may send no report before it is silent."""

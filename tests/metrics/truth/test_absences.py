@@ -1,6 +1,8 @@
 """Who was gone, and who met the silent robots that were there."""
 
+import gc
 from typing import Any
+from weakref import ref
 
 import pytest
 
@@ -100,3 +102,18 @@ def test_an_advisory_is_about_a_gone_robot_if_it_was_raised_while_that_was_gone(
     document = floor.absences.figures(0.3, alerts, 2.0)
     assert (document["raised"], document["about_gone"], document["about_gone_share"]) == (4, 2, 0.5)
     assert floor.absences.figures(0.3, [], 2.0)["about_gone_share"] is None
+
+
+def test_the_last_report_of_a_silent_robot_keeps_no_other_robot_in_memory() -> None:
+    floor = Scored()
+    for name in ("silent", "other"):
+        floor.say(name, 0.0)
+    batch = floor.fleet.next_batch(NOW_S, everything=False)
+    floor.absences.add_batch(batch)
+    whole = ref(batch.forecasts.length_m)
+    del batch
+    for floor.now_s in range(1, 60):
+        floor.say("other", float(floor.now_s))
+        floor.tick()
+    gc.collect()
+    assert whole() is None
