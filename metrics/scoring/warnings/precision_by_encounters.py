@@ -5,15 +5,16 @@ precision all use these. Seconds at which the pair is already in an encounter ar
 robot left, because no encounter can follow them. An alert without any other second is not scored and recalls nothing.
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
-from math import ceil, isnan, nan
+from math import ceil, inf, isnan, nan
 from typing import Any
 
 import numpy as np
 
-from ingest.batch import Floats, Pair
+from ingest.batch import Floats, Ints, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import mean, means, median, medians, spread
 from metrics.scoring.warnings.calibration_scores import CalibrationTally, Vendors
@@ -45,6 +46,65 @@ class Alert:
     """The class of the predicted encounter when it was raised."""
     advisory: str = ""
     """Id of the advisory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairEncounters:
+    """When the encounters of one pair were."""
+
+    start_s: Floats
+    """(n + 1,) starts, ascending, and inf."""
+    ended_s: Floats
+    """(n + 1,) -inf, and the latest end of the first encounter, of the first two, and so on."""
+
+    @classmethod
+    def of(cls, encounters: Iterable[RecordedEncounter]) -> "PairEncounters":
+        spans_s = sorted((encounter.start_s, encounter.end_s) for encounter in encounters)
+        start_s, end_s = np.array([(-inf, -inf), *spans_s, (inf, inf)]).T
+        return cls(start_s[1:], np.maximum.accumulate(end_s[:-1]))
+
+    def outside(self, seconds: Floats) -> Floats:
+        """The seconds (s,) that are in no encounter."""
+        return seconds[seconds > self.ended_s[self._started(seconds)]]
+
+    def is_any_before(self, seconds: Floats) -> bool:
+        """Whether any of the seconds (s,) is in the last `HORIZON_S` before an encounter."""
+        return bool(np.any(seconds >= self.start_s[self._started(seconds)] - HORIZON_S))
+
+    def _started(self, seconds: Floats) -> Ints:
+        """(s,) how many encounters have started by each second."""
+        return self.start_s.searchsorted(seconds, "right")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairAlerts:
+    """When the alerts of one pair stood."""
+
+    alerts: Sequence[tuple[float, float]]
+    """First whole second, and predicted start, of each alert that stood at any, in the order in which they were
+    raised."""
+    seconds: Floats
+    """(s,) whole seconds at which any of them stood, ascending. A second is repeated for each alert."""
+    numbers: Ints
+    """(s,) which of the alerts stood then."""
+
+    @classmethod
+    def of(cls, alerts: Sequence[tuple[Alert, Floats]]) -> "PairAlerts":
+        """From the alerts in the order in which they were raised, and the whole seconds at which each stood."""
+        stood = [(alert, seconds) for alert, seconds in alerts if len(seconds)]
+        seconds = np.concatenate([np.empty(0), *(seconds for _, seconds in stood)])
+        numbers = np.repeat(np.arange(len(stood)), [len(seconds) for _, seconds in stood])
+        order = seconds.argsort(kind="stable")
+        firsts = [(float(seconds[0]), alert.predicted_s) for alert, seconds in stood]
+        return cls(firsts, seconds[order], numbers[order])
+
+    def recall_row(self, start_s: float) -> tuple[float, float, float, float]:
+        """A row of `AlertCases.met`, for an encounter of the pair that starts then."""
+        horizon, standing, start = self.seconds.searchsorted((start_s - HORIZON_S, start_s - STANDING_S, start_s))
+        if standing == start:
+            return 0.0, float(horizon < start), nan, nan
+        first_s, predicted_s = self.alerts[int(self.numbers[standing:start].min())]
+        return 1.0, 1.0, start_s - first_s, abs(predicted_s - start_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,42 +208,27 @@ def _joined(by_vendors: Mapping[Vendors, AlertCases], names: Sequence[str]) -> A
 
 
 def _cases(encounters: Sequence[RecordedEncounter], alerts: Sequence[Alert]) -> AlertCases:
-    by_pair: dict[Pair, list[RecordedEncounter]] = {}
+    encounters_of: defaultdict[Pair, list[RecordedEncounter]] = defaultdict(list)
     for encounter in encounters:
-        by_pair.setdefault(encounter.pair, []).append(encounter)
-    ordered = [
-        (alert, _seconds(alert, by_pair.get(alert.pair, [])))
-        for alert in sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
-    ]
-    open_alerts = [(alert, seconds) for alert, seconds in ordered if len(seconds)]
-    open_of_pair: dict[Pair, list[tuple[Alert, Floats]]] = {}
+        encounters_of[encounter.pair].append(encounter)
+    pairs = {encounter.pair for encounter in encounters} | {alert.pair for alert in alerts}
+    met = {pair: PairEncounters.of(encounters_of[pair]) for pair in pairs}
+    ordered = sorted(alerts, key=lambda alert: (alert.raised_s, alert.pair))
+    examined = [(alert, met[alert.pair].outside(_seconds(alert))) for alert in ordered]
+    open_alerts = [(alert, seconds) for alert, seconds in examined if len(seconds)]
+    open_of: defaultdict[Pair, list[tuple[Alert, Floats]]] = defaultdict(list)
     for alert, seconds in open_alerts:
-        open_of_pair.setdefault(alert.pair, []).append((alert, seconds[seconds < alert.cleared_s]))
-    met = [
-        _recall_row(encounter, open_of_pair.get(encounter.pair, []))
-        for encounter in encounters
-        if encounter.foreseeable
-    ]
-    scored = [(alert, _outcome(alert, seconds, by_pair.get(alert.pair, []))) for alert, seconds in open_alerts]
+        open_of[alert.pair].append((alert, seconds[seconds < alert.cleared_s]))
+    warned = {pair: PairAlerts.of(open_of[pair]) for pair in pairs}
+    rows = [warned[encounter.pair].recall_row(encounter.start_s) for encounter in encounters if encounter.foreseeable]
+    scored = [(alert, _outcome(alert, seconds, met[alert.pair])) for alert, seconds in open_alerts]
     return AlertCases(
         len(encounters),
-        np.array(met, np.float64).reshape(-1, 4),
+        np.array(rows, np.float64).reshape(-1, 4),
         np.array([outcome for _, outcome in scored], np.float64),
         [alert.place for alert, _ in scored],
         heeded=sum(alert.heeded and isnan(outcome) for alert, outcome in scored),
     )
-
-
-def _recall_row(
-    encounter: RecordedEncounter, open_alerts: Sequence[tuple[Alert, Floats]]
-) -> tuple[float, float, float, float]:
-    """A row of `AlertCases.met`, from the alerts of its pair and the whole seconds at which each stood."""
-    start_s = encounter.start_s
-    at_any_time = float(any(_is_any_before(seconds, start_s, HORIZON_S) for _, seconds in open_alerts))
-    for alert, seconds in open_alerts:
-        if _is_any_before(seconds, start_s, STANDING_S):
-            return 1.0, at_any_time, start_s - float(seconds[0]), abs(alert.predicted_s - start_s)
-    return 0.0, at_any_time, nan, nan
 
 
 def _figures(cases: AlertCases, robot_hours: float) -> dict[str, Any]:
@@ -235,23 +280,16 @@ def _placed(places: Sequence[tuple[str, float, float] | None]) -> list[str]:
     return ["" if place is None else f"{place[1]:.1f} {place[2]:.1f} {place[0]}" for place in places]
 
 
-def _seconds(alert: Alert, encounters: Sequence[RecordedEncounter]) -> Floats:
-    """(s,) the whole seconds at which an alert was open outside of its pair's encounters. An alert that was cleared
-    before the next whole second is examined at that second."""
+def _seconds(alert: Alert) -> Floats:
+    """(s,) the whole seconds at which an alert was open. An alert that was cleared before the next whole second is
+    examined at that second."""
     first, end_s = ceil(alert.raised_s), min(alert.cleared_s, alert.left_s)
-    seconds = np.arange(first, max(ceil(end_s), first + 1), dtype=np.float64)
-    for encounter in encounters:
-        seconds = seconds[(seconds < encounter.start_s) | (seconds > encounter.end_s)]
-    return seconds
+    return np.arange(first, max(ceil(end_s), first + 1), dtype=np.float64)
 
 
-def _is_any_before(seconds: Floats, start_s: float, before_s: float) -> bool:
-    """Whether any of the seconds is in the last `before_s` before a start."""
-    return bool(np.any((seconds < start_s) & (seconds >= start_s - before_s)))
-
-
-def _outcome(alert: Alert, seconds: Floats, encounters: Sequence[RecordedEncounter]) -> float:
-    """1 for a true alert, 0 for a nuisance, nan if unknown. `seconds` (s,) are those at which it was open."""
-    if any(_is_any_before(seconds, encounter.start_s, HORIZON_S) for encounter in encounters):
+def _outcome(alert: Alert, seconds: Floats, met: PairEncounters) -> float:
+    """1 for a true alert, 0 for a nuisance, nan if unknown. `seconds` (s,) are those at which it was open, `met` are
+    the encounters of its pair."""
+    if met.is_any_before(seconds):
         return 1.0
     return nan if alert.heeded or alert.left_s < alert.predicted_s else 0.0

@@ -76,6 +76,20 @@ def test_between_two_encounters_an_alert_counts_from_where_the_first_ended() -> 
     assert (within["recall"], within["alerts"]) == (0.0, 0)
 
 
+def test_each_of_many_encounters_of_a_pair_is_recalled_by_its_own_alerts() -> None:
+    starts_s = range(20, 1500, 15)
+    encounters = [encounter(start_s, start_s + 2) for start_s in starts_s]
+    alerts = [alert(start_s - 4.5, start_s + 2.5, predicted_s=start_s + 0.5) for start_s in starts_s[::3]]
+    later = [alert(start_s - 3.5, start_s - 0.5, predicted_s=start_s + 3) for start_s in starts_s[::3]]
+    alerts += [*later, *(alert(start_s - 12, start_s - 11.5) for start_s in starts_s[1::3])]
+    figures = score(encounters, alerts, 0.3)
+    cases = figures["cases"]
+    assert cases["recalled"] == cases["recalled_any"] == ("ynn" * len(starts_s))[: len(starts_s)]
+    assert (figures["lead_time_s"]["median"], figures["start_error_s"]) == (4.0, 0.5)
+    assert cases["came_true"].count("y") == 2 * len(starts_s[::3])
+    assert cases["came_true"].count("n") == len(starts_s[1::3])
+
+
 def test_an_alert_that_nothing_follows_is_a_nuisance() -> None:
     figures = score([encounter(40, 42)], [alert(10, 14), alert(35, 43)], 0.3)
     assert figures["precision"] == 0.5
