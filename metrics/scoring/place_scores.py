@@ -7,6 +7,7 @@ by at least the time until its last report. If it did not report after the predi
 predicted need for a charger is compared with whether the robot came to one within the time.
 """
 
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -112,9 +113,9 @@ class PlaceScores:
         self._waiting: dict[tuple[str, str], list[PlannedArrival]] = {}
         """Predicted arrivals without a known outcome, by place and robot, in the order of prediction."""
         self._chargers = {resource.id for resource in resources if resource.kind == "charger"}
-        self._needs: dict[str, list[tuple[float, Floats]]] = {}
-        """By robot: times at which its need for a charger was predicted, and the probability within each of
-        `AHEAD_S`."""
+        self._needs: dict[str, deque[tuple[float, Floats]]] = {}
+        """By robot: times at which its need for a charger was predicted, ascending, and the probability within each of
+        `AHEAD_S`. None is empty."""
         self._full: list[tuple[float, Ints]] = []
         """Time of each forecast, and (places, len(AHEAD_S)) whether each place is predicted to be full then."""
         self._first_s = inf
@@ -125,7 +126,7 @@ class PlaceScores:
         numbers = {place: number for number, place in enumerate(self._capacity)}
         inside, at_s = np.zeros((len(numbers), len(AHEAD_S)), np.int64), now_s + AHEAD_S
         for robot, likely in forecast.needs.items():
-            self._needs.setdefault(robot, []).append((now_s, likely))
+            self._needs.setdefault(robot, deque()).append((now_s, likely))
         for stay in forecast.turns:
             inside[numbers[stay.place]] += (stay.begin_s <= at_s) & (at_s < stay.end_s)
             if stay.coming and stay.begin_s - now_s <= AHEAD_S[-1]:
@@ -160,10 +161,7 @@ class PlaceScores:
         Returns (n, len(AHEAD_S)) how long before that its need was predicted with a probability of at least one half,
         within each of `AHEAD_S`; nan if it was not.
         """
-        predictions = self._needs.pop(entry.robot, [])
-        before = [prediction for prediction in predictions if prediction[0] < entry.t_s]
-        if after := predictions[len(before) :]:
-            self._needs[entry.robot] = after
+        before = self._take_needs(entry.robot, entry.t_s)
         for predicted_s, likely in before:
             self._count_need(likely, entry.t_s - predicted_s <= AHEAD_S, np.full(len(AHEAD_S), True))
         ahead_s = np.array([entry.t_s - predicted_s for predicted_s, _ in before])[:, None]
@@ -215,17 +213,24 @@ class PlaceScores:
                 self._count_missed(predictions.pop(0), key[1])
             if not predictions:
                 del self._waiting[key]
-        for robot in list(self._needs):
-            self._count_unneeded(robot, now_s - AHEAD_S[-1] - REPORTS_S)
+        due_s = now_s - float(AHEAD_S[-1]) - REPORTS_S
+        for robot in [robot for robot, predictions in self._needs.items() if predictions[0][0] < due_s]:
+            self._count_unneeded(robot, due_s)
 
     def _count_unneeded(self, robot: str, until_s: float) -> None:
         """Count the needs predicted before `until_s` of a robot that has not come to a charger."""
-        predictions, seen_s = self._needs.pop(robot), self._last_seen_s.get(robot, -inf)
-        for predicted_s, likely in predictions:
-            if predicted_s < until_s:
-                self._count_need(likely, np.full(len(AHEAD_S), False), predicted_s + AHEAD_S <= seen_s)
-        if rest := [prediction for prediction in predictions if prediction[0] >= until_s]:
-            self._needs[robot] = rest
+        seen_s = self._last_seen_s.get(robot, -inf)
+        for predicted_s, likely in self._take_needs(robot, until_s):
+            self._count_need(likely, np.full(len(AHEAD_S), False), predicted_s + AHEAD_S <= seen_s)
+
+    def _take_needs(self, robot: str, until_s: float) -> list[tuple[float, Floats]]:
+        """Remove and return the needs of a robot that were predicted before `until_s`."""
+        predictions, taken = self._needs.get(robot, deque()), []
+        while predictions and predictions[0][0] < until_s:
+            taken.append(predictions.popleft())
+        if not predictions:
+            self._needs.pop(robot, None)
+        return taken
 
     def _count_missed(self, prediction: PlannedArrival, robot: str) -> None:
         """Count a prediction whose robot has not arrived, if the robot reported after the predicted time."""
