@@ -118,7 +118,7 @@ def _replay(args: argparse.Namespace) -> int:
     if not args.logs:
         raise LogError("replay: give a LOG, or --compare A.json B.json")
     settings, logs = _settings(args), files_of(args.logs)
-    clearances_m = args.clearance or [settings.conflict.clearance_m]
+    clearances_m = list(dict.fromkeys(args.clearance or [settings.conflict.clearance_m]))
     outputs = ReplayFiles.of(args, clearances_m)
     check_outputs(logs, outputs.paths())
 

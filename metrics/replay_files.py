@@ -2,9 +2,10 @@
 
 import argparse
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -108,18 +109,28 @@ class _Stream:
 
 
 def _of_clearance(out: Path, clearance_m: float) -> Path:
-    """OUT-0.3.jsonl of OUT.jsonl."""
-    return out.with_name(f"{out.stem}-{clearance_m:g}{out.suffix}")
+    """OUT-0.3.jsonl of OUT.jsonl. No two clearances have the same."""
+    return out.with_name(f"{out.stem}-{str(clearance_m).removesuffix('.0')}{out.suffix}")
 
 
-def check_outputs(logs: Sequence[Path], outputs: Iterable[Path]) -> None:
-    """Raises `LogError` if an output can't be written, or would overwrite a log."""
+def check_outputs(logs: Sequence[Path], outputs: Sequence[Path]) -> None:
+    """Raises `LogError` if an output can't be written, or would overwrite a log or another output."""
     for out in outputs:
         exists = os.access(out, os.F_OK)
         if not (os.access(out, os.W_OK) and not out.is_dir() if exists else os.access(out.parent, os.W_OK | os.X_OK)):
             raise LogError(f"{out} can't be written: give a file in an existing directory that you may write to")
         if exists and any(out.samefile(log) for log in logs):
             raise LogError(f"{out} is a log to be read: give the output another name")
+    for out, other in combinations(outputs, 2):
+        if _is_one_file(out, other):
+            raise LogError(f"{other} is named for two outputs: give each a name of its own")
+
+
+def _is_one_file(out: Path, other: Path) -> bool:
+    """Whether two outputs would overwrite each other. A device as /dev/null keeps nothing."""
+    if out.exists() and other.exists():
+        return out.is_file() and out.samefile(other)
+    return out.resolve() == other.resolve()
 
 
 def create_directory(path: Path) -> None:

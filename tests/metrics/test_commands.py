@@ -57,6 +57,40 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(
     assert log.read_bytes() == kept
 
 
+@pytest.mark.parametrize(
+    ("option", "other", "name"),
+    [
+        ("--json", "--html", "out"),
+        ("--advisories", "--situations", "out"),
+        ("--advisories", "--situations", "out-0.5"),
+        ("--json", "--mcap", "link"),
+    ],
+)
+def test_two_outputs_of_one_name_are_refused_before_anything_is_read(
+    tmp_path: Path, log: Path, option: str, other: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("metrics.commands.LogReader.read", lambda *_: pytest.fail("it was read"))
+    (tmp_path / "link").symlink_to("out")
+    clearances = ("--clearance", "0.3", "0.5") if name == "out-0.5" else ()
+    for other_out in (tmp_path / name, tmp_path / ".." / tmp_path.name / name):
+        with pytest.raises(LogError, match=f"{name} is named for two outputs: give each a name of its own"):
+            run("replay", log, *clearances, option, tmp_path / "out", other, other_out)
+
+
+def test_two_outputs_may_go_to_a_device(log: Path) -> None:
+    run("replay", log, "--jobs", "1", "--json", "/dev/null", "--advisories", "/dev/null")
+
+
+def test_equal_clearances_count_once_and_near_ones_have_files_of_their_own(tmp_path: Path, log: Path) -> None:
+    out, clearances = tmp_path / "scores.json", ("0.3", "0.3", "0.30000001", "1.0")
+    run("replay", log, "--jobs", "1", "--clearance", *clearances, "--json", out, "--advisories", tmp_path / "out.jsonl")
+    assert [score["clearance_m"] for score in scores(out)["scores"]] == [0.3, 0.30000001, 1.0]
+    assert {path.name for path in tmp_path.glob("out*")} == {"out-0.3.jsonl", "out-0.30000001.jsonl", "out-1.jsonl"}
+    for path in tmp_path.glob("out*"):
+        revisions = [json.loads(line) for line in path.read_text().splitlines()]
+        assert [revision["seq"] for revision in revisions] == list(range(1, len(revisions) + 1)) != []
+
+
 @pytest.mark.parametrize("command", ["replay", "conform"])
 def test_a_log_without_any_message_is_refused(tmp_path: Path, command: str) -> None:
     with pytest.raises(LogError, match=f"no log is in {tmp_path}"):
