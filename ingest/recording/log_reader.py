@@ -168,7 +168,8 @@ class LogReader:
     def _leave_out(self, file: Path, number: int, error: Exception) -> None:
         self.unreadable += 1
         if self.unreadable <= LOGGED_LINES:
-            log.warning("%s, line %d is left out: %s: %.100s", file, number, type(error).__name__, error)
+            why = f"{error.msg}: column {error.colno}" if isinstance(error, json.JSONDecodeError) else error
+            log.warning("%s, line %d is left out: %s: %.100s", file, number, type(error).__name__, why)
 
 
 def by_time(paths: Iterable[Path]) -> list[Path]:
@@ -277,7 +278,7 @@ def parsed(line: bytes) -> Event:
     try:
         fields = _MESSAGE_LINE.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError):
-        text = line.decode()
+        text = line.decode().rstrip("\r\n")
         document: dict[str, Any] = json.loads(text)
         return _captured(text, document) if "payload" in document else _rare_event(text, document)
     sender = _connection(fields.connection, fields.peer, fields.vendor, fields.language, fields.topic)

@@ -100,6 +100,17 @@ def test_an_unreadable_line_is_counted_and_logged(
     assert f"{log}, line 2 is left out" in caplog.text
 
 
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b""])
+def test_a_broken_line_is_answered_with_the_column_at_which_it_breaks(
+    tmp_path: Path, end: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    log = tmp_path / "one.jsonl"
+    log.write_bytes(b'{"tick":"2009-11-17T10:00:21Z"}\n{"tick":"2009-11-17T10' + end)
+    assert read(log)[1] == 1
+    (message,) = caplog.messages
+    assert message == f"{log}, line 2 is left out: JSONDecodeError: Unterminated string starting at: column 9"
+
+
 def test_a_time_as_a_number_is_answered_with_how_times_are_written(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
