@@ -24,7 +24,7 @@ from deconflict.advisories.situations.situation import REVISION, AnyRevision, Si
 from deconflict.advisory import ADVISORY, BAD_KINDS, POSITION_LOST, AnyAdvisory, KindChoice, Listing
 from deconflict.operator.vendor_models import VendorHealth, VendorList
 
-MOST_LISTED = 1000
+MOST_LISTED = 10_000
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a lost stream is opened again."""
 CLOSED_BY_POLICY = 1008

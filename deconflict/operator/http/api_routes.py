@@ -31,7 +31,8 @@ from deconflict.operator.vendor_health import vendor_health
 from deconflict.operator.vendor_models import VendorList
 from ingest.measures.measures import Measures
 
-MOST_LISTED = 1000
+MOST_LISTED = 10_000
+"""A floor with 10,000 robots may have a few thousand open advisories. A subscriber needs them all to begin with."""
 RENEWAL_SHOWN = timedelta(minutes=1)
 """A database that was begun anew is reported as degraded for this long."""
 

@@ -1,6 +1,7 @@
 // The open situations and advisories, read once and then kept up to date by the stream.
 
 const RETRY_MS = 1000;
+const MOST = 10_000; // as many as the service lists
 const RESUME_MS = 10_000; // after a longer time without the stream, what is open is read anew: that is less than all that happened
 export const FADE_MS = 8000;
 
@@ -17,7 +18,7 @@ export class Feed {
 
   async start() {
     try {
-      const [situations, advisories] = await Promise.all([read("situations?limit=1000"), read("advisories?limit=1000")]);
+      const [situations, advisories] = await Promise.all([read(`situations?limit=${MOST}`), read(`advisories?limit=${MOST}`)]);
       this.situations = byId(situations.situations);
       this.advisories = byId(advisories.advisories);
       this.loaded = true;

@@ -54,6 +54,12 @@ async def test_advisories_by_state_kind_vendor_robot_and_limit(face: Served, cli
     assert (await client.get("/advisories?limit=1")).json()["more"] is True
 
 
+async def test_all_open_advisories_of_a_large_floor_are_listed(face: Served, client: httpx.AsyncClient) -> None:
+    await face.publish(*(made(number) for number in range(1, 1202)))
+    listing = (await client.get("/advisories?limit=10000")).json()
+    assert (len(listing["advisories"]), listing["more"]) == (1201, False)
+
+
 @pytest.mark.parametrize(
     ("address", "detail"),
     [
