@@ -222,10 +222,7 @@ def ends_s(directory: Path) -> float:
 
 
 def begun_s(segment: Path) -> float:
-    """The first time in one of the service's own logs; inf if it has none.
-
-    The time in its name may be much later: after a start with the clock ahead, names only keep the order of writing.
-    """
+    """The first time in one of the service's own logs; inf if it has none. Its name may have a later time."""
     return _first_time_s(segment, inf)
 
 
