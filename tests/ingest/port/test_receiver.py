@@ -393,9 +393,9 @@ async def test_a_flood_delays_only_its_own_vendor_and_what_is_shed_is_counted() 
         await until(lambda: b"calm" in served_floor.raws())
         newest = {status(f"A-{i % 5}", i) for i in range(1995, 2000)}
         await until(lambda: newest <= set(served_floor.raws()))
-        (shed,) = served_floor.measures.values["deconflict_messages_shed_total"].items()
-        assert shed[0] == ("Alder",)
-        assert shed[1] + len(served_floor.delivered) == 2001
+        shed = served_floor.measures.values["deconflict_messages_shed_total"]
+        assert list(shed) == [("Alder",)]
+        await until(lambda: shed["Alder",] + len(served_floor.delivered) == 2001)
         assert len(served_floor.delivered) < 200
 
 
