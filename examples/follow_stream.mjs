@@ -32,12 +32,18 @@ follow();
 
 async function newest() {
   const answer = await fetch(`${url}/situations`, { headers });
-  if (!answer.ok) throw new Error(`${answer.status}: ${(await answer.json()).detail}`);
+  if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
   return (await answer.json()).seq;
 }
 
 async function follow() {
-  seq ??= await newest();
+  try {
+    seq ??= await newest();
+  } catch (error) {
+    console.error(`the service does not answer: ${error.message}`);
+    again();
+    return;
+  }
   const stream = new WebSocket(`${url.replace("http", "ws")}/advisories/stream?after=${seq}&kinds=${KINDS}`, { headers });
   stream.onmessage = ({ data }) => {
     const revision = JSON.parse(data);
@@ -56,9 +62,13 @@ async function follow() {
       console.error(`${code}: ${reason}`);
       seq = null;
     }
-    setTimeout(follow, waitMs);
-    waitMs = Math.min(2 * waitMs, LONGEST_WAIT_MS);
+    again();
   };
+}
+
+function again() {
+  setTimeout(follow, waitMs);
+  waitMs = Math.min(2 * waitMs, LONGEST_WAIT_MS);
 }
 
 function note(received) {

@@ -132,7 +132,7 @@ def _limited(receive: Receive) -> Receive:
     return limited
 
 
-def refuse_unknown_parameters(connection: HTTPConnection) -> None:
+async def refuse_unknown_parameters(connection: HTTPConnection) -> None:
     """Refuse a parameter that the route does not have. If it were ignored, all would pass for what was asked for."""
     route = connection.scope.get("route")
     if not isinstance(route, APIRoute) or not route.include_in_schema:

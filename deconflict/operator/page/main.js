@@ -221,10 +221,10 @@ function showBox() {
 }
 
 // New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.
-// The list has them when it is made the next time. `before` is the revision before, if it was open.
-function announce(situation, before) {
+// The list has them when it is made the next time. With `isNow` a revision is no repetition, however old it is. `before` is the revision before, if it was open.
+function announce(situation, before, isNow = false) {
   if (situation.state === "cleared") ends(situation);
-  else if (past.atS === null && live.nowS() - seconds(situation.updated_at) < NEWS_S && !(situation.acknowledgement && situation.severity !== "critical")) {
+  else if (past.atS === null && (isNow || live.nowS() - seconds(situation.updated_at) < NEWS_S) && !(situation.acknowledgement && situation.severity !== "critical")) {
     const { first, then } = toDo(situation, live.nowS()), isCritical = situation.severity === "critical";
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
     if (isCritical && before?.severity !== "critical") {

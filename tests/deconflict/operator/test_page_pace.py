@@ -36,6 +36,7 @@ LATE = """async () => {
     try {
         for (let i = 0; i < 60; i += 1) receive(0.05, beganMs + 100 * i);
         for (let i = 60; i < 170; i += 1) receive(60, beganMs + 100 * i);
+        receive(0.05, beganMs + 40_000);
     } finally { Date.now = now; }
     return states;
 }"""
@@ -45,7 +46,7 @@ async def test_a_page_that_is_late_never_calls_its_floor_live(browser: "Browser"
     async with opened(browser, face) as page:
         states = await page.evaluate(LATE)
     assert {state for state, _, _ in states[:60]} == {"live"}
-    assert {state for state, _, _ in states[60:]} == {"stale"}, "a delay is no less if all messages have it"
+    assert {state for state, _, _ in states[60:170]} == {"stale"}, "a delay is no less if all messages have it"
     assert states[60][1].startswith("This page is 60 s behind: this is the floor at ")
     assert [fell for _, _, fell in states[60:]].count(0) == pytest.approx(100, abs=3), (
         "it begins anew after ten seconds"
@@ -53,24 +54,27 @@ async def test_a_page_that_is_late_never_calls_its_floor_live(browser: "Browser"
 
 
 async def test_a_page_that_fell_behind_lists_what_is_open_now(browser: "Browser", face: Served) -> None:
-    ends, stays = shown(1, 0, 1), shown(2, 4, 5)
+    ends, stays, critical = shown(1, 0, 1), shown(2, 4, 5), shown(3, 8, 9, severity=Severity.CRITICAL)
     await face.publish(ends, stays)
     async with opened(browser, face) as page:
         await until(page, f"{CARDS}.length === 2")
         await page.evaluate(
             """async () => {
                 const { Feed } = await import(new URL("page/floor/feed.js", location));
-                window.feed = new Feed(() => {});
+                window.news = [];
+                window.feed = new Feed(({ id }, before, isNow) => news.push([id, Boolean(before), isNow]));
             }"""
         )
         await until(page, "feed.socket?.readyState === 1")
+        assert await page.evaluate("news") == [], "what was open before is no news"
         await page.evaluate("feed.socket.onmessage = () => {}")
-        await face.publish(cleared(ends, "they have passed each other"))
+        await face.publish(cleared(ends, "they have passed each other"), critical)
         await page.wait_for_selector("#situations .ended")
         assert await page.evaluate("feed.situations.size") == 2
         await page.evaluate("feed.renew()")
-        await until(page, f"[...feed.situations.keys()].join() === '{stays.id}'")
-        await face.publish(cleared(stays, "they have passed each other"))
+        await until(page, f"[...feed.situations.keys()].sort().join() === '{stays.id},{critical.id}'")
+        assert await page.evaluate("news.sort()") == [[stays.id, True, True], [critical.id, False, True]]
+        await face.publish(cleared(stays, "they have passed each other"), cleared(critical, "they have passed"))
         await until(page, "feed.situations.size === 0")
 
 
@@ -100,6 +104,31 @@ async def test_what_ended_unseen_does_not_push_the_others_away(browser: "Browser
         await face.publish(*(cleared(each, "they have passed each other") for each in unseen))
         await until(page, "document.getElementById('count').textContent === '(5, 4 over)'")
         assert await page.evaluate(f"{CARDS}.length") == 5
+
+
+async def test_a_chosen_card_that_is_not_among_the_most_urgent_says_how_it_ended(
+    browser: "Browser", face: Served
+) -> None:
+    situations = [shown(i, i, i + 1, left_s=10 + i) for i in range(8)]
+    await face.publish(*situations)
+    async with opened(browser, face) as page:
+        await page.click("#more")
+        await page.click('[data-id="situation-7"] .show')
+        await page.click("#more")
+        await until(page, f"{CARDS}.length === 6")
+        await face.publish(cleared(situations[7], "they have passed each other"))
+        await page.wait_for_selector('[data-id="situation-7"].ended:not([hidden])')
+
+
+async def test_what_becomes_critical_while_the_service_restarts_is_announced(
+    browser: "Browser", tmp_path: Path
+) -> None:
+    async with AsyncExitStack() as pages:
+        async with served(tmp_path) as face, ticking(face):
+            page = await pages.enter_async_context(opened(browser, face))
+        async with served(tmp_path, at=face.address) as again, ticking(again):
+            await again.publish(shown(1, 0, 1, severity=Severity.CRITICAL))
+            await until(page, "document.getElementById('say').textContent.includes('Column 1')")
 
 
 async def test_only_cards_that_are_shown_are_filled(browser: "Browser", face: Served) -> None:

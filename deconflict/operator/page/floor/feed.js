@@ -2,52 +2,54 @@
 
 const RETRY_MS = 1000;
 const MOST = 10_000; // as many as the service lists
-const RESUME_MS = 10_000; // after a longer time without the stream, what is open is read anew: that is less than all that happened
 export const FADE_MS = 8000;
 
 export class Feed {
-  // `revised` is called with each revision of a situation, and the one before if it was open.
+  // `revised` is called with each revision of a situation, the one before if it was open, and whether this is how it is now: when what
+  // is open was read anew.
   constructor(revised) {
     this.revised = revised;
     this.advisories = new Map();
     this.situations = new Map();
     this.ended = new Map(); // situations that were cleared in the last `FADE_MS`
     this.loaded = false;
+    this.isStale = false; // whether what is open has to be read anew
     this.start();
   }
 
   async start() {
+    const before = this.loaded ? this.situations : null;
     try {
       const [situations, advisories] = await Promise.all([read(`situations?limit=${MOST}`), read(`advisories?limit=${MOST}`)]);
       this.situations = byId(situations.situations);
       this.advisories = byId(advisories.advisories);
       this.loaded = true;
+      this.isStale = false;
       this.follow(Math.min(situations.seq, advisories.seq));
     } catch {
       setTimeout(() => this.start(), RETRY_MS);
+      return;
     }
+    if (before) for (const situation of this.situations.values()) this.revised(situation, before.get(situation.id), true);
   }
 
   follow(seq) {
     const address = new URL(`advisories/stream?after=${seq}&kinds=situation,advisory`, location.href);
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = this.socket = new WebSocket(address);
-    let heardMs = Date.now();
     socket.onmessage = (message) => {
+      if (this.isStale) return;
       const revision = JSON.parse(message.data);
-      heardMs = Date.now();
       seq = revision.seq;
       this.take(revision);
     };
-    socket.onclose = ({ code }) => setTimeout(() => (code === 4416 || Date.now() > heardMs + RESUME_MS ? this.start() : this.follow(seq)), RETRY_MS);
+    socket.onclose = ({ code }) => setTimeout(() => (code === 4416 || this.isStale ? this.start() : this.follow(seq)), RETRY_MS);
   }
 
-  // Reads what is open anew, without all that happened meanwhile.
+  // Reads what is open anew: after a while that is less than all that happened.
   renew() {
-    if (!this.socket) return;
-    this.socket.onmessage = null;
-    this.socket.onclose = () => this.start();
-    this.socket.close();
+    this.isStale = true;
+    this.socket?.close();
   }
 
   take(revision) {

@@ -5,7 +5,8 @@ const QUIET_MS = 6000; // without a message for so long, the connection is taken
 const PAUSE_MS = 1000; // a timer that is later than this comes from a page that had no time, or slept
 const DRIFT = 0.001; // seconds by which two clocks may drift apart in a second
 const BEHIND_S = 4; // from this delay on the page is behind
-const CATCH_UP_S = 10; // a page that is behind for so long begins anew with the newest floor
+const CATCH_UP_S = 10; // a page that is behind or hears nothing for so long begins anew, with what is there now
+const LONGEST_S = 60; // the same once this has not helped several times
 
 export function robotOf(row, floors) {
   const [uuid, vendor, name, state, floor, basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape, trailers = []] = row;
@@ -17,7 +18,7 @@ export function robotsOf(frame) {
 }
 
 export class Live {
-  // `fellBehind` is called when the page begins anew, because it could not keep up.
+  // `fellBehind` is called when the page begins anew, because it could not keep up or heard nothing for long.
   constructor(fellBehind) {
     this.fellBehind = fellBehind;
     this.robots = new Map();
@@ -26,11 +27,13 @@ export class Live {
     this.connected = false;
     this.everConnected = false;
     this.retryMs = RETRY_MS[0];
+    this.heardS = Infinity;
+    this.patienceS = CATCH_UP_S;
     this.begin();
     this.connect();
   }
 
-  begin() { Object.assign(this, { offsetS: Infinity, heardS: 0, sentS: 0, inTimeS: Infinity }); }
+  begin() { Object.assign(this, { offsetS: Infinity, sentS: 0, begunS: Infinity, inTimeS: Infinity }); }
 
   // The service's time. Messages are only ever delayed, so the least delayed one since the connection was made tells it.
   nowS() { return localS() - (Number.isFinite(this.offsetS) ? this.offsetS : 0); }
@@ -55,10 +58,10 @@ export class Live {
   }
 
   // Closes a connection from which nothing comes. What came while the page had no time is read first.
-  watch() {
+  watch(isAgain = false) {
     clearTimeout(this.quiet);
     const dueMs = Date.now() + QUIET_MS;
-    this.quiet = setTimeout(() => (Date.now() > dueMs + PAUSE_MS ? this.watch() : this.socket.close()), QUIET_MS);
+    this.quiet = setTimeout(() => (Date.now() > dueMs + PAUSE_MS && !isAgain ? this.watch(true) : this.socket.close()), QUIET_MS);
   }
 
   receive({ sent_s: sentS, health, floor }) {
@@ -74,14 +77,21 @@ export class Live {
 
   // Notes when a message was sent. A page that does not catch up connects again, for the newest floor in one message.
   note(sentS) {
-    const nowS = localS(), isFirst = this.offsetS === Infinity;
-    this.offsetS = isFirst ? nowS - sentS : Math.min(this.offsetS + DRIFT * Math.max(nowS - this.heardS, 0), nowS - sentS);
+    const nowS = localS(), silentS = nowS - this.heardS;
+    if (this.offsetS === Infinity) [this.offsetS, this.begunS] = [nowS - sentS, nowS];
+    else this.offsetS = Math.min(this.offsetS + DRIFT * Math.max(silentS, 0), nowS - sentS);
     [this.heardS, this.sentS] = [nowS, sentS];
-    if (isFirst || !this.isBehind) this.inTimeS = nowS;
-    else if (nowS - this.inTimeS > CATCH_UP_S) {
-      this.socket.close();
-      this.fellBehind();
-    }
+    if (silentS > CATCH_UP_S) this.fellBehind();
+    if (!this.isBehind) this.inTimeS = nowS;
+    else if (nowS - this.inTimeS > this.patienceS) this.beginAnew();
+    if (!this.isBehind && nowS - this.begunS > CATCH_UP_S) this.patienceS = CATCH_UP_S;
+  }
+
+  beginAnew() {
+    this.patienceS = Math.min(2 * this.patienceS, LONGEST_S);
+    this.inTimeS = Infinity;
+    this.socket.close();
+    this.fellBehind();
   }
 }
 

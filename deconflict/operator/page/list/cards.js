@@ -17,12 +17,12 @@ export class Cards {
   // `ended` are those that were cleared lately; `behind(id)` are the advisories of a situation.
   show(open, ended, view) {
     const [urgent, over] = [open, ended].map((situations) => mostUrgentFirst(situations, view.nowS)), sorted = this.inOrder([...urgent, ...over]), ids = new Set(sorted.map(({ id }) => id));
-    const shown = this.shown = new Set([...this.isHeld() ? this.shown : [], ...urgent.slice(0, MOST_CARDS).map(({ id }) => id), ...over.filter(({ id }) => this.shown.has(id)).map(({ id }) => id)]);
+    const shown = this.shown = new Set([...this.isHeld() ? this.shown : [], ...urgent.slice(0, MOST_CARDS).map(({ id }) => id), view.chosen, ...over.filter(({ id }) => this.shown.has(id)).map(({ id }) => id)]);
     for (const [id, card] of this.cards) if (!ids.has(id)) this.remove(id, card);
     sorted.forEach((situation, i) => {
       const card = this.cards.get(situation.id) ?? this.newCard(situation.id);
       if (this.list.children[i] !== card) this.move(card, this.list.children[i] ?? null);
-      card.hidden = !this.all && !shown.has(situation.id) && situation.id !== view.chosen;
+      card.hidden = !this.all && !shown.has(situation.id);
       if (!card.hidden) this.fill(card, situation, view);
     });
     this.more.hidden = open.length <= MOST_CARDS;

@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+from anyio.to_thread import current_default_thread_limiter
 
 from deconflict.operator.http.request_limits import (
     BURST_S,
@@ -19,6 +20,7 @@ from deconflict.operator.http.request_limits import (
 )
 from tests.deconflict.operator.http.served_face import served
 from tests.helpers.made_advisories import made
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 
 ACKNOWLEDGEMENT = "/advisories/{}/acknowledgement"
@@ -85,6 +87,20 @@ async def test_no_cookie_takes_long_to_read(tmp_path: Path) -> None:
                 assert (await client.get("/advisories", headers={"cookie": cookie})).status_code == 200
                 took_s.append(time.process_time() - began_s)
         assert min(quoted_s) < 10 * min(plain_s)
+
+
+async def test_health_answers_while_every_thread_waits(tmp_path: Path) -> None:
+    async with served(tmp_path) as face, http_client(face.http) as http:
+        threads = current_default_thread_limiter()
+        holders = [object() for _ in range(int(threads.available_tokens))]
+        for holder in holders:
+            await threads.acquire_on_behalf_of(holder)
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                assert (await http.get("/healthz")).status_code == 200
+        finally:
+            for holder in holders:
+                threads.release_on_behalf_of(holder)
 
 
 async def test_every_answer_has_safe_headers(tmp_path: Path) -> None:
