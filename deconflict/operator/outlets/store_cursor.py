@@ -6,13 +6,14 @@ import time
 from collections.abc import AsyncIterator, Callable, Iterable
 
 from deconflict.advisory import KindChoice, chosen_kinds
-from deconflict.operator.store.publisher import PublishedLine, Publisher
+from deconflict.operator.store.publisher import PublishedLine, PublishedPage, Publisher
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.outages import OutageLog
 
 log = logging.getLogger(__name__)
 
 STORE_RETRY_S = 1.0
+REMOVAL_RETRY_S = 0.01
 
 
 def is_being_cancelled() -> bool:
@@ -58,13 +59,26 @@ class StoreCursor:
         """Every revision of its kinds after the position, without end. Retries if the store can't be read."""
         while True:
             try:
-                page = await self._publisher.after(self.seq, self.kinds)
+                page = await self._next_page()
             except StoreError as error:
                 await self._wait_for_store(error)
                 continue
             for line in page.lines:
                 yield line
             self._move(page.last)
+
+    async def _next_page(self) -> PublishedPage:
+        """Waits for the next revision. Raises `StoreError`. What the page has open, and what was open before, is not
+        removed before its end is delivered."""
+        last = self.seq
+        try:
+            while (removed_to := self._store.outlets.begin_page(self.name)) is None:
+                await asyncio.sleep(REMOVAL_RETRY_S)
+            page = await self._publisher.after(self.seq, self.kinds, removed_to)
+            last = page.last
+        finally:
+            self._store.outlets.end_page(self.name, last)
+        return page
 
     def delivered(self, line: PublishedLine) -> None:
         """The receiver has the revision."""

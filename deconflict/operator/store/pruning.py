@@ -4,18 +4,23 @@ Subscribers may hold open what is removed. What an outlet may hold stays, unless
 position of no other subscriber: it keeps the highest removed numbers, so that one that was away can be told.
 """
 
+import json
 import sqlite3
 from collections import Counter
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from deconflict.operator.store import tables
+from deconflict.operator.store.outlet_positions import OutletReach
 
 STEP = 200
 """So many advisories are removed in one transaction: no revision can be stored meanwhile."""
 ROOM = 0.01
 """A file that is too large gets this share of its size free, so that revisions are rarely counted by vendors."""
-HELD = f"EXISTS (SELECT 1 FROM positions AS p WHERE p.seq < a.seq AND p.seq >= {tables.FIRST_SEQ})"  # noqa: S608 - constant
-"""Whether an outlet has sent the first revision of the advisory `a`, and not the newest."""
+HELD = f"""EXISTS (SELECT 1 FROM json_each(?) AS outlet
+    WHERE outlet.value ->> 0 < a.seq AND outlet.value ->> 1 >= {tables.FIRST_SEQ})"""  # noqa: S608 - a constant
+"""Whether an outlet has sent, or may send, the first revision of the advisory `a`, and has not sent the newest. The
+parameter is a JSON array of `OutletReach`."""
 
 
 class RemovedAdvisory(NamedTuple):
@@ -42,18 +47,21 @@ def revisions_by_vendors(db: sqlite3.Connection) -> Counter[str]:
     return Counter(dict(sums))
 
 
-def remove_of_most(db: sqlite3.Connection, least_bytes: float, revisions: Counter[str]) -> int:
+def remove_of_most(
+    db: sqlite3.Connection, least_bytes: float, revisions: Counter[str], outlets: Sequence[OutletReach]
+) -> int:
     """Remove up to `STEP` cleared advisories of the vendors with most revisions, the oldest first, unless the file
     uses `least_bytes` or less. Returns how many, and takes their revisions off `revisions`.
 
     Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others. What
-    an outlet may hold open stays: no more than was open when it stopped.
+    one of the `outlets` may hold open stays: no more than was open when it stopped, or is raised in the page that it
+    has read.
     """
     chosen = f"""SELECT id, revision, kind, seq FROM advisories AS a INDEXED BY cleared_by_vendors
         WHERE open = 0 AND vendors = ? AND NOT {HELD} ORDER BY updated_s LIMIT ?"""  # noqa: S608 - a constant
     while revisions and used_bytes(db) > least_bytes:
         ((vendors, _),) = revisions.most_common(1)
-        removed = _removed(db, chosen, vendors)
+        removed = _removed(db, chosen, vendors, json.dumps(outlets))
         if removed:
             revisions[vendors] -= sum(each.revision for each in removed)
             return len(removed)
@@ -69,10 +77,10 @@ def used_bytes(db: sqlite3.Connection) -> int:
     return (pages - free) * page_bytes
 
 
-def _removed(db: sqlite3.Connection, chosen: str, bound: float | str) -> list[RemovedAdvisory]:
-    """Remove the advisories that a selection gives, with every revision. The selection has two parameters: `bound`, and
-    how many it gives at most."""
-    removed = [RemovedAdvisory(*row) for row in db.execute(chosen, (bound, STEP))]
+def _removed(db: sqlite3.Connection, chosen: str, *bounds: float | str) -> list[RemovedAdvisory]:
+    """Remove the advisories that a selection gives, with every revision. The parameters of the selection are `bounds`,
+    and how many it gives at most."""
+    removed = [RemovedAdvisory(*row) for row in db.execute(chosen, (*bounds, STEP))]
     tables.note_removed(db, ((each.kind, each.seq) for each in removed))
     ids = [(each.id,) for each in removed]
     for table in ("revisions", "parties", "advisories"):

@@ -211,13 +211,14 @@ class Publisher:
         self._ended = True
         self._news.announce()
 
-    async def after(self, seq: int, kinds: Set[str] = EVERY_KIND) -> PublishedPage:
+    async def after(self, seq: int, kinds: Set[str] = EVERY_KIND, removed_to: int = 0) -> PublishedPage:
         """The lines of these kinds among the next numbers above `seq`, at most `MOST_LINES`, perhaps none.
 
-        Waits for the next number. Raises `StoreError`.
+        Waits for the next number. Raises `StoreError`. Has nothing that was removed from the store if `removed_to` is
+        the highest removed number: the newest lines in memory may have the beginning of what was removed.
         """
         await self.reached(seq + 1)
-        if lines := self._tail_after(seq):
+        if seq >= removed_to and (lines := self._tail_after(seq)):
             return PublishedPage([line for line in lines if line.kind in kinds], lines[-1].seq, 0)
         known = self.last_seq
         page = await asyncio.to_thread(self._store.page_after, seq, kinds, MOST_LINES)

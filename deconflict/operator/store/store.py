@@ -24,6 +24,7 @@ from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, Confl
 from deconflict.operator.store import pruning, tables
 from deconflict.operator.store.joined_answers import JoinedAnswers
 from deconflict.operator.store.listings import ListingFilter, Page, StateFilter, first_page
+from deconflict.operator.store.outlet_positions import OutletPositions
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
     PendingWrites,
@@ -50,8 +51,7 @@ class Store:
         self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []
         """Numbered revisions that are not in the file yet, ascending by number."""
-        self._positions: dict[str, int] = {}
-        """Positions of outlets that are not in the file yet."""
+        self.outlets = OutletPositions()
         self.unwritable: deque[tuple[AnyRevision, Exception]] = deque()
         """Revisions that could not be written though others could, each once. The publisher takes them from here."""
 
@@ -75,7 +75,7 @@ class Store:
     @property
     def has_pending(self) -> bool:
         """Whether `flush` has something to store."""
-        return bool(self._pending or self._positions)
+        return bool(self._pending or self.outlets.unstored)
 
     def accept(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Number revisions and keep them for `flush`. Every other method sees them from now on.
@@ -114,7 +114,7 @@ class Store:
         A revision that can't be written though the file can is left out, and is in `unwritable`.
         """
         with self._number_lock:
-            pending, positions = self._pending, dict(self._positions)
+            pending, positions = self._pending, dict(self.outlets.unstored)
         if not pending and not positions:
             return
         unwritable: list[tuple[AnyRevision, Exception]] = []
@@ -128,7 +128,8 @@ class Store:
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._answers.stored_to(pending[-1].seq if pending else 0)
-            self._positions = {outlet: seq for outlet, seq in self._positions.items() if positions.get(outlet) != seq}
+            unstored = self.outlets.unstored.items()
+            self.outlets.unstored = {outlet: seq for outlet, seq in unstored if positions.get(outlet) != seq}
 
     def append(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
@@ -265,12 +266,12 @@ class Store:
     def position(self, outlet: str) -> int | None:
         """The number of the last revision that an outlet has delivered; None for a new outlet."""
         with self._number_lock, self._connections.numbering() as db:
-            return self._positions.get(outlet, tables.position(db, outlet))
+            return self.outlets.unstored.get(outlet, tables.position(db, outlet))
 
     def set_position(self, outlet: str, seq: int) -> None:
         """Set the last revision that an outlet has delivered. `flush` stores it, with or after that revision."""
         with self._number_lock:
-            self._positions[outlet] = seq
+            self.outlets.unstored[outlet] = seq
 
     def keep_canary(self, document: str) -> None:
         """Replace the stored canary, an advisory that nobody reads. Raises `StoreError`."""
@@ -313,7 +314,7 @@ class Store:
         with self._connections.long_reading() as db:
             revisions = pruning.revisions_by_vendors(db)
         least_bytes = most_bytes * (1 - pruning.ROOM)
-        return self._prune(lambda db: pruning.remove_of_most(db, least_bytes, revisions))
+        return self._prune(lambda db: pruning.remove_of_most(db, least_bytes, revisions, self.outlets.reaches(db)))
 
     def used_bytes(self) -> int:
         """Size of the file without its free pages."""
@@ -324,7 +325,7 @@ class Store:
         """Remove advisories in a transaction for each step, so that no revision waits long to be stored."""
         pruned = 0
         while True:
-            with self._connections.writing() as db:
+            with self.outlets.removing(self._connections) as db:
                 removed = remove(db)
             if not removed:
                 return pruned

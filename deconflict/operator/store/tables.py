@@ -316,6 +316,11 @@ def position(db: sqlite3.Connection, outlet: str) -> int | None:
     return int(row[0]) if row else None
 
 
+def positions(db: sqlite3.Connection) -> dict[str, int]:
+    """The stored position of each outlet."""
+    return dict(db.execute("SELECT outlet, seq FROM positions").fetchall())
+
+
 def put_positions(db: sqlite3.Connection, positions: Mapping[str, int]) -> None:
     """Store positions of outlets. A position never goes back."""
     db.executemany(

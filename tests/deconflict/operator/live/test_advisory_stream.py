@@ -205,8 +205,8 @@ async def test_a_new_subscriber_is_told_if_something_is_removed_while_it_reads(t
     async with served(tmp_path) as face:
         page_after = face.publisher.after
 
-        async def after(seq: int, kinds: Set[str] = EVERY_KIND) -> PublishedPage:
-            page = await page_after(seq, kinds)
+        async def after(seq: int, kinds: Set[str] = EVERY_KIND, removed_to: int = 0) -> PublishedPage:
+            page = await page_after(seq, kinds, removed_to)
             face.store.prune(START + timedelta(days=1))
             return page
 

@@ -7,6 +7,7 @@ from contextlib import closing, contextmanager
 import pytest
 
 from deconflict.operator.store.listings import ListingFilter, StateFilter
+from deconflict.operator.store.outlet_positions import OutletReach
 from deconflict.operator.store.pruning import remove_before, remove_of_most, revisions_by_vendors
 from deconflict.operator.store.store import Store
 from deconflict.operator.store.tables import latest
@@ -30,14 +31,14 @@ def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store
     store.append([cleared(1, 1)])
     with traced(store) as (db, plans):
         remove_before(db, 1.0)
-        remove_of_most(db, 0.0, revisions_by_vendors(db))
+        remove_of_most(db, 0.0, revisions_by_vendors(db), [OutletReach(0, 0)])
     assert plans == [
         ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"],
         ["SCAN advisories USING INDEX cleared_by_vendors"],
         [
             "SEARCH a USING INDEX cleared_by_vendors (vendors=?)",
             "CORRELATED SCALAR SUBQUERY 2",
-            "SCAN p",
+            "SCAN outlet VIRTUAL TABLE INDEX 1:",
             "CORRELATED SCALAR SUBQUERY 1",
             "SEARCH r USING COVERING INDEX sqlite_autoindex_revisions_1 (id=?)",
         ],
