@@ -24,7 +24,6 @@ from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, Confl
 from deconflict.operator.store import pruning, tables
 from deconflict.operator.store.joined_answers import JoinedAnswers
 from deconflict.operator.store.listings import ListingFilter, Page, StateFilter, first_page
-from deconflict.operator.store.outlet_positions import OutletPositions
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
     PendingWrites,
@@ -51,7 +50,7 @@ class Store:
         self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []
         """Numbered revisions that are not in the file yet, ascending by number."""
-        self.outlets = OutletPositions()
+        self.outlets = pruning.OutletPositions()
         self.unwritable: deque[tuple[AnyRevision, Exception]] = deque()
         """Revisions that could not be written though others could, each once. The publisher takes them from here."""
 

@@ -7,8 +7,7 @@ from contextlib import closing, contextmanager
 import pytest
 
 from deconflict.operator.store.listings import ListingFilter, StateFilter
-from deconflict.operator.store.outlet_positions import OutletReach
-from deconflict.operator.store.pruning import remove_before, remove_of_most, revisions_by_vendors
+from deconflict.operator.store.pruning import OutletReach, remove_before, remove_of_most, revisions_by_vendors
 from deconflict.operator.store.store import Store
 from deconflict.operator.store.tables import latest
 from tests.helpers.made_advisories import cleared, made, situation
