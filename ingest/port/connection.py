@@ -21,3 +21,11 @@ class Connection:
     """The key in `ingest.languages.front_ends.FRONT_ENDS` of the messages that come over it."""
     topic: str = ""
     """The topic of a broker; "" for a socket. Each topic counts as a connection of its own."""
+
+    @property
+    def settles_owners(self) -> bool:
+        """Whether a robot belongs to the vendor that its messages name.
+
+        False for messages that were kept for a restart, which have number 0: the site file may name other vendors now.
+        """
+        return self.id != 0

@@ -132,12 +132,16 @@ class RobotOwners:
         self._languages.remove(robot)
 
     def assign_by_connection(self, robot: Robot, message: Identity | Status | Update, connection: Connection) -> None:
-        """Give a robot without owner to the vendor of the connection. An identity report makes it owned too."""
+        """Give a robot without owner to the vendor of the connection. An identity report makes it owned too.
+
+        A message that was kept for a restart only says which vendor it is probably of.
+        """
         if robot.owned:
             return
         if connection.vendor:
             self._assign(robot, self.vendors.of_robot(robot.uuid) or connection.vendor)
-        robot.owned = connection.vendor is not None or isinstance(message, Identity)
+        is_settled = connection.vendor is not None or isinstance(message, Identity)
+        robot.owned = connection.settles_owners and is_settled
         self._enter(robot)
 
     def assign_by_identity(self, robot: Robot, identity: Identity, connection: Connection) -> bool:

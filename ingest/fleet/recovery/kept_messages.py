@@ -12,6 +12,7 @@ import logging
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import NamedTuple
@@ -69,14 +70,23 @@ class KeptMessages:
             measures.count(FAILURES, operation, by=0)
 
     def read(self) -> list[Received]:
-        """All kept messages, the oldest first. Empty if they can't be read."""
+        """All kept messages, the oldest first. Empty if they can't be read.
+
+        They are of the vendors that the site file names now. A topic says itself of which vendor it is.
+        """
         try:
-            return kept_messages(self._path)
+            return [self._settled(message) for message in kept_messages(self._path)]
         except sqlite3.OperationalError as error:
             self._fail("read", f"{error}; check the owner of {FILE_NAME}")
         except sqlite3.DatabaseError as error:
             self._set_aside("read", error)
         return []
+
+    def _settled(self, message: Received) -> Received:
+        connection = message.connection
+        vendor = None if connection.topic else connection.vendor
+        settled = vendor and self._fleet.vendors.settled_name(vendor, was_configured=True)
+        return Received(message.raw, message.arrival_s, replace(connection, vendor=settled))
 
     async def keep(self, leaving_before_s: Callable[[], float], now_s: Callable[[], float]) -> None:
         """Write every change soon, until cancelled. `leaving_before_s` is that of the recorder."""

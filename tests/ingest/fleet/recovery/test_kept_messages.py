@@ -10,6 +10,7 @@ import pytest
 
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.fleet_report import add_identity, shared_identities
+from ingest.fleet.owners.owner_file import OwnerFile
 from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME, KeptMessages, kept_messages
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
@@ -156,6 +157,61 @@ def test_a_robot_that_was_given_away_comes_back_as_its_new_vendors_and_without_a
     assert identified(again) == identified(before)
     assert document(again, "A-1")["vendor"] == "Basalt"
     assert again.next_batch(NOW_S + 5).claims == ()
+
+
+CEDAR = Vendor(name="Cedar", manufacturers=("Alder", vda_saying.MAKER))
+FROM_CEDAR = Connection(5, vendor="Cedar")
+
+
+@pytest.mark.parametrize(
+    ("earlier", "raw", "connection", "later", "report", "present"),
+    [
+        ([ALDER], identity("A-1", NOW_S), FROM_ALDER, [CEDAR], status, FROM_CEDAR),
+        ([ALDER], identity("A-1", NOW_S), FROM_ALDER, [Vendor(name="Cedar")], status, FROM_CEDAR),
+        ([ALDER, BASALT], identity("A-1", NOW_S), FROM_ALDER, [BASALT], status, FROM_BASALT),
+        ([], identity("A-1", NOW_S), Connection(3), [CEDAR], status, FROM_CEDAR),
+        (
+            [],
+            vda_saying.factsheet(NOW_S),
+            vda_saying.line("factsheet"),
+            [CEDAR],
+            lambda _, at_s: vda_saying.state(at_s),
+            vda_saying.line("state"),
+        ),
+        ([ALDER, BASALT], identity("A-1", NOW_S), FROM_ALDER, [ALDER, BASALT], status, FROM_BASALT),
+    ],
+    ids=["renamed", "replaced", "removed", "named", "VDA 5050, named", "given away, and both files are lost but this"],
+)
+def test_a_kept_identity_refuses_nothing_that_the_present_vendor_sends(
+    tmp_path: Path,
+    earlier: list[Vendor],
+    raw: bytes,
+    connection: Connection,
+    later: list[Vendor],
+    report: Callable[[str, float], bytes],
+    present: Connection,
+) -> None:
+    before = fleet(*earlier)
+    assert before.receive(raw, NOW_S, connection) is None
+    kept_of(before, tmp_path).write(-inf, NOW_S)
+    again = restored(tmp_path, NOW_S + 3600, *later)
+    assert again.receive(report("A-1", NOW_S + 3600), NOW_S + 3600, present) is None
+    (known,) = again.robots.values()
+    assert known.identity
+    assert known.vendor == (present.vendor or "Cedar")
+    assert again.owners.owner(known.uuid) == known.vendor
+    assert again.next_batch(NOW_S + 3600).claims == ()
+
+
+def test_the_register_protects_a_robot_whose_identity_is_kept(tmp_path: Path) -> None:
+    before = fleet(ALDER, BASALT)
+    before.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept_of(before, tmp_path).write(-inf, NOW_S)
+    OwnerFile(tmp_path, before.owners, before.measures).write()
+    again = restored(tmp_path, NOW_S + 3600, ALDER, BASALT)
+    OwnerFile(tmp_path, again.owners, again.measures)
+    assert again.receive(status("A-1", NOW_S + 3600), NOW_S + 3600, FROM_BASALT) == "uuid-of-another-vendor"
+    assert again.receive(status("A-1", NOW_S + 3600), NOW_S + 3600, FROM_ALDER) is None
 
 
 def test_an_identity_of_another_ingest_comes_back_as_such(tmp_path: Path) -> None:
