@@ -73,7 +73,7 @@ class ReceiverRole:
         self.fleet = fleet_of(site, self.measures)
         self._fast_path_asked = False
         self._kept = KeptMessages(log.parent, self.fleet, self.measures)
-        found = recover(self.fleet, [log], self._now_s(), self._note_recovered, self._kept.read())
+        found = recover(self.fleet, [log], now_s := self._now_s(), self._note_recovered, self._kept.read(now_s))
         self._canary, self._measured_s = CanaryPair(self._now_s), -inf
         self._owners = OwnerFile(log.parent, self.fleet.owners, self.measures)
         if found.messages:

@@ -8,7 +8,7 @@ service's clock, placed on a floor, forecast, and counted.
 """
 
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import takewhile
 from math import isnan
@@ -63,8 +63,8 @@ class Fleet:
         self.owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
         self._left: list[str] = []
         """UUIDs of robots that were dropped since the last batch."""
-        self.changed_identities: set[str] = set()
-        """UUIDs of robots with another identity than before, or none. Who keeps identities begins a new set."""
+        self.note_identity: Callable[[str], object] = lambda _: None
+        """Called with the UUID of each robot that has another identity than before, or is kept no longer."""
         self._placement = Placement(vendors, frames, reading)
         self._repeat_readers: RepeatReaders | None = None
         self.clock_changes, self.message_rates = ClockChanges(), MessageRates()
@@ -193,7 +193,7 @@ class Fleet:
         shared_identity = SharedIdentity.received(identity, raw, arrival_s, connection, robot.vendor, assigned)
         robot.shared_identity = shared_identity
         if not (before and known and identity.says_the_same(before) and shared_identity.is_sent_as(known)):
-            self.changed_identities.add(robot.uuid)
+            self.note_identity(robot.uuid)
         self._forecast_again(robot, self.owners.names_as_uuid(connection))
         changed = before is not None and before.distinguishing != identity.distinguishing
         return ("identity-changed",) if changed else ()
@@ -281,6 +281,7 @@ class Fleet:
         """Let a robot belong to a vendor from now on. It begins anew with the next report of that vendor."""
         if (robot := self.robots.get(uuid)) and robot.vendor != vendor:
             self._left.append(self._drop(robot))
+        self.note_identity(uuid)
         self.owners.register.enter(uuid, vendor)
 
     def reconfigure(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
@@ -344,7 +345,6 @@ class Fleet:
         if self._repeat_readers:
             self._repeat_readers.remove(robot)
         self.owners.remove(robot)
-        if robot.shared_identity:
-            self.changed_identities.add(robot.uuid)
+        self.note_identity(robot.uuid)
         self._changed.pop(robot.uuid, None)
         return self.robots.pop(robot.uuid).uuid

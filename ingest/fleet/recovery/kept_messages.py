@@ -1,9 +1,9 @@
 """What a restart needs of robots, but may not find in the newest segments of the message log: `robots.db` beside it.
 
 The file has the identity report of each robot that is known. It is written soon after one says something new, and a
-robot that is forgotten is removed. The file also has the last status of robots that report rarely: once half of a
-segment of the log is written, of the robots that have not reported in it. So one of the two newest segments or the
-file has the last status of each robot that is not silent.
+robot that is forgotten is removed, also at a start: the file has when each robot was last heard. It also has the last
+status of robots that report rarely: once half of a segment of the log is written, of the robots that have not reported
+in it. So one of the two newest segments or the file has the last status of each robot that is not silent.
 """
 
 import asyncio
@@ -27,8 +27,10 @@ from ingest.recording.log_reader import Received
 from ingest.recording.replaced_file import ASIDE, set_file_aside
 
 FILE_NAME = "robots.db"
-FORMAT = 1
+FORMAT = 2
 WRITE_EVERY_S, RETRY_S = 1.0, 10.0
+HEARD_EVERY_S = 3600.0
+"""How often the file is told when each robot was last heard. After a kill it may lack so much."""
 BUSY_TIMEOUT_S = 5.0
 ROWS_AT_ONCE = 500
 """Rows of one statement: a thread that runs a statement for each row waits for the other threads after each."""
@@ -36,25 +38,30 @@ FAILURES = "deconflict_kept_messages_failures_total"
 IDENTITY, STATUS = "identity", "status"
 TABLE = (
     "CREATE TABLE IF NOT EXISTS messages (kind TEXT, uuid TEXT, arrival_s REAL, raw BLOB, peer TEXT, vendor TEXT, "
-    "language TEXT, topic TEXT, PRIMARY KEY (kind, uuid))"
+    "language TEXT, topic TEXT, heard_s REAL, PRIMARY KEY (kind, uuid))"
 )
 
 log = logging.getLogger(__name__)
 
-Row = tuple[str, str, float, bytes, str, str | None, str, str]
-"""The values of the columns."""
+Row = tuple[str, str, float, bytes, str, str | None, str, str, float]
+"""The values of the columns. The last is when the robot was last heard."""
 
 
 class _Changes(NamedTuple):
     """What is to be written."""
 
-    identities: dict[str, SharedIdentity | None]
+    identities: dict[str, Row | None]
     """By UUID. None for a robot that has none any more."""
+    gone: list[str]
+    """UUIDs of robots of which nothing is kept any more."""
     is_whole: bool
     """Whether these are the identities of all robots, so that the file keeps no other."""
     statuses: list[Row] | None
     """Those of all robots that have not reported since `before_s`. None if the ones in the file stay."""
     before_s: float
+    heard_s: dict[str, float] | None
+    """By UUID, when robots with an identity were last heard. None if what the file has stays."""
+    now_s: float
 
 
 class KeptMessages:
@@ -64,29 +71,47 @@ class KeptMessages:
         self._path, self._fleet, self._measures = directory / FILE_NAME, fleet, measures
         self._lacks_none = False
         """Whether the file has all identities but those that changed since. Not known at first."""
+        self._changed: set[str] = set()
+        """UUIDs of robots whose identity in the file may be another. Always the same set: the fleet adds to it."""
+        fleet.note_identity = self._changed.add
+        self._since_s = -inf
+        """A robot that was heard later has been heard since the file was read, or is in the log."""
+        self._heard_s: dict[str, float] = {}
+        """By UUID, when robots were last heard by what was read."""
+        self._heard_noted_s = -inf
+        """When the file was last told when robots were heard."""
+        self._is_failing = False
+        """Whether the last write failed."""
         self._statuses_before_s = -inf
         """The `before_s` of the statuses in the file."""
         for operation in ("read", "write"):
             measures.count(FAILURES, operation, by=0)
 
-    def read(self) -> list[Received]:
-        """All kept messages, the oldest first. Empty if they can't be read.
+    def read(self, now_s: float) -> list[Received]:
+        """All kept messages, the oldest first, but of robots that would be forgotten. Empty if they can't be read.
 
-        They are of the vendors that the site file names now. A topic says itself of which vendor it is.
+        They are of the vendors that the site file names now. A topic says itself of which vendor it is. An identity
+        from a time to come counts as new: the clock may be behind.
         """
+        self._since_s = now_s - self._fleet.reading.silent_after_s
+        heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
         try:
-            return [self._settled(message) for message in kept_messages(self._path)]
+            rows = [row for row in _rows(self._path) if row[-1] >= heard_since_s]
+            self._heard_s = {row[1]: row[-1] for row in rows if row[0] == IDENTITY}
+            return [self._settled(_received(row), row[0], now_s) for row in rows]
         except sqlite3.OperationalError as error:
+            self._lacks_none = True
             self._fail("read", f"{error}; check the owner of {FILE_NAME}")
         except sqlite3.DatabaseError as error:
             self._set_aside("read", error)
         return []
 
-    def _settled(self, message: Received) -> Received:
+    def _settled(self, message: Received, kind: str, now_s: float) -> Received:
         connection = message.connection
         vendor = None if connection.topic else connection.vendor
         settled = vendor and self._fleet.vendors.settled_name(vendor, was_configured=True)
-        return Received(message.raw, message.arrival_s, replace(connection, vendor=settled))
+        arrival_s = min(message.arrival_s, now_s) if kind == IDENTITY else message.arrival_s
+        return Received(message.raw, arrival_s, replace(connection, vendor=settled))
 
     async def keep(self, leaving_before_s: Callable[[], float], now_s: Callable[[], float]) -> None:
         """Write every change soon, until cancelled. `leaving_before_s` is that of the recorder."""
@@ -94,12 +119,20 @@ class KeptMessages:
         while True:
             await asyncio.sleep(wait_s)
             if changes := self._changes(leaving_before_s(), now_s()):
-                is_new = await asyncio.to_thread(self._write, changes)
-                self._note_written(changes, is_new)
-                wait_s = RETRY_S if is_new is None else WRITE_EVERY_S
+                writing = asyncio.create_task(self._write_in_thread(changes))
+                try:
+                    await asyncio.shield(writing)
+                except asyncio.CancelledError:
+                    await writing  # the last write must not meet this one
+                    raise
+                wait_s = RETRY_S if self._is_failing else WRITE_EVERY_S
+
+    async def _write_in_thread(self, changes: _Changes) -> None:
+        self._note_written(changes, await asyncio.to_thread(self._write, changes))
 
     def write(self, leaving_before_s: float, now_s: float) -> None:
-        """Write what has changed."""
+        """Write what has changed, and when each robot was last heard."""
+        self._heard_noted_s = -inf
         if changes := self._changes(leaving_before_s, now_s):
             self._note_written(changes, self._write(changes))
 
@@ -107,11 +140,31 @@ class KeptMessages:
         """What is to be written now. None if nothing is."""
         is_due = leaving_before_s > self._statuses_before_s
         statuses = list(self._rare_statuses(leaving_before_s, now_s)) if is_due else None
-        changed, self._fleet.changed_identities = self._fleet.changed_identities, set()
+        changed = self._changed.copy()
+        self._changed.clear()
         is_whole = not self._lacks_none
-        known = {uuid: self._fleet.robots.get(uuid) for uuid in (self._fleet.robots if is_whole else changed)}
-        identities = {uuid: robot.shared_identity if robot else None for uuid, robot in known.items()}
-        return _Changes(identities, is_whole, statuses, leaving_before_s) if identities or is_due else None
+        identities = {uuid: self._row(uuid) for uuid in (changed.union(self._fleet.robots) if is_whole else changed)}
+        heard_s = self._newly_heard() if abs(now_s - self._heard_noted_s) >= HEARD_EVERY_S else None
+        gone = [uuid for uuid in changed if uuid not in self._fleet.robots]
+        changes = _Changes(identities, gone, is_whole, statuses, leaving_before_s, heard_s, now_s)
+        return changes if identities or is_due or heard_s else None
+
+    def _row(self, uuid: str) -> Row | None:
+        """The identity of a robot. None if it has none, or is not known."""
+        robot = self._fleet.robots.get(uuid)
+        if robot is None or robot.shared_identity is None:
+            return None
+        before_s = self._heard_s.get(uuid, robot.shared_identity.arrival_s)
+        heard_s = max(before_s, robot.arrival_s) if robot.arrival_s > self._since_s else before_s
+        return _identity_row(robot.shared_identity, heard_s)
+
+    def _newly_heard(self) -> dict[str, float]:
+        """By UUID, when the robots with an identity were last heard that were heard since the start."""
+        return {
+            uuid: max(robot.arrival_s, self._heard_s.get(uuid, -inf))
+            for uuid, robot in self._fleet.robots.items()
+            if robot.shared_identity and robot.arrival_s > self._since_s
+        }
 
     def _rare_statuses(self, before_s: float, now_s: float) -> Iterator[Row]:
         """The last statuses of the robots that have not reported since `before_s` and are not silent."""
@@ -139,9 +192,12 @@ class KeptMessages:
         return None
 
     def _note_written(self, changes: _Changes, is_new: bool | None) -> None:
+        self._is_failing = is_new is None
         if is_new is None:
-            self._fleet.changed_identities |= changes.identities.keys()
+            self._changed.update(changes.identities)
             return
+        if changes.heard_s is not None:
+            self._heard_noted_s = changes.now_s
         self._lacks_none = changes.is_whole or not is_new
         if changes.statuses is not None:
             self._statuses_before_s = changes.before_s
@@ -154,8 +210,10 @@ class KeptMessages:
         self._fail(operation, f"{error}; the file is set aside as {FILE_NAME}{ASIDE} and begun anew")
 
     def _fail(self, operation: str, message: str) -> None:
+        """Count a failure, and log the first of those that follow one another."""
         self._measures.count(FAILURES, operation)
-        log.warning("identity reports can't be kept for a restart: %s", message)
+        if not self._is_failing:
+            log.warning("identity reports can't be kept for a restart: %s", message)
 
 
 def kept_messages(path: Path, *kinds: str) -> list[Received]:
@@ -163,13 +221,18 @@ def kept_messages(path: Path, *kinds: str) -> list[Received]:
 
     Raises `sqlite3.Error`.
     """
+    return [_received(row) for row in _rows(path) if row[0] in (kinds or (IDENTITY, STATUS))]
+
+
+def _rows(path: Path) -> list[Row]:
+    """The rows of a file, the oldest first, without those of languages that are not read."""
     if not path.exists():
         return []
     with closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as db:
         if _is_new(db):
             return []
         rows: list[Row] = db.execute("SELECT * FROM messages ORDER BY arrival_s, kind").fetchall()
-    return [_received(row) for row in rows if row[0] in (kinds or (IDENTITY, STATUS)) and row[6] in FRONT_ENDS]
+    return [row for row in rows if row[6] in FRONT_ENDS]
 
 
 def kept_identities(log_directory: Path) -> list[Received]:
@@ -182,19 +245,19 @@ def kept_identities(log_directory: Path) -> list[Received]:
 
 
 def _received(row: Row) -> Received:
-    _, _, arrival_s, raw, peer, vendor, language, topic = row
+    _, _, arrival_s, raw, peer, vendor, language, topic, _ = row
     return Received(raw, arrival_s, Connection(0, peer, vendor=vendor, language=language, topic=topic))
 
 
-def _identity_row(identity: SharedIdentity) -> Row:
+def _identity_row(identity: SharedIdentity, heard_s: float) -> Row:
     peer = INTRODUCER if identity.elsewhere else ""
     sender = peer, identity.vendor, identity.language, identity.topic
-    return IDENTITY, identity.uuid, identity.arrival_s, identity.raw, *sender
+    return IDENTITY, identity.uuid, identity.arrival_s, identity.raw, *sender, heard_s
 
 
 def _status_row(robot: Robot, connection: Connection) -> Row:
     sender = "", connection.vendor, connection.language, connection.topic
-    return STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender
+    return STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender, robot.arrival_s
 
 
 def _is_new(db: sqlite3.Connection) -> bool:
@@ -214,12 +277,18 @@ def _replace(db: sqlite3.Connection, changes: _Changes) -> None:
         db.execute(
             "DELETE FROM messages WHERE kind = ? AND uuid IN (SELECT value FROM json_each(?))", (IDENTITY, uuids)
         )
-    rows = [_identity_row(identity) for identity in changes.identities.values() if identity]
+    db.execute("DELETE FROM messages WHERE uuid IN (SELECT value FROM json_each(?))", (json.dumps(changes.gone),))
+    rows = [row for row in changes.identities.values() if row]
     if changes.statuses is not None:
         db.execute("DELETE FROM messages WHERE kind = ?", (STATUS,))
         rows += changes.statuses
     for at in range(0, len(rows), ROWS_AT_ONCE):
         part = rows[at : at + ROWS_AT_ONCE]
-        places = ",".join(["(?, ?, ?, ?, ?, ?, ?, ?)"] * len(part))
+        places = ",".join(["(?, ?, ?, ?, ?, ?, ?, ?, ?)"] * len(part))
         values = [value for row in part for value in row]
         db.execute(f"INSERT OR REPLACE INTO messages VALUES {places}", values)  # noqa: S608 - question marks
+    if changes.heard_s:
+        db.execute(
+            "UPDATE messages SET heard_s = heard.value FROM json_each(?) AS heard WHERE kind = ? AND uuid = heard.key",
+            (json.dumps(changes.heard_s), IDENTITY),
+        )

@@ -11,7 +11,7 @@ import pytest
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.fleet_report import add_identity, shared_identities
 from ingest.fleet.owners.owner_file import OwnerFile
-from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME, KeptMessages, kept_messages
+from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME, kept_messages
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.measures.measures import Measures
@@ -22,37 +22,23 @@ from ingest.settings import RecorderSettings, Vendor
 from tests.helpers import iso_saying, vda_saying
 from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import NOW_S, document, fleet
-
-ALDER = Vendor(name="Alder", names_as_uuid=True)
-BASALT = Vendor(name="Basalt")
-FROM_ALDER, FROM_BASALT = Connection(1, vendor="Alder"), Connection(2, vendor="Basalt")
-LARGE = {"x": 2.0, "y": 1.0, "z": 0.4}
-
-
-def kept_of(of: Fleet, directory: Path) -> KeptMessages:
-    return KeptMessages(directory, of, of.measures)
+from tests.ingest.fleet.recovery.made_kept_messages import (
+    ALDER,
+    BASALT,
+    FROM_ALDER,
+    FROM_BASALT,
+    LARGE,
+    identified,
+    kept_of,
+    rows,
+)
 
 
 def restored(directory: Path, now_s: float, *vendors: Vendor, log: Path | None = None) -> Fleet:
     """A new fleet that has read the file, and perhaps a log."""
     again = fleet(*vendors)
-    recover(again, [log] if log else [], now_s, kept=kept_of(again, directory).read())
+    recover(again, [log] if log else [], now_s, kept=kept_of(again, directory).read(now_s))
     return again
-
-
-def identified(of: Fleet) -> dict[str, tuple[str, str, str, tuple[float, float, float]]]:
-    """By UUID: vendor, name, language and size."""
-    return {
-        uuid: (each.vendor, each.name, each.language, each.identity.envelope_m)
-        for uuid, each in of.robots.items()
-        if each.identity
-    }
-
-
-def rows(directory: Path) -> dict[str, bytes]:
-    """By UUID, the identity reports in the file."""
-    with closing(sqlite3.connect(directory / FILE_NAME)) as db:
-        return dict(db.execute("SELECT uuid, raw FROM messages WHERE kind = 'identity'").fetchall())
 
 
 @pytest.mark.parametrize(
@@ -72,7 +58,7 @@ def test_an_identity_comes_back_whatever_its_age_and_language(
     before = fleet(ALDER)
     before.receive(raw, NOW_S, connection)
     kept_of(before, tmp_path).write(-inf, NOW_S)
-    again = restored(tmp_path, NOW_S + 1e6, ALDER)
+    again = restored(tmp_path, NOW_S + 80_000, ALDER)
     assert len(identified(again)) == 1
     assert identified(again) == identified(before)
 
@@ -113,7 +99,6 @@ def test_only_what_is_new_of_an_identity_is_written(tmp_path: Path) -> None:
     kept.write(-inf, NOW_S)
     kept.write(-inf, NOW_S)
     of.receive(identity("A-1", NOW_S + 1), NOW_S + 1, FROM_ALDER)
-    assert not of.changed_identities
     kept.write(-inf, NOW_S + 1)
     assert rows(tmp_path) == {robot("A-1"): identity("A-1", NOW_S)}
     of.receive(identity("A-1", NOW_S + 2, baseRobotEnvelope=LARGE), NOW_S + 2, FROM_ALDER)
@@ -132,14 +117,16 @@ def test_many_identities_are_written_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "leave", [lambda of: of.next_batch(NOW_S + 1e6), lambda of: of.give(robot("A-1"), "Basalt")], ids=["forget", "give"]
 )
-def test_the_identity_of_a_robot_that_left_is_removed(tmp_path: Path, leave: Callable[[Fleet], object]) -> None:
+def test_what_is_kept_of_a_robot_that_left_is_removed(tmp_path: Path, leave: Callable[[Fleet], object]) -> None:
     of = fleet(ALDER, BASALT)
     kept = kept_of(of, tmp_path)
     of.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
-    kept.write(-inf, NOW_S)
+    of.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept.write(NOW_S + 1, NOW_S + 2)
+    assert len(kept_messages(tmp_path / FILE_NAME)) == 2
     leave(of)
-    kept.write(-inf, NOW_S)
-    assert rows(tmp_path) == {}
+    kept.write(NOW_S + 1, NOW_S + 2)
+    assert kept_messages(tmp_path / FILE_NAME) == []
 
 
 def test_a_robot_that_was_given_away_comes_back_as_its_new_vendors_and_without_a_claim(tmp_path: Path) -> None:
@@ -247,14 +234,14 @@ def test_what_the_fleet_did_not_take_back_is_removed_after_a_restart(tmp_path: P
     kept_of(before, tmp_path).write(-inf, NOW_S)
     again = fleet(ALDER, max_robots_per_vendor=1)
     kept = kept_of(again, tmp_path)
-    recover(again, [], NOW_S + 1, kept=kept.read())
+    recover(again, [], NOW_S + 1, kept=kept.read(NOW_S + 1))
     kept.write(-inf, NOW_S + 1)
     assert rows(tmp_path).keys() == again.robots.keys()
 
 
 def newer_format(path: Path) -> None:
     with closing(sqlite3.connect(path)) as db:
-        db.execute("PRAGMA user_version = 2")
+        db.execute("PRAGMA user_version = 1000")
 
 
 def damaged(path: Path) -> None:
@@ -283,7 +270,7 @@ def test_an_unreadable_file_is_set_aside_at_the_start_and_counted(
 ) -> None:
     spoil(tmp_path / FILE_NAME)
     of = fleet(ALDER)
-    assert kept_of(of, tmp_path).read() == []
+    assert kept_of(of, tmp_path).read(NOW_S) == []
     assert of.measures.values[FAILURES]["read",] == 1
     assert "set aside" in caplog.text
     assert [path.name for path in tmp_path.iterdir()] == [f"{FILE_NAME}.unreadable"]
