@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from ingest.languages.front_ends import MASSROBOTICS
 
+KEPT = -1
+"""The number of the connection of messages that were kept for a restart."""
+
 
 @dataclass(frozen=True, slots=True)
 class Connection:
@@ -26,6 +29,6 @@ class Connection:
     def settles_owners(self) -> bool:
         """Whether a robot belongs to the vendor that its messages name.
 
-        False for messages that were kept for a restart, which have number 0: the site file may name other vendors now.
+        False for messages that were kept for a restart: the site file may name other vendors now.
         """
-        return self.id != 0
+        return self.id != KEPT

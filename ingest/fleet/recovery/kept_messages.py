@@ -22,7 +22,7 @@ from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
-from ingest.port.connection import Connection
+from ingest.port.connection import KEPT, Connection
 from ingest.recording.log_reader import Received
 from ingest.recording.replaced_file import ASIDE, set_file_aside
 
@@ -246,7 +246,7 @@ def kept_identities(log_directory: Path) -> list[Received]:
 
 def _received(row: Row) -> Received:
     _, _, arrival_s, raw, peer, vendor, language, topic, _ = row
-    return Received(raw, arrival_s, Connection(0, peer, vendor=vendor, language=language, topic=topic))
+    return Received(raw, arrival_s, Connection(KEPT, peer, vendor=vendor, language=language, topic=topic))
 
 
 def _identity_row(identity: SharedIdentity, heard_s: float) -> Row:

@@ -13,6 +13,7 @@ import pytest
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME, KeptMessages
 from ingest.fleet.recovery.log_recovery import recover
+from ingest.port.connection import KEPT, Connection
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import NOW_S, fleet
@@ -124,3 +125,10 @@ async def test_a_write_that_is_cancelled_ends_before_the_task_does(
         await keeping
     assert rows(tmp_path)
     assert kept._changes(-inf, NOW_S) is None
+
+
+def test_only_kept_messages_settle_no_owner_also_not_those_of_a_log_without_connection_numbers() -> None:
+    known = fleet(ALDER)
+    known.receive(identity("A-1", NOW_S), NOW_S, Connection(0, vendor="Alder"))
+    known.receive(identity("A-2", NOW_S), NOW_S, Connection(KEPT, vendor="Alder"))
+    assert [known.robots[robot(name)].owned for name in ("A-1", "A-2")] == [True, False]
