@@ -12,7 +12,7 @@ import base64
 import json
 import os
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -57,11 +57,12 @@ EARLIER_SEGMENTS = 1
 def write_blackbox(request: BlackBoxRequest) -> Box | None:
     """Write the file and register it; None if by the robots' reports no pair came within the clearance.
 
-    Reads the log twice, line by line. Raises `OSError`.
+    Reads the log three times, line by line. Raises `OSError`.
     """
+    identities = [each for each in kept_identities(request.log) if each.arrival_s < request.span.lead_s]
     pending = [REVISION.validate_json(text) for text in request.pending]
     published = published_in(request.store, pending, request.span)
-    misses = _near_misses(request, published.decided)
+    misses = _near_misses(request, identities, published.decided)
     if not misses:
         return None
     archive = Archive(request.archive)
@@ -71,7 +72,7 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
     new = path.with_suffix(".new")
     with new.open("wb") as file:
         with zstandard.ZstdCompressor().stream_writer(file, closefd=False) as compressed:
-            for line in _lines(request, published, misses):
+            for line in _lines(request, identities, published, misses):
                 compressed.write(chain.link(line))
             compressed.write(chain.end())
         file.flush()
@@ -89,10 +90,12 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
     return box
 
 
-def _near_misses(request: BlackBoxRequest, decided: list[AnyAdvisory]) -> list[NearMiss]:
+def _near_misses(
+    request: BlackBoxRequest, identities: Sequence[Received], decided: list[AnyAdvisory]
+) -> list[NearMiss]:
     """The near misses by the robots' own reports, ordered by time."""
     robots = {uuid for pair in request.pairs for uuid in (pair.a, pair.b)}
-    tracks, floors = recorded_tracks(request.site, _messages_of(request, robots), robots)
+    tracks, floors = recorded_tracks(request.site, _messages_of(request, identities, robots), robots)
     conflicts = [advisory for advisory in decided if isinstance(advisory, ConflictAdvisory)]
     verified = (
         verified_near_miss(pair, tracks, floors, request.site, conflicts, request.span.until_s)
@@ -101,11 +104,11 @@ def _near_misses(request: BlackBoxRequest, decided: list[AnyAdvisory]) -> list[N
     return sorted((miss for miss in verified if miss), key=lambda miss: (miss.nearest.began_s, miss.robots))
 
 
-def _messages_of(request: BlackBoxRequest, robots: set[str]) -> Iterator[Received]:
+def _messages_of(request: BlackBoxRequest, identities: Sequence[Received], robots: set[str]) -> Iterator[Received]:
     """The messages of some robots, and those of vendors whose messages name a robot in another way."""
     known = [uuid.encode() for uuid in robots]
     by_name = {vendor.name for vendor in request.site.vendors if vendor.names_as_uuid}
-    for _, event in _events(request):
+    for _, event in _events(request, identities):
         if isinstance(event, Received) and not event.refused:
             raw = event.raw.lower()
             sender = FRONT_ENDS[event.connection.language].sender(event.connection.topic)
@@ -114,11 +117,13 @@ def _messages_of(request: BlackBoxRequest, robots: set[str]) -> Iterator[Receive
                 yield event
 
 
-def _lines(request: BlackBoxRequest, published: PublishedAdvisories, misses: list[NearMiss]) -> Iterator[bytes]:
+def _lines(
+    request: BlackBoxRequest, identities: Sequence[Received], published: PublishedAdvisories, misses: list[NearMiss]
+) -> Iterator[bytes]:
     """Every line except the last, without hashes."""
     yield _line({"blackbox": _head(request, published, misses)})
     pending = [(advisory.updated_at.timestamp(), advisory) for advisory in reversed(published.decided)]
-    for line, event in _events(request):
+    for line, event in _events(request, identities):
         while pending and pending[-1][0] < _time(event, request.span.lead_s):
             yield _decision_line(*pending.pop())
         yield line
@@ -128,7 +133,7 @@ def _lines(request: BlackBoxRequest, published: PublishedAdvisories, misses: lis
 
 def _head(request: BlackBoxRequest, published: PublishedAdvisories, misses: list[NearMiss]) -> dict[str, Any]:
     span, snapshot = request.span, request.snapshot
-    restarts = [event for _, event in _events(request) if isinstance(event, EngineStarted)]
+    restarts = [event for _, event in _events(request, ()) if isinstance(event, EngineStarted)]
     return {
         "format": FORMAT,
         "site": _site(request.site),
@@ -162,13 +167,12 @@ def _encounters(published: PublishedAdvisories) -> list[list[Any]]:
     return [[*pair, count] for pair, count in sorted(counts.items())]
 
 
-def _events(request: BlackBoxRequest) -> Iterator[tuple[bytes, Event]]:
-    """The lines of the log that the box holds, in order, each with its event."""
+def _events(request: BlackBoxRequest, identities: Sequence[Received]) -> Iterator[tuple[bytes, Event]]:
+    """The lines of the log that the box holds, in order, each with its event. First come the last messages before the
+    lead, including the identity reports that were kept beside the log."""
     span = request.span
     last_messages: dict[tuple[str | None, str, bool], tuple[bytes, Event]] = {
-        _sender(identity): (line_of(identity), identity)
-        for identity in kept_identities(request.log)
-        if identity.arrival_s < span.lead_s
+        _sender(identity): (line_of(identity), identity) for identity in identities
     }
     for line in _log_lines(request):
         try:

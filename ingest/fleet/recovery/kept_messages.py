@@ -12,7 +12,6 @@ import logging
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import NamedTuple
@@ -43,8 +42,20 @@ TABLE = (
 
 log = logging.getLogger(__name__)
 
-Row = tuple[str, str, float, bytes, str, str | None, str, str, float]
-"""The values of the columns. The last is when the robot was last heard."""
+
+class Row(NamedTuple):
+    """The values of the columns."""
+
+    kind: str
+    uuid: str
+    arrival_s: float
+    raw: bytes
+    peer: str
+    vendor: str | None
+    language: str
+    topic: str
+    heard_s: float
+    """When the robot was last heard."""
 
 
 class _Changes(NamedTuple):
@@ -96,9 +107,9 @@ class KeptMessages:
         self._since_s = now_s - self._fleet.reading.silent_after_s
         heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
         try:
-            rows = [row for row in _rows(self._path) if row[-1] >= heard_since_s]
-            self._heard_s = {row[1]: row[-1] for row in rows if row[0] == IDENTITY}
-            return [self._settled(_received(row), row[0], now_s) for row in rows]
+            rows = [row for row in _rows(self._path) if row.heard_s >= heard_since_s]
+            self._heard_s = {row.uuid: row.heard_s for row in rows if row.kind == IDENTITY}
+            return [self._settled(row, now_s) for row in rows]
         except sqlite3.OperationalError as error:
             self._lacks_none = True
             self._fail("read", f"{error}; check the owner of {FILE_NAME}")
@@ -106,12 +117,11 @@ class KeptMessages:
             self._set_aside("read", error)
         return []
 
-    def _settled(self, message: Received, kind: str, now_s: float) -> Received:
-        connection = message.connection
-        vendor = None if connection.topic else connection.vendor
+    def _settled(self, row: Row, now_s: float) -> Received:
+        vendor = None if row.topic else row.vendor
         settled = vendor and self._fleet.vendors.settled_name(vendor, was_configured=True)
-        arrival_s = min(message.arrival_s, now_s) if kind == IDENTITY else message.arrival_s
-        return Received(message.raw, arrival_s, replace(connection, vendor=settled))
+        arrival_s = min(row.arrival_s, now_s) if row.kind == IDENTITY else row.arrival_s
+        return _received(row._replace(arrival_s=arrival_s, vendor=settled))
 
     async def keep(self, leaving_before_s: Callable[[], float], now_s: Callable[[], float]) -> None:
         """Write every change soon, until cancelled. `leaving_before_s` is that of the recorder."""
@@ -216,48 +226,40 @@ class KeptMessages:
             log.warning("identity reports can't be kept for a restart: %s", message)
 
 
-def kept_messages(path: Path, *kinds: str) -> list[Received]:
-    """The messages of these kinds in a file, or of all, the oldest first. Empty if there is no file.
-
-    Raises `sqlite3.Error`.
-    """
-    return [_received(row) for row in _rows(path) if row[0] in (kinds or (IDENTITY, STATUS))]
-
-
 def _rows(path: Path) -> list[Row]:
-    """The rows of a file, the oldest first, without those of languages that are not read."""
+    """The rows of a file, the oldest first, without those of languages that are not read. Raises `sqlite3.Error`."""
     if not path.exists():
         return []
     with closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as db:
         if _is_new(db):
             return []
-        rows: list[Row] = db.execute("SELECT * FROM messages ORDER BY arrival_s, kind").fetchall()
-    return [row for row in rows if row[6] in FRONT_ENDS]
+        rows = [Row(*values) for values in db.execute("SELECT * FROM messages ORDER BY arrival_s, kind")]
+    return [row for row in rows if row.language in FRONT_ENDS]
 
 
 def kept_identities(log_directory: Path) -> list[Received]:
     """The identity reports that are kept beside a log, the oldest first. Empty if they can't be read."""
     try:
-        return kept_messages(log_directory.parent / FILE_NAME, IDENTITY)
+        return [_received(row) for row in _rows(log_directory.parent / FILE_NAME) if row.kind == IDENTITY]
     except sqlite3.Error as error:
         log.warning("the identity reports of %s can't be read: %s", FILE_NAME, error)
         return []
 
 
 def _received(row: Row) -> Received:
-    _, _, arrival_s, raw, peer, vendor, language, topic, _ = row
-    return Received(raw, arrival_s, Connection(KEPT, peer, vendor=vendor, language=language, topic=topic))
+    connection = Connection(KEPT, row.peer, vendor=row.vendor, language=row.language, topic=row.topic)
+    return Received(row.raw, row.arrival_s, connection)
 
 
 def _identity_row(identity: SharedIdentity, heard_s: float) -> Row:
     peer = INTRODUCER if identity.elsewhere else ""
     sender = peer, identity.vendor, identity.language, identity.topic
-    return IDENTITY, identity.uuid, identity.arrival_s, identity.raw, *sender, heard_s
+    return Row(IDENTITY, identity.uuid, identity.arrival_s, identity.raw, *sender, heard_s)
 
 
 def _status_row(robot: Robot, connection: Connection) -> Row:
     sender = "", connection.vendor, connection.language, connection.topic
-    return STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender, robot.arrival_s
+    return Row(STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender, robot.arrival_s)
 
 
 def _is_new(db: sqlite3.Connection) -> bool:

@@ -18,7 +18,7 @@ from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.fleet_factory import load_fast_path
 from deconflict.settings.site import Site
 from ingest.batch import Batch
-from ingest.fleet.recovery.kept_messages import FILE_NAME, kept_messages
+from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Received, Tick
 from ingest.recording.log_rotation import RotatingLog
@@ -157,7 +157,7 @@ async def test_a_restarted_receiver_knows_identities_that_the_log_has_no_longer(
         now_s = time.time()
         role._deliver(identity("A-1", now_s, baseRobotEnvelope={"x": 2.0, "y": 1.0, "z": 0.4}), now_s, Connection(1))
         async with asyncio.timeout(PATIENCE_S):
-            while not kept_messages(tmp_path / FILE_NAME):
+            while not kept_identities(tmp_path / "log"):
                 await asyncio.sleep(0.05)
         role._deliver(identity("A-2", now_s), now_s, Connection(1))
     for segment in (tmp_path / "log").iterdir():

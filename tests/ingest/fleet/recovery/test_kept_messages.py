@@ -11,7 +11,7 @@ import pytest
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.fleet_report import add_identity, shared_identities
 from ingest.fleet.owners.owner_file import OwnerFile
-from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME, kept_messages
+from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.measures.measures import Measures
@@ -123,10 +123,10 @@ def test_what_is_kept_of_a_robot_that_left_is_removed(tmp_path: Path, leave: Cal
     of.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
     of.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
     kept.write(NOW_S + 1, NOW_S + 2)
-    assert len(kept_messages(tmp_path / FILE_NAME)) == 2
+    assert len(kept_of(fleet(ALDER, BASALT), tmp_path).read(NOW_S + 2)) == 2
     leave(of)
     kept.write(NOW_S + 1, NOW_S + 2)
-    assert kept_messages(tmp_path / FILE_NAME) == []
+    assert kept_of(fleet(ALDER, BASALT), tmp_path).read(NOW_S + 2) == []
 
 
 def test_a_robot_that_was_given_away_comes_back_as_its_new_vendors_and_without_a_claim(tmp_path: Path) -> None:
@@ -221,7 +221,7 @@ def test_what_cannot_be_written_is_counted_and_written_later(tmp_path: Path) -> 
     assert of.measures.values[FAILURES]["write",] == 1
     directory.mkdir()
     kept.write(NOW_S + 1, NOW_S + 3)
-    assert [message.raw for message in kept_messages(directory / FILE_NAME)] == [
+    assert [message.raw for message in kept_of(fleet(ALDER), directory).read(NOW_S + 3)] == [
         identity("A-1", NOW_S),
         status("A-1", NOW_S),
     ]
