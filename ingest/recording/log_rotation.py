@@ -36,7 +36,7 @@ class RotatingLog:
         self.failing: str | None = None
         """Why nothing can be written; None if writing works."""
         self._not_removable: set[Path] = set()
-        """Segments of which the log says that they can't be removed."""
+        """Segments that could not be removed, which was logged."""
 
     @property
     def leaving_before_s(self) -> float:
@@ -144,7 +144,7 @@ class RotatingLog:
         return True
 
     def _log_once(self, segment: Path, error: OSError) -> None:
-        """Log that an old segment stays, if the log does not say so already."""
+        """Log that an old segment can't be removed, the first time."""
         if segment not in self._not_removable:
             log.error("the old segment %s can't be removed: %s; remove it by hand", segment, error)
         self._not_removable.add(segment)

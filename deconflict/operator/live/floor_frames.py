@@ -5,7 +5,7 @@ Pure: takes in batches, gives frames. A row is
     [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots, shape,
      trailers]
 
-`floor` is an index into the frame's `floors`; -1 is a robot that is compared with nown. `knots` has the
+`floor` is an index into the frame's `floors`; -1 is a robot that is compared with none. `knots` has the
 forecast's poses one after the other: seconds after `event_s`, x and y in metres, yaw in radians. `shape` is left out
 for a rectangle without trailers. It has a list for each part: the radius of a circle, 0 for a polygon, then x and y of
 each corner or of the circle's centre. `trailers` has a list for each: its length, its width and its knots.

@@ -68,8 +68,10 @@ class StoreCursor:
             self._move(page.last)
 
     async def _next_page(self) -> PublishedPage:
-        """Waits for the next revision. Raises `StoreError`. What the page has open, and what was open before, is not
-        removed before its end is delivered."""
+        """The next page. Waits for the next revision. Raises `StoreError`.
+
+        The store keeps each advisory that this page or an earlier one leaves open, until its end is delivered.
+        """
         last = self.seq
         try:
             while (removed_to := self._store.outlets.begin_page(self.name)) is None:

@@ -102,8 +102,10 @@ def _removed(db: sqlite3.Connection, chosen: str, *bounds: float | str) -> list[
 
 
 class OutletPositions:
-    """Positions that are not in the file yet, and the pages that outlets read. `begin_page` and `end_page` never wait
-    for the disk."""
+    """Positions that are not in the file yet, and the pages that outlets read.
+
+    `begin_page` and `end_page` never wait for the disk.
+    """
 
     def __init__(self) -> None:
         self.unstored: dict[str, int] = {}
@@ -112,10 +114,13 @@ class OutletPositions:
         self._is_removing = False
         """From the choice of what is removed until that is committed."""
         self._reading: set[str] = set()
+        """Outlets between `begin_page` and `end_page`."""
         self._late: set[str] = set()
         """Outlets that began a page during the present removal, which does not spare what they read."""
         self._read_to: dict[str, int] = {}
+        """By outlet, the last number of its newest page."""
         self._removed_to = 0
+        """The highest number that was removed since the start."""
 
     def begin_page(self, outlet: str) -> int | None:
         """The outlet reads its next page: until `end_page`, no removal that begins takes what it may still send.

@@ -81,14 +81,14 @@ class KeptMessages:
     def __init__(self, directory: Path, fleet: Fleet, measures: Measures) -> None:
         self._path, self._fleet, self._measures = directory / FILE_NAME, fleet, measures
         self._lacks_none = False
-        """Whether the file has all identities but those that changed since. Not known at first."""
+        """Whether the file has all identities but those that have changed since. False until that is known."""
         self._changed: set[str] = set()
         """UUIDs of robots whose identity in the file may be another. Always the same set: the fleet adds to it."""
         fleet.note_identity = self._changed.add
         self._since_s = -inf
-        """A robot that was heard later has been heard since the file was read, or is in the log."""
+        """A robot that was heard later has reported since the start, or a short time before."""
         self._heard_s: dict[str, float] = {}
-        """By UUID, when robots were last heard by what was read."""
+        """By UUID, when robots were last heard, as the file said at the start."""
         self._heard_noted_s = -inf
         """When the file was last told when robots were heard."""
         self._is_failing = False
