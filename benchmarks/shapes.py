@@ -15,7 +15,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from benchmarks.floors import NOW_S, World, crowd
-from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.contact_intervals import PairConflicts
+from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.sweep_once import sweep
 from ingest.batch import Floats, Forecasts

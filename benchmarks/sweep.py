@@ -25,7 +25,8 @@ from scipy.spatial import cKDTree
 from benchmarks import shapes
 from benchmarks.floors import NOW_S, World, crowd, lanes
 from benchmarks.peers import HORIZON_S, PEERS, Peer
-from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.contact_intervals import PairConflicts
+from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.sweep_once import sweep
 from ingest.batch import Ints
 from tests.helpers.oracle import truth

@@ -294,11 +294,11 @@ class ClaimAdvisory(Advisory):
 
 
 class CrowdAdvisory(PlacedAdvisory):
-    """Many robots of one vendor that report from one place of a floor, where their bodies can't all be."""
+    """Many robots that report from one place of a floor, where their bodies can't all be."""
 
     kind: Literal["crowd"] = "crowd"
     robots: tuple[Robot, ...] = Field(description="UUIDs of the first ten robots, in ascending order")
-    vendor: str = Field(description="the vendor whose robots they are")
+    vendor: str = Field(description='the vendor whose robots they are, or "several vendors at" where they send from')
     crowded: int = Field(ge=1, description="number of robots in all")
 
 

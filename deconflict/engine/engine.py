@@ -24,7 +24,7 @@ from deconflict.engine.load_shedding import Effort
 from deconflict.engine.map_drift import MapDrift
 from deconflict.engine.near_miss_trigger import NearMissTrigger
 from deconflict.engine.place_names import PlaceNames
-from deconflict.engine.robot_sweep import RobotSweep
+from deconflict.engine.robot_sweep import PairClaims, RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.presence import presence_batches
@@ -35,7 +35,8 @@ from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
-from deconflict.sweep.incremental import ACCURACY_M, PairConflicts
+from deconflict.sweep.contact_intervals import PairConflicts
+from deconflict.sweep.incremental import ACCURACY_M
 from ingest.batch import Batch, Pair
 from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
@@ -75,11 +76,12 @@ class Engine:
         self.measures = Measures()
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence, self._crowds = Presence(self.live, self.measures), Crowds(self.live)
-        bounds, crowds = (conflict.clearance_m, conflict.apart_m, conflict.horizon_s), self._crowds.numbers
-        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds)
-        self._sweep = RobotSweep(site, self.live, self.measures, crowds)
-        self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, PlaceNames.of(site))
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
+        crowds, claims = self._crowds.numbers, PairClaims(self.live, self._conflicts)
+        bounds = conflict.clearance_m, conflict.apart_m, conflict.horizon_s
+        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, claims)
+        self._sweep = RobotSweep(site, self.live, self.measures, crowds, claims)
+        self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, PlaceNames.of(site))
         self._conflicts.restore(advisory for advisory in restored if isinstance(advisory, ConflictAdvisory))
         asking = self._sweep.sweeper, self.measures, submit, burdens_s, crowds, self.foresight.last_advised_wait_s
         self._advice = EngineAdvice(site, self.live, *asking)

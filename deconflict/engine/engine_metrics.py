@@ -7,7 +7,7 @@ from deconflict.advisory import AnyAdvisory
 from deconflict.engine.map_drift import MapDrift
 from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
-from deconflict.sweep.incremental import PairConflicts
+from deconflict.sweep.contact_intervals import PairConflicts
 from ingest.batch import Pair
 from ingest.measures import clock_changes
 from ingest.measures.measures import Measures

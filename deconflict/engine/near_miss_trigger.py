@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from deconflict.sweep.incremental import PairConflicts
+from deconflict.sweep.contact_intervals import PairConflicts
 from ingest.batch import Pair
 
 

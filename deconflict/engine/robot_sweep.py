@@ -10,23 +10,55 @@ from math import floor, inf
 
 import numpy as np
 
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
-from ingest.batch import Batch, Floats, Forecasts
+from deconflict.sweep.pair_choice import Claims
+from ingest.batch import Batch, Bools, Floats, Forecasts, Ints, Pair
 from ingest.measures.measures import Measures
 
 GROWTH_STEP_M = 0.1
 """Uncertainty grows in steps of this, so that a quiet robot is swept again only when that matters."""
 
+NEW_S = 300.0
+"""A robot came lately if it did so within this time."""
+TOGETHER_S = 10.0
+"""Robots that come within this time of the first came with it."""
+
+
+class PairClaims:
+    """Which claims robots and pairs have to be examined, see `pair_choice.Claims`: the sources of live robots, and the
+    pairs that may have a conflict advisory."""
+
+    def __init__(self, live: LiveRobots, conflicts: ConflictLifecycle) -> None:
+        self._live, self._conflicts = live, conflicts
+
+    def sources(self, robots: Sequence[str]) -> tuple[Ints, Bools]:
+        live = self._live
+        if not live.robots:
+            return np.zeros(len(robots), np.int64), np.zeros(len(robots), np.bool_)
+        known = list(live.robots.values())
+        of_known = np.array([robot.slot for robot in known])
+        newest_s, first_s = live.event_s[of_known].max(), live.came_s[of_known].min()
+        slots = np.array([live.robots[uuid].slot if uuid in live.robots else of_known[0] for uuid in robots], np.int64)
+        came_s = live.came_s[slots]
+        return live.source[slots], (came_s > newest_s - NEW_S) & (came_s > first_s + TOGETHER_S)
+
+    def watched(self) -> Iterable[Pair]:
+        return self._conflicts.pairs.all()
+
 
 class RobotSweep:
     """Keeps the sweep up to date with the live robots."""
 
-    def __init__(self, site: Site, live: LiveRobots, measures: Measures, crowds: Mapping[str, int]) -> None:
+    def __init__(
+        self, site: Site, live: LiveRobots, measures: Measures, crowds: Mapping[str, int], claims: Claims
+    ) -> None:
         self._conflict, self._reading = site.conflict, site.reading
         self._live, self._measures = live, measures
-        self.sweeper = Sweeper(clearance_m=site.conflict.clearance_m, horizon_s=site.conflict.horizon_s, crowds=crowds)
+        bounds = {"clearance_m": site.conflict.clearance_m, "horizon_s": site.conflict.horizon_s}
+        self.sweeper = Sweeper(**bounds, crowds=crowds, claims=claims)
         self._quiet: list[tuple[float, str]] = []
         """A heap with one entry for each robot that is not dormant: when to look at its silence next, and its UUID."""
         self.dormant: set[str] = set()

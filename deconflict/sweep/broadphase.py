@@ -33,6 +33,14 @@ more."""
 NARROWEST_M = 1e-3
 """Smallest side of a cell."""
 
+MOST_FOUND = 256
+"""A box that changed is paired with at most so many others of a slab, those of lower slots first. Far fewer bodies have
+room beside it."""
+EVERY = 1 << 40
+"""No limit."""
+MOST_CROWDED = 8
+"""The same for others that are in a crowd, whose pairs with each other are left out."""
+
 _SIDES = [(side, np.float64) for side in ("west", "east", "south", "north")]
 BOX = np.dtype(
     [
@@ -133,15 +141,30 @@ def _overlap(a: Any, b: Any) -> bool:
 
 @inner
 def _add_overlaps(
-    box: Any, slot: int, own: int, others: Ints, boxes: Row, begin: int, end: int, asking: Bools, found: Pairs, n: int
+    box: Any,
+    slot: int,
+    own: int,
+    others: Ints,
+    boxes: Row,
+    begin: int,
+    end: int,
+    asking: Bools,
+    left_out: Bools,
+    found: Pairs,
+    n: int,
+    most: int,
 ) -> int:
-    """Add to `found` the pairs of `slot` with those of `others[begin:end]` whose boxes overlap its `box`. A pair of two
-    slots that are both `asking` is added once. Returns how many pairs `found` holds.
+    """Add to `found` the pairs of `slot` with those of `others[begin:end]` whose boxes overlap its `box`, until `found`
+    holds `most` pairs. A pair of two slots that are both `asking` is added once, one with a slot that is `left_out`
+    never. Returns how many pairs `found` holds.
 
     `boxes` are those of `others`. `own` is the place of `slot` among `others`, -1 if it is not there.
     """
     for at in range(begin, end):
-        if _overlap(box, boxes[at]) and (at > own or (at < own and not asking[others[at]])):
+        if n == most:
+            return n
+        is_new = at > own or (at < own and not asking[others[at]])
+        if is_new and _overlap(box, boxes[at]) and not left_out[others[at]]:
             found[n].a, found[n].b = slot, others[at]
             n += 1
     return n
@@ -156,8 +179,10 @@ def _add_overlaps_in_cells(
     first: int,
     share: float,
     asking: Bools,
+    left_out: Bools,
     found: Pairs,
     n: int,
+    most: int,
 ) -> int:
     """The same with all boxes of the cells into which `slot` may reach, from place `first` on."""
     start, slots, boxes = cells
@@ -170,9 +195,11 @@ def _add_overlaps_in_cells(
         line = (y & last) * across
         begin, end = max(start[line + low], first), start[line + high + 1]
         if low > high:
-            n = _add_overlaps(box, slot, own, slots, boxes, begin, start[line + across], asking, found, n)
+            n = _add_overlaps(
+                box, slot, own, slots, boxes, begin, start[line + across], asking, left_out, found, n, most
+            )
             begin = max(start[line], first)
-        n = _add_overlaps(box, slot, own, slots, boxes, begin, end, asking, found, n)
+        n = _add_overlaps(box, slot, own, slots, boxes, begin, end, asking, left_out, found, n, most)
     return n
 
 
@@ -188,51 +215,105 @@ def _with_room(found: Pairs, needed: int) -> Pairs:
     return found if needed <= len(found) else np.concatenate((found, np.empty(needed, PAIR)))
 
 
-@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], numba.boolean[::1], numba.float64))
-def _pairs_by_cells(boxes: NDArray[Any], rings: Ints, is_changed: Bools, share: float) -> Pairs:
+@inner
+def _add_overlaps_of(
+    box: Any,
+    slot: int,
+    own: int,
+    wide_own: int,
+    first: int,
+    cells: Cells,
+    wide: tuple[Ints, Row],
+    still: tuple[Ints, Row],
+    share: float,
+    is_changed: Bools,
+    left_out: Bools,
+    found: Pairs,
+    n: int,
+    most: int,
+) -> int:
+    """The same with all boxes of a row: of cells, from place `first` on, and wide ones. `own` and `wide_own` are the
+    places of `slot` among the slots of cells and among wide ones that changed, -1 if it is not there."""
+    n = _add_overlaps(box, slot, -1, still[0], still[1], 0, len(still[0]), is_changed, left_out, found, n, most)
+    n = _add_overlaps_in_cells(box, slot, own, cells, first, share, is_changed, left_out, found, n, most)
+    if wide_own >= 0:
+        slots, boxes = wide
+        n = _add_overlaps(
+            box, slot, wide_own, slots, boxes, wide_own + 1, len(slots), is_changed, left_out, found, n, most
+        )
+    return n
+
+
+@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], *[numba.boolean[::1]] * 3, numba.int64, numba.float64))
+def _pairs_by_cells(
+    boxes: NDArray[Any],
+    rings: Ints,
+    is_changed: Bools,
+    is_crowded: Bools,
+    is_cut: Bools,
+    most_found: int,
+    share: float,
+) -> Pairs:
     """Find the pairs by cells: a narrow box that changed is compared with the cells around it, a wide one with all
     cells that it covers.
 
     Boxes are compared cell by cell, so that the boxes of one comparison are still in the processor's cache for the
     next. If all robots changed, each is compared only with those after it.
     """
-    found, n = np.empty(1 << 14, PAIR), 0
+    found, n, is_alone, some_crowded = np.empty(1 << 14, PAIR), 0, ~is_crowded, is_crowded.any()
     for ring in rings:
         row, before = boxes[ring], n
         start, slots, wide, still = _cells(row, is_changed, share)
-        narrow_boxes, wide_boxes, still_boxes = row[slots], row[wide], row[still]
-        cells = (start, slots, narrow_boxes)
-        asking = _asking(slots, is_changed)
-        for own in asking:
-            slot, box, first = slots[own], narrow_boxes[own], own + 1 if len(asking) == len(slots) else 0
-            found = _with_room(found, n + len(row))
-            n = _add_overlaps(box, slot, -1, still, still_boxes, 0, len(still), is_changed, found, n)
-            n = _add_overlaps_in_cells(box, slot, own, cells, first, share, is_changed, found, n)
-        for own in range(len(wide)):
-            slot, box = wide[own], wide_boxes[own]
-            found = _with_room(found, n + len(row))
-            n = _add_overlaps(box, slot, -1, still, still_boxes, 0, len(still), is_changed, found, n)
-            n = _add_overlaps_in_cells(box, slot, -1, cells, 0, share, is_changed, found, n)
-            n = _add_overlaps(box, slot, own, wide, wide_boxes, own + 1, len(wide), is_changed, found, n)
+        narrow_boxes, wides, stills = row[slots], (wide, row[wide]), (still, row[still])
+        cells, asking = (start, slots, narrow_boxes), _asking(slots, is_changed)
+        first = 1 if len(asking) == len(slots) else 0
+        for at in range(len(asking) + len(wide)):
+            is_wide = at >= len(asking)
+            own, wide_own = (-1, at - len(asking)) if is_wide else (asking[at], -1)
+            slot = wide[wide_own] if is_wide else slots[own]
+            box, begin = row[slot], 0 if is_wide else first * (own + 1)
+            of = (box, slot, own, wide_own, begin, cells, wides, stills, share, is_changed)
+            found, most = _with_room(found, n + min(most_found, len(row)) + MOST_CROWDED), n + most_found
+            n = _add_overlaps_of(*of, is_crowded, found, n, most)
+            is_cut[slot] |= n == most
+            if some_crowded and not is_crowded[slot]:
+                n = _add_overlaps_of(*of, is_alone, found, n, n + MOST_CROWDED)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()
 
 
-@kernel(_PAIR[::1](_BOX[:, ::1], _REACHES, numba.int64[::1], numba.int64[::1], numba.boolean[::1]))
-def _pairs_one_by_one(boxes: NDArray[Any], reaches: Reaches, rings: Ints, changed: Ints, is_changed: Bools) -> Pairs:
+@kernel(_PAIR[::1](_BOX[:, ::1], _REACHES, numba.int64[::1], numba.int64[::1], *[numba.boolean[::1]] * 3, numba.int64))
+def _pairs_one_by_one(
+    boxes: NDArray[Any],
+    reaches: Reaches,
+    rings: Ints,
+    changed: Ints,
+    is_changed: Bools,
+    is_crowded: Bools,
+    is_cut: Bools,
+    most_found: int,
+) -> Pairs:
     """Find the pairs without cells: a few changed robots against all others, slab by slab if their reaches overlap."""
     found, n = np.empty(1024, PAIR), 0
     for slot in changed:
+        others, crowded = 0, 0
         for other in range(len(reaches)):
             if not _near(reaches[slot], reaches[other]) or other == slot or (other < slot and is_changed[other]):
                 continue
-            found = _with_room(found, n + len(rings))
+            if is_crowded[other] and (is_crowded[slot] or crowded == MOST_CROWDED):
+                continue
+            if not is_crowded[other] and others == most_found:
+                is_cut[slot] = True
+                continue
+            found, before = _with_room(found, n + len(rings)), n
             for ring in rings:
                 box = boxes[ring, slot]
                 if box.floor != ABSENT and _overlap(box, boxes[ring, other]):
                     found[n].ring, found[n].a, found[n].b = ring, slot, other
                     n += 1
+            if n > before:
+                crowded, others = crowded + is_crowded[other], others + (not is_crowded[other])
     return found[:n].copy()
 
 
@@ -259,16 +340,16 @@ def _at_one_height(robot: Any, other: Any) -> bool:
     return bool(_heights_overlap(robot.bottom, robot.top, other.bottom, other.top))
 
 
-@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], numba.int64[::1], numba.boolean[::1]))
-def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, crowds: Ints, is_dormant: Bools) -> Pairs:
+@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], *[numba.boolean[::1]] * 2))
+def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, is_crowded: Bools, is_dormant: Bools) -> Pairs:
     """The pairs of which no robot passes above the other, the one of lower rank first, ascending by both ranks
-    (stable). Pairs of two bodies of one train are left out, of two robots in `crowds` (slots,), which is 0 for a robot
-    in none, and of two that are both dormant."""
+    (stable). Pairs of two bodies of one train are left out, of two that are both `is_crowded` (slots,), and of two that
+    are both dormant."""
     level, n = np.empty_like(pairs), 0
     for pair in pairs:
         a, b = (pair.a, pair.b) if ranks[pair.a] < ranks[pair.b] else (pair.b, pair.a)
         is_train = robots[a].train != 0 and robots[a].train == robots[b].train
-        is_idle = (crowds[a] != 0 and crowds[b] != 0) or (is_dormant[a] and is_dormant[b])
+        is_idle = (is_crowded[a] and is_crowded[b]) or (is_dormant[a] and is_dormant[b])
         if _at_one_height(robots[a], robots[b]) and not is_idle and not is_train:
             level[n].ring, level[n].a, level[n].b = pair.ring, a, b
             n += 1
@@ -454,11 +535,15 @@ class SweptBoxes:
         their boxes of other slabs are dropped."""
         _cover(self.by_ring, self.reaches, slots, robots, knots, first_slab, slabs, grow_m, anew)
 
-    def overlapping_pairs(self, changed: Ints, rings: Ints) -> Pairs:
+    def overlapping_pairs(
+        self, changed: Ints, rings: Ints, is_crowded: Bools, is_cut: Bools, most_found: int = MOST_FOUND
+    ) -> Pairs:
         """Each pair of overlapping boxes of one slab in the ring rows `rings`, of which at least one is of a `changed`
-        slot, once."""
+        slot, once; but no pairs of two slots that are `is_crowded` (slots,), and no more of one box than `most_found`
+        and `MOST_CROWDED`. Sets `is_cut` (slots,) of those that have more."""
         is_changed = np.zeros(len(self.reaches), bool)
         is_changed[changed] = True
+        marks = is_changed, is_crowded, is_cut, most_found
         if len(changed) <= FEW or len(changed) * len(is_changed) <= FEW_PAIRS:
-            return _pairs_one_by_one(self.by_ring, self.reaches, rings, changed, is_changed)
-        return _pairs_by_cells(self.by_ring, rings, is_changed, 1.0 / _cell_side(self.by_ring, rings))
+            return _pairs_one_by_one(self.by_ring, self.reaches, rings, changed, *marks)
+        return _pairs_by_cells(self.by_ring, rings, *marks, 1.0 / _cell_side(self.by_ring, rings))

@@ -1,7 +1,7 @@
 """Which pairs come within the clearance, slab by slab, in a table that is kept from pass to pass."""
 
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -30,6 +30,32 @@ ContactIntervals = NDArray[Any]
 
 _BOX, _PAIR, _CONTACT, _INTERVAL = (numba.from_dtype(dtype) for dtype in (BOX, PAIR, CONTACT, CONTACT_INTERVAL))
 _INTERVALS, _INTS, _REAL = _INTERVAL[::1], numba.int64[::1], numba.float64
+
+
+class PairConflicts(NamedTuple):
+    """c pairs that come within the clearance, ascending by keys, and the work of the pass."""
+
+    pairs: tuple[tuple[str, str], ...]
+    contact_s: Floats
+    """(c,) first time within the clearance, to a millimetre and never late; `now_s` if the two are within it then."""
+    separation_m: Floats
+    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 if they overlap."""
+    separation_at_s: Floats
+    """(c,) a time at which that is reached."""
+    start_separation_m: Floats
+    """(c,) distance at `now_s`, or when the later of the two appears; inf if they are on different floors."""
+    fresh: Bools
+    """(c,) whether either robot's forecast is new since the last pass."""
+    box_pairs: int
+    """Pairs of boxes that the broad phase left."""
+    segment_pairs: int
+    """Pairs of segments of forecasts in these boxes."""
+    advanced_pairs: int
+    """Those of them whose circles come near enough for advancement."""
+    fcl_calls: int
+    """Calls of FCL."""
+    left_out: int
+    """Pairs that the budget left out, see `pair_choice`."""
 
 
 @kernel(_INTERVALS(_PAIR[::1], _CONTACT[::1], _BOX[:, ::1]))

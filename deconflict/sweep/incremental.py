@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, repeat
 from math import ceil, floor, inf
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from deconflict.sweep.broadphase import PAIR, Pairs, SweptBoxes, sorted_pairs
 from deconflict.sweep.contact_intervals import (
     CONTACT_INTERVAL,
     ContactIntervals,
+    PairConflicts,
     by_pair,
     in_span,
     intervals_of,
@@ -18,7 +18,6 @@ from deconflict.sweep.contact_intervals import (
     still_valid,
     with_contacts,
 )
-from deconflict.sweep.crowded_pairs import NO_CROWDS, CrowdedPairs
 from deconflict.sweep.fcl_check import FclCheck
 from deconflict.sweep.geometry.encounter import Encounters, encounters
 from deconflict.sweep.geometry.knots import Knots, Robots, faults
@@ -30,6 +29,7 @@ from deconflict.sweep.narrowphase import (
     smallest_separation,
     start_distances,
 )
+from deconflict.sweep.pair_choice import NO_CROWDS, Claims, CrowdedPairs, PairChoice, budget
 from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import FloorState, Limits, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_places import set_places
@@ -49,30 +49,6 @@ AHEAD = 1
 report."""
 
 
-class PairConflicts(NamedTuple):
-    """c pairs that come within the clearance, ascending by keys, and the work of the pass."""
-
-    pairs: tuple[tuple[str, str], ...]
-    contact_s: Floats
-    """(c,) first time within the clearance, to a millimetre and never late; `now_s` if the two are within it then."""
-    separation_m: Floats
-    """(c,) smallest distance of the envelopes over the horizon, to a millimetre; 0 if they overlap."""
-    separation_at_s: Floats
-    """(c,) a time at which that is reached."""
-    start_separation_m: Floats
-    """(c,) distance at `now_s`, or when the later of the two appears; inf if they are on different floors."""
-    fresh: Bools
-    """(c,) whether either robot's forecast is new since the last pass."""
-    box_pairs: int
-    """Pairs of boxes that the broad phase left."""
-    segment_pairs: int
-    """Pairs of segments of forecasts in these boxes."""
-    advanced_pairs: int
-    """Those of them whose circles come near enough for advancement."""
-    fcl_calls: int
-    """Calls of FCL."""
-
-
 class Sweeper:
     """Keeps contact intervals by pair and slab of absolute time, so that they hold as the horizon moves on.
 
@@ -81,14 +57,27 @@ class Sweeper:
     robot in a crowd, see `CrowdedPairs`. Dormant robots cost nothing but a box a second each.
     """
 
-    def __init__(self, *, clearance_m: float, horizon_s: float = 10.0, crowds: Mapping[str, int] = NO_CROWDS) -> None:
+    def __init__(
+        self,
+        *,
+        clearance_m: float,
+        horizon_s: float = 10.0,
+        crowds: Mapping[str, int] = NO_CROWDS,
+        claims: Claims | None = None,
+    ) -> None:
         """`crowds` is a number for each robot that is in a crowd, and may change. `touch` the robots that it changes
-        for."""
+        for. If more pairs come near each other than a floor can hold, `claims` decide which are examined (see
+        `pair_choice`); without them all are."""
         if not clearance_m >= 0 or not 0 < horizon_s < float("inf"):
             raise ValueError("clearance_m must be at least 0 and horizon_s above 0")
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._accuracy_m = ACCURACY_M
         self._crowds, self._crowded_pairs, self._trains = crowds, CrowdedPairs(), Trains()
+        self._choice = PairChoice(claims)
+        self._is_crowded: Bools = np.zeros(0, bool)
+        """(slots,) whether each body is of a robot in a crowd, in this pass."""
+        self._is_cut: Bools = np.zeros(0, bool)
+        """(slots,) whether a pair of the body was left out in this pass."""
         self._slabs = ceil(horizon_s) + 1 + AHEAD
         self._slot_table = SlotTable()
         self._touched: Bools = np.zeros(0, bool)
@@ -196,16 +185,16 @@ class Sweeper:
         """
         self._accuracy_m, reach_s = max(accuracy_m, ACCURACY_M), min(reach_s, self._horizon_s)
         self._box_pairs = self._segment_pairs = self._advanced_pairs = 0
-        fcl_check = FclCheck(self._clearance_m, TOLERANCE_M)
+        fcl_check, self._choice.left_out = FclCheck(self._clearance_m, TOLERANCE_M), 0
         first_slab, last_slab = floor(now_s), floor(now_s + reach_s)
         is_changed, is_new = self._begin_pass(first_slab)
         self._intervals, changed = still_valid(self._intervals, is_changed, first_slab), np.flatnonzero(is_changed)
         slabs = ceil(reach_s) + 1 + AHEAD
         self._cover_dormant(first_slab, slabs)
-        new_pairs = [self._cover_changed(changed, first_slab, slabs)]
+        new_pairs = [(self._cover_changed(changed, first_slab, slabs), len(changed), len(self._intervals))]
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
-        for pairs in new_pairs:
-            intervals = self._intervals_of(pairs, fcl_check)
+        for pairs, robots, held in new_pairs:
+            intervals = self._intervals_of(pairs, budget(robots, len(self._slot_table.slots), held), fcl_check)
             self._intervals = merged(self._intervals, intervals, self._slot_table.ranks())
         return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 
@@ -219,21 +208,27 @@ class Sweeper:
         if first_slab < self._first_slab:
             is_changed |= np.maximum(self._since, self._covered - self._slabs + 1) > first_slab
         self._touched, self._is_new, self._first_slab = np.zeros(slots, bool), np.zeros(slots, bool), first_slab
+        self._is_cut, self._is_crowded = np.zeros(slots, bool), self._crowd_numbers() > 0
         return is_changed, is_new
 
     def _cover_changed(self, changed: Ints, first_slab: int, slabs: int) -> Pairs:
         """Cover the changed robots in `slabs` slabs from `first_slab` on. Returns the pairs of boxes to look at."""
         self._since[changed] = first_slab
         self._cover(changed, first_slab, slabs, anew=True)
-        return self._boxes.overlapping_pairs(changed, self._rings_of(first_slab, slabs))
+        return self._overlapping_pairs(changed, first_slab, slabs)
 
-    def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[Pairs]:
-        """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at."""
+    def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[tuple[Pairs, int, int]]:
+        """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at, of
+        how many robots they are, and how many pairs of these robots are held in these slabs: none."""
         behind = np.flatnonzero((self._covered < last_slab) & ~self._is_dormant)
         return [
-            self._boxes.overlapping_pairs(slots, self._rings_of(begin, new_slabs))
+            (self._overlapping_pairs(slots, begin, new_slabs), len(slots), 0)
             for slots, begin, new_slabs in self._extend(behind, first_slab, slabs)
         ]
+
+    def _overlapping_pairs(self, slots: Ints, first_slab: int, slabs: int) -> Pairs:
+        rings, marks = self._rings_of(first_slab, slabs), (self._is_crowded, self._is_cut)
+        return self._boxes.overlapping_pairs(slots, rings, *marks, self._choice.most_found)
 
     def _cover_dormant(self, first_slab: int, slabs: int) -> None:
         """Cover dormant robots in all slabs before others are: these find them, so that they need not look."""
@@ -262,13 +257,23 @@ class Sweeper:
         grow_m = self._clearance_m / 2 + TOLERANCE_M
         self._boxes.cover(slots, self._slot_table.robots, self._slot_table.knots, first_slab, slabs, grow_m, anew=anew)
 
-    def _intervals_of(self, pairs: Pairs, fcl_check: FclCheck) -> ContactIntervals:
-        """The contact intervals of pairs in their slabs."""
+    def _crowd_numbers(self) -> Ints:
+        """(slots,) the number of the crowd of each body's robot, 0 for none."""
         crowds = self._slot_table.column(self._crowds)
         if self._trains.trailers and crowds.any():
             crowds = crowds[pulled_by(self._slot_table.robots[: len(crowds)])]
-        pairs = sorted_pairs(pairs, self._slot_table.ranks(), self._slot_table.robots, crowds, self._is_dormant)
+        return crowds
+
+    def _intervals_of(self, pairs: Pairs, most: int, fcl_check: FclCheck) -> ContactIntervals:
+        """The contact intervals of pairs in their slabs, of not many more than `most` pairs."""
+        ranks, robots, marks = self._slot_table.ranks(), self._slot_table.robots, (self._is_crowded, self._is_cut)
+        pairs = sorted_pairs(pairs, ranks, robots, self._is_crowded, self._is_dormant)
+        pairs = self._choice.examined(pairs, most, self._slot_table, self._boxes.by_ring, marks)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
+
+    def cut_robots(self) -> list[str]:
+        """The keys of the robots, or trailers, of which a pair was left out in the last pass."""
+        return self._slot_table.keys[np.flatnonzero(self._is_cut)].tolist()
 
     def _contacts(self, pairs: Pairs, span: Span, fcl_check: FclCheck) -> Contacts:
         """The contact of each pair within `span`. FCL decides what advancement leaves open. Counts the work."""
@@ -326,6 +331,7 @@ class Sweeper:
             segment_pairs=self._segment_pairs,
             advanced_pairs=self._advanced_pairs,
             fcl_calls=fcl_check.calls,
+            left_out=self._choice.left_out,
         )
 
     def _start_distances(self, a: Ints, b: Ints, now_s: float) -> Floats:

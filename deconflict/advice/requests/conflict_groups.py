@@ -13,6 +13,9 @@ from deconflict.advisory import ConflictAdvisory, Recommendation, moment
 from ingest.batch import Pair
 
 Pairs = tuple[Pair, ...]
+MOST_ASKED = 60
+"""Advice is asked for so many conflicts of a group at once. A group of more is of robots that can't be where they
+report to be, or a knot that is solved from its soonest conflicts on."""
 
 
 class ConflictGroup(NamedTuple):
@@ -25,6 +28,8 @@ class ConflictGroup(NamedTuple):
     """The advice that its conflicts have now."""
     losses_s: tuple[float, ...]
     """What each of them is expected to cost."""
+    asked: Pairs
+    """The soonest of its conflicts, at most `MOST_ASKED`."""
 
 
 class ConflictGroups:
@@ -112,13 +117,17 @@ def _merged(
 def _group(members: list[ConflictAdvisory]) -> ConflictGroup:
     if len(members) == 1:
         (advisory,) = members
+        alone = (advisory.robots,)
         return ConflictGroup(
-            advisory.predicted_at, (advisory.robots,), _standing(members), (expected_loss_s(advisory),)
+            advisory.predicted_at, alone, _standing(members), (expected_loss_s(advisory),), asked=alone
         )
     members.sort(key=attrgetter("robots"))
     first = min(advisory.predicted_at for advisory in members)
     losses_s = tuple(map(expected_loss_s, members))
-    return ConflictGroup(first, tuple(advisory.robots for advisory in members), _standing(members), losses_s)
+    pairs = tuple(advisory.robots for advisory in members)
+    soonest = sorted(members, key=attrgetter("predicted_at"))[:MOST_ASKED]
+    asked = pairs if len(pairs) <= MOST_ASKED else tuple(sorted(advisory.robots for advisory in soonest))
+    return ConflictGroup(first, pairs, _standing(members), losses_s, asked)
 
 
 def _standing(members: list[ConflictAdvisory]) -> tuple[tuple[Pair, Recommendation], ...]:

@@ -40,6 +40,9 @@ PAIRS_PER_S, MOST_PAIRS = 20.0, 60.0
 """Conflicts in the questions of one second of event time, on average and at most; the soonest are asked about first.
 People can follow no more, and on a crowded floor the thread that works answers out would fall behind ever further."""
 
+EASY_PAIRS = 8
+"""A group of more conflicts counts as more than it has: its plan takes long, about as the square of their number."""
+
 FindNearby = Callable[[set[str]], NearbyRobots]
 """The robots of a group that are on the floor, and those near to one of them."""
 
@@ -94,7 +97,7 @@ class HoldRequests:
         return due
 
     def _ask(self, group: ConflictGroup, now_s: float, find_nearby: FindNearby) -> None:
-        self._allowed -= len(group.pairs)
+        self._allowed -= max(len(group.asked), len(group.asked) ** 2 / EASY_PAIRS)
         robots = _robots(group.pairs)
         continued = [
             question.since_s
@@ -139,7 +142,7 @@ class HoldRequests:
         return pending | {pairs for pairs in lately.values() if all(map(self._asked_s.__contains__, pairs))}
 
     def _question(self, group: ConflictGroup, now_s: float, find_nearby: FindNearby) -> Callable[[], Answer]:
-        near = find_nearby(_robots(group.pairs))
+        near = find_nearby(_robots(group.asked))
         present = set(near.uuids)
         window = HoldWindow(
             now_s + ANSWER_AFTER_S,
@@ -150,7 +153,7 @@ class HoldRequests:
         return partial(
             advise_conflicts,
             near,
-            [pair for pair in group.pairs if present.issuperset(pair)],
+            [pair for pair in group.asked if present.issuperset(pair)],
             window,
             burdens_s=dict(self._burden.burdens_s),
             standing=dict(group.standing),

@@ -88,6 +88,10 @@ class WatchedPairs:
     def __len__(self) -> int:
         return len(self._row_of)
 
+    def all(self) -> Iterable[Pair]:
+        """Every watched pair."""
+        return self._row_of.keys()
+
     def get(self, pair: Pair) -> WatchedPair | None:
         row = self._row_of.get(pair)
         return None if row is None else self._by_row[row]

@@ -12,20 +12,20 @@ NAMED_ROBOTS = 10
 
 
 def crowd_finding(crowd: Crowd, robots: Mapping[str, LiveRobot], now_s: float) -> Finding:
-    """Robots of one vendor that can't all be where they report from."""
+    """Robots that can't all be where they report from."""
     location = Location(datum=crowd.datum, x=round(crowd.x_m, 3), y=round(crowd.y_m, 3))
     count = len(crowd.robots)
     return Finding(
         kind="crowd",
-        about=about_crowd(crowd.vendor, crowd.datum),
+        about=about_crowd(crowd.label, crowd.datum),
         severity=Severity.WARNING,
         robots=crowd.robots[:NAMED_ROBOTS],
         predicted_s=now_s,
         location=location,
         summary=lambda: (
-            f"{count} robots of {crowd.vendor} report from one place, around ({round(location.x)}, {round(location.y)})"
+            f"{count} robots of {crowd.label} report from one place, around ({round(location.x)}, {round(location.y)})"
             f" m: {', '.join(robots[uuid].name for uuid in crowd.robots[:3])} and {count - 3} others; check their"
             " localisation, as no conflicts among them are reported"
         ),
-        evidence={"vendor": crowd.vendor, "crowded": count},
+        evidence={"vendor": crowd.label, "crowded": count},
     )

@@ -1,6 +1,7 @@
-"""Crowds: many robots of one vendor that report from one place, where their bodies can't all be.
+"""Crowds: many robots that report from one place, where their bodies can't all be.
 
 The places of such robots are doubted. A fleet does so that reports (0, 0) until it knows where it is, or an attacker.
+Robots are compared with those of their vendor, and with those of their source, since a source can invent vendors.
 """
 
 from collections import defaultdict
@@ -11,24 +12,26 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.contention.crowds.overlapping_robots import CELL_M, overlapping
-from deconflict.foresight.presence.live_robots import LiveRobots
-from ingest.batch import Ints
+from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
+from ingest.batch import Bools, Floats, Ints
 
 FEWEST = 9
 """Fewer overlapping robots in one heap are no crowd."""
 HEARD_S = 10.0
-"""A robot that was not heard for longer is in no crowd: silent robots are believed to stand where others may be."""
+"""A robot that was not heard for longer comes to no crowd: silent robots are believed to stand where others may be. One
+that is in a crowd when it falls silent stays in it."""
 HELD_S = 5.0
 """A robot is in a crowd until it has not overlapped with it for this long."""
 
-Cell = tuple[int, float, float, float]
-"""Vendor, floor, and numbers along x and y."""
+Cell = tuple[float, float, float, float]
+"""Floor, side, and numbers along x and y."""
 
 
 class Crowd(NamedTuple):
-    """The crowded robots of one vendor on one floor."""
+    """The crowded robots of one vendor, or of several vendors of one source, on one floor."""
 
-    vendor: str
+    label: str
+    """The vendor; or the source, and that its robots are of several vendors."""
     datum: str
     robots: tuple[str, ...]
     """In ascending order."""
@@ -46,66 +49,96 @@ class Crowds:
         """Whether any robot overlapped at the last step."""
         self._found_s: dict[str, float] = {}
         """By robot, when it was last found in a crowd."""
+        self._labels: dict[str, str] = {}
+        """By crowded robot, the label of its crowd."""
+        self._label_numbers: dict[str, int] = {}
+        """By label, a number from 1 on."""
         self._numbers: dict[str, int] = {}
         self.numbers: Mapping[str, int] = self._numbers
-        """By crowded robot, a number of its vendor, from 1 on."""
+        """By crowded robot, the number of its label."""
 
     def step(self, now_s: float) -> dict[str, bool]:
         """The robots that have come to a crowd (True) or left one since the last step."""
-        live, slots = self._live, self._overlapping(now_s)
+        live, (slots, is_of_vendor) = self._live, self._overlapping(now_s)
         for heap in _heaps(live, slots) if len(slots) >= FEWEST else ():
             if len(heap) >= FEWEST:
-                self._found_s |= dict.fromkeys((live.uuids[slot] for slot in heap.tolist()), now_s)
+                for slot in heap.tolist():
+                    uuid = live.uuids[slot]
+                    self._found_s[uuid], self._labels[uuid] = now_s, _label(live.robots[uuid], is_of_vendor[slot])
         if not self._found_s and not self._numbers:
             return {}
         self._found_s = {
             uuid: at_s for uuid, at_s in self._found_s.items() if now_s - at_s <= HELD_S and uuid in live.robots
         }
         changed = {uuid: uuid in self._found_s for uuid in self._found_s.keys() ^ self._numbers.keys()}
+        self._labels = {uuid: self._labels[uuid] for uuid in self._found_s}
         self._numbers.clear()
-        self._numbers.update((uuid, 1 + int(live.vendor[live.robots[uuid].slot])) for uuid in self._found_s)
+        self._numbers.update((uuid, self._number(label)) for uuid, label in self._labels.items())
         return changed
 
-    def _overlapping(self, now_s: float) -> Ints:
-        """The slots of overlapping robots. Those that reported are looked at; if some overlap, all that were heard."""
-        live, robots = self._live, self._live.take_changed()
-        found = robots[overlapping(robots, live.at, live.sizes_m, live.vendor)]
-        if len(found) or self._some_overlap:
-            heard = np.where((now_s - live.event_s <= HEARD_S)[:, None], live.at, np.nan)
-            found = np.flatnonzero(overlapping(np.arange(len(heard)), heard, live.sizes_m, live.vendor))
-        self._some_overlap = len(found) > 0
+    def _number(self, label: str) -> int:
+        return self._label_numbers.setdefault(label, len(self._label_numbers) + 1)
+
+    def _overlapping(self, now_s: float) -> tuple[Ints, Bools]:
+        """The slots of overlapping robots, and (slots,) which robots overlap with those of their vendor.
+
+        Those that reported are looked at; if some overlap, all that were heard, or fell silent in a crowd.
+        """
+        live = self._live
+        found = self._overlap(live.take_changed(), live.at)
+        if len(found[0]) or self._some_overlap:
+            is_placed = now_s - live.event_s <= HEARD_S
+            is_placed[[live.robots[uuid].slot for uuid in self._found_s if uuid in live.robots]] = True
+            found = self._overlap(np.flatnonzero(is_placed), np.where(is_placed[:, None], live.at, np.nan))
+        self._some_overlap = len(found[0]) > 0
         return found
 
-    def standing(self) -> Iterator[Crowd]:
-        """The crowds, by vendor and floor."""
-        live = self._live
-        slots = np.array([live.robots[uuid].slot for uuid in sorted(self._numbers)], np.int64)
-        of = list(zip(live.vendor[slots].tolist(), live.at[slots, 2].tolist(), strict=True))
-        for vendor, floor in sorted(set(of)):
-            if floor >= 0:
-                yield self._crowd(slots[[each == (vendor, floor) for each in of]])
+    def _overlap(self, slots: Ints, at: Floats) -> tuple[Ints, Bools]:
+        """The slots of those of `slots` that overlap at places `at` (slots, 5); and which of all robots overlap with
+        those of their vendor. These make no other robot of their source overlap: their places are doubted already."""
+        live, is_of_vendor = self._live, np.zeros(len(at), np.bool_)
+        is_of_vendor[slots] = overlapping(slots, at, live.sizes_m, live.vendor, live.came_s)
+        at = np.where(is_of_vendor[:, None], np.nan, at)
+        is_of_source = overlapping(slots, at, live.sizes_m, live.source, live.came_s)
+        return slots[is_of_vendor[slots] | is_of_source], is_of_vendor
 
-    def _crowd(self, slots: Ints) -> Crowd:
-        """The crowd of robots of one vendor and floor."""
+    def standing(self) -> Iterator[Crowd]:
+        """The crowds, by label and floor."""
+        live, robots = self._live, sorted(self._numbers)
+        slots = np.array([live.robots[uuid].slot for uuid in robots], np.int64)
+        of = list(zip(map(self._labels.__getitem__, robots), live.at[slots, 2].tolist(), strict=True))
+        for label, floor in sorted(set(of)):
+            if floor >= 0:
+                yield self._crowd(label, slots[[each == (label, floor) for each in of]])
+
+    def _crowd(self, label: str, slots: Ints) -> Crowd:
+        """The crowd of robots of one label and floor."""
         live = self._live
         robots = tuple(live.uuids[slot] for slot in slots.tolist())
         middle_m = live.at[max(_heaps(live, slots), key=len), :2].mean(axis=0)
-        return Crowd(live.robots[robots[0]].vendor, live.floors[int(live.at[slots[0], 2])], robots, *middle_m.tolist())
+        return Crowd(label, live.floors[int(live.at[slots[0], 2])], robots, *middle_m.tolist())
+
+
+def _label(robot: LiveRobot, is_of_vendor: bool) -> str:
+    return robot.vendor if is_of_vendor else f"several vendors at {robot.source}"
 
 
 def _heaps(live: LiveRobots, slots: Ints) -> list[Ints]:
-    """These robots, heap by heap: those of one vendor and floor whose cells are side by side."""
+    """These robots, heap by heap: those of one floor, and of one size within a factor of two, whose cells are side by
+    side."""
     cells: defaultdict[Cell, list[int]] = defaultdict(list)
-    columns = live.vendor[slots], live.at[slots, 2], *np.floor(live.at[slots, :2] / CELL_M).T
-    for slot, vendor, floor, x, y in zip(slots.tolist(), *(column.tolist() for column in columns), strict=True):
-        cells[vendor, floor, x, y].append(slot)
+    radius_m = np.hypot(*live.sizes_m[slots].T) / 2
+    side_m = CELL_M * 2.0 ** np.ceil(np.log2(np.maximum(radius_m / CELL_M, 1.0)))
+    columns = live.at[slots, 2], side_m, *np.floor(live.at[slots, :2].T / side_m)
+    for slot, floor, side, x, y in zip(slots.tolist(), *(column.tolist() for column in columns), strict=True):
+        cells[floor, side, x, y].append(slot)
     heaps = []
     while cells:
         heap, waiting = list[int](), [next(iter(cells))]
         while waiting:
-            vendor, floor, x, y = cell = waiting.pop()
+            floor, side, x, y = cell = waiting.pop()
             heap += cells.pop(cell, ())
-            beside = ((vendor, floor, x + east, y + north) for east, north in product((-1, 0, 1), repeat=2))
+            beside = ((floor, side, x + east, y + north) for east, north in product((-1, 0, 1), repeat=2))
             waiting += [cell for cell in beside if cell in cells]
         heaps.append(np.array(heap, np.int64))
     return heaps

@@ -1,4 +1,4 @@
-"""Which robots overlap with others of their vendor as no bodies can.
+"""Which robots overlap with others of their group as no bodies can.
 
 The functions are compiled. Arrays of robots are by slot, see `LiveRobots`.
 """
@@ -17,10 +17,11 @@ COVERED = 2.0
 that circle so many times. Robots that stand side by side stay below, as they can't overlap."""
 CELL_M = 2.0
 """Side of a cell. Robots are compared with those in the cells around them."""
-LARGEST_M = 10.0
-"""A robot with a larger radius is not compared: the cells around it would be too many."""
 MOST_COMPARED = 200
 """A robot is compared with at most so many others, so that many above each other cost no more."""
+LATER_S = 10.0
+"""Robots that came so much later than a robot do not make it overlap. So whoever reports from the place of a robot that
+has long been on the floor does not take the robot's warnings from it."""
 
 _INTS, _MATRIX = numba.int64[::1], numba.float64[:, ::1]
 
@@ -31,9 +32,9 @@ def _cell(x_m: float, y_m: float) -> tuple[int, int]:
 
 
 @inner
-def _place(x: int, y: int, on_floor: int, vendor: int, places: int) -> int:
-    """The place of a cell of one floor and vendor among a power of two of places, which others may share."""
-    return (x * 73_856_093 ^ y * 19_349_663 ^ on_floor * 83_492_791 ^ vendor * 50_331_653) & (places - 1)
+def _place(x: int, y: int, on_floor: int, group: int, places: int) -> int:
+    """The place of a cell of one floor and group among a power of two of places, which others may share."""
+    return (x * 73_856_093 ^ y * 19_349_663 ^ on_floor * 83_492_791 ^ group * 50_331_653) & (places - 1)
 
 
 @inner
@@ -43,7 +44,7 @@ def _is_located(at: Floats) -> bool:
 
 
 @inner
-def _overlaps(slot: int, at: Floats, sizes_m: Floats, vendor: Ints, last: Ints, before: Ints) -> bool:
+def _overlaps(slot: int, at: Floats, sizes_m: Floats, group: Ints, came_s: Floats, last: Ints, before: Ints) -> bool:
     """Whether the bodies near a robot cover the circle around it `COVERED` times; a larger body counts as its circle.
 
     The robots of a place are `last` (places,), then the one `before` (slots,) that, and so on to -1.
@@ -51,31 +52,33 @@ def _overlaps(slot: int, at: Floats, sizes_m: Floats, vendor: Ints, last: Ints, 
     x_m, y_m, on_floor, bottom_m, top_m = at[slot]
     radius_m = hypot(sizes_m[slot, 0], sizes_m[slot, 1]) / 2
     circle_m2, area_m2, compared = pi * radius_m * radius_m, 0.0, 0
-    if not 0.0 < radius_m <= LARGEST_M:
+    if not radius_m > 0.0:
         return False
     (west, south), (east, north) = _cell(x_m - radius_m, y_m - radius_m), _cell(x_m + radius_m, y_m + radius_m)
     for x in range(west, east + 1):
         for y in range(south, north + 1):
-            other = last[_place(x, y, int(on_floor), vendor[slot], len(last))]
+            other = last[_place(x, y, int(on_floor), group[slot], len(last))]
             while other >= 0 and compared < MOST_COMPARED:
                 other_x_m, other_y_m, other_floor, other_bottom_m, other_top_m = at[other]
-                is_beside = vendor[other] == vendor[slot] and other_floor == on_floor
-                is_beside = is_beside and bottom_m <= other_top_m and other_bottom_m <= top_m
+                is_beside = group[other] == group[slot] and other_floor == on_floor
                 is_beside = is_beside and _cell(other_x_m, other_y_m) == (x, y)
+                compared += is_beside
+                is_beside = is_beside and came_s[other] <= came_s[slot] + LATER_S
+                is_beside = is_beside and bottom_m <= other_top_m and other_bottom_m <= top_m
                 if is_beside and hypot(other_x_m - x_m, other_y_m - y_m) <= radius_m:
                     area_m2 += min(sizes_m[other, 0] * sizes_m[other, 1], circle_m2)
                 if area_m2 > COVERED * circle_m2:
                     return True
-                other, compared = before[other], compared + 1
+                other = before[other]
     return False
 
 
-@kernel(numba.boolean[::1](_INTS, *[_MATRIX] * 2, _INTS))
-def overlapping(robots: Ints, at: Floats, sizes_m: Floats, vendor: Ints) -> Bools:
-    """(n,) which of the slots `robots` (n,) overlap with others of their vendor, on their floor and at their height.
+@kernel(numba.boolean[::1](_INTS, *[_MATRIX] * 2, _INTS, numba.float64[::1]))
+def overlapping(robots: Ints, at: Floats, sizes_m: Floats, group: Ints, came_s: Floats) -> Bools:
+    """(n,) which of the slots `robots` (n,) overlap with others of their group, on their floor and at their height.
 
     `at` (slots, 5) is x_m, y_m, floor, bottom_m and top_m; nan for a free slot. `sizes_m` (slots, 2) is length and
-    width, `vendor` (slots,) a number.
+    width, `group` (slots,) a number, `came_s` (slots,) when each robot came to the floor.
     """
     places = 4
     while places < 2 * len(at):
@@ -84,8 +87,8 @@ def overlapping(robots: Ints, at: Floats, sizes_m: Floats, vendor: Ints) -> Bool
     for slot in range(len(at)):
         if _is_located(at[slot]):
             x, y = _cell(at[slot, 0], at[slot, 1])
-            place = _place(x, y, int(at[slot, 2]), vendor[slot], places)
+            place = _place(x, y, int(at[slot, 2]), group[slot], places)
             before[slot], last[place] = last[place], slot
     for row, slot in enumerate(robots):
-        overlaps[row] = _is_located(at[slot]) and _overlaps(slot, at, sizes_m, vendor, last, before)
+        overlaps[row] = _is_located(at[slot]) and _overlaps(slot, at, sizes_m, group, came_s, last, before)
     return overlaps

@@ -11,6 +11,9 @@ from deconflict.foresight.forecast_errors.track_kernels import on_track
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
+MOST_FOUND = 256
+"""A robot with news is paired with at most so many others. Far fewer bodies have room beside it."""
+
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 
 
@@ -33,14 +36,14 @@ def _set_places(
 
 
 @inner
-def _come_near(places: Floats, a: int, b: int, within: float) -> bool:
-    """Whether two robots come within a distance of each other at any of the seconds."""
+def _nearing(places: Floats, a: int, b: int, within: float) -> int:
+    """The first of the seconds at which two robots are within a distance of each other; -1 if they never are."""
     for second in range(places.shape[1]):
         if places[a, second, 2] == places[b, second, 2] and places[a, second, 2] >= 0.0:
             dx, dy = places[a, second, 0] - places[b, second, 0], places[a, second, 1] - places[b, second, 1]
             if dx * dx + dy * dy <= within * within:
-                return True
-    return False
+                return second
+    return -1
 
 
 @inner
@@ -63,11 +66,20 @@ def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -
 
 @kernel(
     numba.int64[:, ::1](
-        numba.boolean[::1], *[_INTS] * 2, _MATRIX, _FLOATS, _MATRIX, _CUBE, numba.float64, numba.int64, numba.float64
+        *[numba.boolean[::1]] * 2,
+        *[_INTS] * 2,
+        _MATRIX,
+        _FLOATS,
+        _MATRIX,
+        _CUBE,
+        numba.float64,
+        numba.int64,
+        numba.float64,
     )
 )
 def find_pairs(
     has_news: Bools,
+    is_left_out: Bools,
     slots: Ints,
     rank: Ints,
     around: Floats,
@@ -78,13 +90,13 @@ def find_pairs(
     seconds: int,
     rounding_m: float,
 ) -> Ints:
-    """(p, 2) pairs of `slots` (n,) that come near each other at any of the whole seconds. Each pair comes once, the
-    lower in `rank` first. At least one robot of each pair `has_news`.
+    """(p, 3) pairs of `slots` (n,) that come near each other at any of the whole seconds, and the first of these. Each
+    pair comes once, the lower in `rank` first. At least one robot of each pair `has_news`, and none `is_left_out`.
 
     Near means within the `reach` of both plus half of each one's longest step. Only robots whose boxes `around`, grown
     so, overlap are compared in time: they are in neighbouring cells.
     """
-    box, found, pairs = np.empty((len(has_news), 2)), np.empty((64, 2), np.int64), 0
+    box, found, pairs = np.empty((len(has_news), 2)), np.empty((64, 3), np.int64), 0
     widest, across = 0.0, 4
     for slot in slots:
         by = around[slot, 4] / 2 + reach[slot] + rounding_m
@@ -96,23 +108,25 @@ def find_pairs(
     last = _cells(slots, around, side, across, after)
     places, near = np.empty((len(has_news), seconds, 3)), np.full(len(has_news), -1.0)
     for slot in slots:
-        if not has_news[slot]:
+        if not has_news[slot] or is_left_out[slot]:
             continue
+        most = pairs + MOST_FOUND
         _set_places(places, near, reach, newest, track, slot, now_s)
         x, y = _cell(around, slot, side)
         for cell in range(9):
             next_slot = last[(x + cell // 3 - 1) & (across - 1), (y + cell % 3 - 1) & (across - 1)]
-            while next_slot >= 0:
+            while next_slot >= 0 and pairs < most:
                 beside, next_slot = next_slot, after[next_slot]
                 away_x, away_y = abs(around[beside, 0] - around[slot, 0]), abs(around[beside, 1] - around[slot, 1])
                 is_beyond = (away_x > box[slot, 0] + box[beside, 0]) | (away_y > box[slot, 1] + box[beside, 1])
-                if is_beyond | (has_news[beside] & (beside <= slot)):
+                if is_beyond | is_left_out[beside] | (has_news[beside] & (beside <= slot)):
                     continue
                 _set_places(places, near, reach, newest, track, beside, now_s)
-                if _come_near(places, slot, beside, near[slot] + near[beside]):
+                first = _nearing(places, slot, beside, near[slot] + near[beside])
+                if first >= 0:
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))
                     second = int(rank[slot] < rank[beside])
-                    found[pairs, 1 - second], found[pairs, second] = slot, beside
+                    found[pairs, 1 - second], found[pairs, second], found[pairs, 2] = slot, beside, first
                     pairs += 1
     return found[:pairs].copy()

@@ -115,12 +115,20 @@ class PendingForecasts:
         return self._history
 
     def candidate_pairs(
-        self, has_news: Bools, slots: Ints, rank: Ints, reach_m: Floats, now_s: float, horizon_s: float
+        self,
+        has_news: Bools,
+        is_left_out: Bools,
+        slots: Ints,
+        rank: Ints,
+        reach_m: Floats,
+        now_s: float,
+        horizon_s: float,
     ) -> Ints:
-        """(p, 2) pairs of `slots` that come within the `reach_m` of both at any whole second of the horizon. At least
-        one robot of each pair `has_news`; the lower in `rank` comes first. These three arrays are by slot."""
+        """(p, 3) pairs of `slots` that come within the `reach_m` of both at any whole second of the horizon, and the
+        first of these seconds. At least one robot of each pair `has_news`, and none `is_left_out`; the lower in `rank`
+        comes first. These arrays are by slot."""
         seconds, reports = int(horizon_s) + 1, (self._history.around, reach_m, self.newest, self.track)
-        return candidate_pairs.find_pairs(has_news, slots, rank, *reports, now_s, seconds, ROUNDING_M)
+        return candidate_pairs.find_pairs(has_news, is_left_out, slots, rank, *reports, now_s, seconds, ROUNDING_M)
 
     def speed_mps(self, slot: int) -> float:
         """Speed of a robot between its last two reports; nan if unknown."""

@@ -62,6 +62,10 @@ class LiveRobot:
         return self.batch.vendors[self.row]
 
     @property
+    def source(self) -> str:
+        return self.batch.sources[self.row]
+
+    @property
     def model(self) -> str:
         return self.batch.models[self.row]
 
@@ -115,6 +119,10 @@ class LiveRobots:
     """(slots, 2) length and width as reported."""
     vendor: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     """(slots,) the number of the vendor."""
+    source: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    """(slots,) the number of the source, see `Batch.sources`."""
+    came_s: Floats = field(default_factory=lambda: np.empty(0))
+    """(slots,) when each robot came to the floor."""
     _is_changed: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
     """(slots,) whether a robot has come or reported since the last `take_changed`."""
     _slots: RobotSlots = field(default_factory=RobotSlots)
@@ -123,6 +131,7 @@ class LiveRobots:
     _loose: int = 0
     """How many of them may still be in the batch of their last report."""
     _vendor_numbers: dict[str, int] = field(default_factory=dict)
+    _source_numbers: dict[str, int] = field(default_factory=dict)
 
     @property
     def uuids(self) -> list[str]:
@@ -146,8 +155,9 @@ class LiveRobots:
         self.at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
         self.sizes_m[slots, 0], self.sizes_m[slots, 1] = forecasts.length_m, forecasts.width_m
         self.event_s[slots], self._is_changed[slots] = batch.event_s, True
-        numbers = self._vendor_numbers
-        self.vendor[slots] = [numbers.setdefault(vendor, len(numbers)) for vendor in batch.vendors]
+        self.came_s[slots[new_rows]] = batch.now_s
+        self.vendor[slots] = _numbered(batch.vendors, self._vendor_numbers)
+        self.source[slots] = _numbered(batch.sources, self._source_numbers)
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))
 
     def _grow(self, missing: int) -> None:
@@ -155,7 +165,7 @@ class LiveRobots:
         if missing > 0:
             more = max(len(self._slots), 64)
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
-            lengthen(self, ("event_s", "sizes_m", "vendor", "_is_changed"), more)
+            lengthen(self, ("event_s", "sizes_m", "vendor", "source", "came_s", "_is_changed"), more)
 
     def set_aside(self, uuids: Iterable[str]) -> None:
         """These robots will not report for long: move them to a batch of their own, so that their last batches need not
@@ -211,6 +221,11 @@ class LiveRobots:
         if len(others) > most:
             others = sorted(others)[:most]
         return sorted(group.union(uuid for _, uuid in others))
+
+
+def _numbered(names: Iterable[str], numbers: dict[str, int]) -> list[int]:
+    """The number of each name; a new one gets the next number."""
+    return [numbers.setdefault(name, len(numbers)) for name in names]
 
 
 def _joined(robots: Sequence[LiveRobot]) -> Forecasts:

@@ -46,8 +46,8 @@ from deconflict.foresight.probability.waiting_robots import record_starts
 from deconflict.foresight.rollout.rollout import NOBODY
 from deconflict.foresight.rollout.start_times import StartTimes
 from deconflict.runtime.learned_state import Part
-from deconflict.sweep.crowded_pairs import NO_CROWDS
 from deconflict.sweep.geometry.encounter import STANDING_MPS
+from deconflict.sweep.pair_choice import NO_CROWDS, Claims
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 from ingest.kernels import ready
 from ingest.measures.measures import Labels, Measures
@@ -73,8 +73,9 @@ class ProbabilityEstimator:
         horizon_s: float,
         measures: Measures,
         crowds: Mapping[str, int] = NO_CROWDS,
+        claims: Claims | None = None,
     ) -> None:
-        """`crowds` has the robots that are in a crowd, and may change."""
+        """`crowds` has the robots in a crowd, and may change; for `claims` see `pair_choice`."""
         self.measures = measures
         self.ledger = Ledger()
         """All errors of forecasts."""
@@ -87,7 +88,7 @@ class ProbabilityEstimator:
         self._robots, self._pending = TrackedRobots(crowds), PendingForecasts()
         self._stated_ways = blank_records(0)
         self.losses, self._followers = LossFinder(), AdviceFollowers()
-        self._candidates = PairCandidates(self._robots, clearance_m, horizon_s)
+        self._candidates = PairCandidates(self._robots, clearance_m, horizon_s, claims)
         self._measuring = PairMeasuring(self._bounds, self._robots, self._pending)
         self._rollouts = PairRollouts(clearance_m, horizon_s, self._robots, self._pending)
         self._pairs = np.zeros(0, PAIR)
@@ -214,7 +215,8 @@ class ProbabilityEstimator:
         Returns the pairs of the exact sweep, and other pairs whose `deciding` is at least `likely`.
         """
         swept_codes, has_news = self._candidates.swept_codes(swept), self._robots.take_news()
-        nearby_codes = self._candidates.nearby_codes(has_news, self._pending, self.ledger.bands_m, now_s)
+        known = self._pending, self.ledger.bands_m
+        nearby_codes = self._candidates.nearby_codes(has_news, *known, now_s, self._pairs)
         candidates = np.concatenate([swept_codes, nearby_codes])
         pairs, fresh, rows, due = select_pairs(self._pairs, candidates, has_news, self._robots.is_dormant, now_s)
         self._pairs, swept_rows, self._looked_s = pairs, rows[: len(swept_codes)], now_s

@@ -1,15 +1,16 @@
 """Which pairs are worth a look: those that the exact sweep found, and those that may come near."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.probability.error_band_kernels import reach_m
-from deconflict.foresight.probability.pair_table import codes
+from deconflict.foresight.probability.pair_table import Pairs, codes, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.sweep.geometry.heights import heights_overlap
+from deconflict.sweep.pair_choice import Claims, PairNeeds, Sharers, budget, chosen_pairs
 from ingest.batch import Bools, Floats, Ints, Pair
 
 MOST_GROWN_M = 0.75
@@ -31,18 +32,26 @@ class SweptConflicts(NamedTuple):
 class PairCandidates:
     """Finds the codes of the candidates of each look."""
 
-    def __init__(self, robots: TrackedRobots, clearance_m: float, horizon_s: float) -> None:
-        self._robots, self._clearance_m, self._horizon_s = robots, clearance_m, horizon_s
+    def __init__(self, robots: TrackedRobots, clearance_m: float, horizon_s: float, claims: Claims | None) -> None:
+        self._robots, self._clearance_m, self._horizon_s, self._claims = robots, clearance_m, horizon_s, claims
 
     def swept_codes(self, swept: SweptConflicts) -> Ints:
         """(c,) the codes of the pairs that the sweep found."""
-        slots_of = self._robots.slots
-        slots = np.array([slots_of[uuid] for pair in swept.pairs for uuid in pair], np.int64)
-        return codes(slots[::2], slots[1::2])
+        return self._codes_of(swept.pairs)
 
-    def nearby_codes(self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float) -> Ints:
+    def _codes_of(self, pairs: Iterable[Pair]) -> Ints:
+        """(p,) the codes of those of `pairs` of which both robots are known."""
+        slots_of = self._robots.slots
+        known = [(slots_of[a], slots_of[b]) for a, b in pairs if a in slots_of and b in slots_of]
+        slots = np.array(known, np.int64).reshape(-1, 2)
+        return codes(slots[:, 0], slots[:, 1])
+
+    def nearby_codes(
+        self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float, table: Pairs
+    ) -> Ints:
         """(p,) the codes of the pairs that may come near at any whole second of the horizon. At least one robot of each
-        pair is marked by `has_news` (slots,), and none is in a crowd.
+        pair is marked by `has_news` (slots,), and none is in a crowd. If there are more than a floor can hold, those
+        that `pair_choice` chooses; `table` has the pairs of the last look.
 
         Envelopes are taken as circles, which hold the trailers, grown by the 80 % bands `bands_m` (kinds, horizons, 3)
         at the horizon.
@@ -54,8 +63,27 @@ class PairCandidates:
         near_m = reach_m(bands_m, *columns, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
         trains, reaches_m = robots.trailers.reaches_m()
         near_m[trains] += np.maximum(reaches_m - np.hypot(*robots.half_m[:, trains]), 0.0)
-        a, b = pending.candidate_pairs(has_news, slots, robots.rank, near_m, now_s, self._horizon_s).T
-        is_level = heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])
-        is_crowded = robots.is_crowded()
-        is_level &= ~(is_crowded[a] | is_crowded[b])
-        return codes(a[is_level], b[is_level])
+        marks = has_news, robots.is_crowded()
+        found = pending.candidate_pairs(*marks, slots, robots.rank, near_m, now_s, self._horizon_s)
+        a, b = found[:, 0], found[:, 1]
+        found = found[heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])]
+        most = budget(int(has_news.sum()), len(slots), _held(table, has_news))
+        if self._claims and len(found) > most:
+            found = self._chosen(found, pending, most, self._claims)
+        return codes(found[:, 0], found[:, 1])
+
+    def _chosen(self, found: Ints, pending: PendingForecasts, most: int, claims: Claims) -> Ints:
+        """`most` of the pairs `found` (p, 3), or few more; see `PendingForecasts.candidate_pairs`."""
+        robots = self._robots
+        a, b, moment = (np.ascontiguousarray(column) for column in found.T)
+        watched = self._codes_of(claims.watched())
+        between_m = pending.newest[a, 1:3] - pending.newest[b, 1:3]
+        needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched))
+        source, is_new = claims.sources([name or "" for name in robots.names.tolist()])
+        return found[chosen_pairs(needs, Sharers(source, is_new, robots.is_crowded()), most)]
+
+
+def _held(table: Pairs, has_news: Bools) -> int:
+    """How many pairs are watched of which neither robot has news."""
+    a, b = slots_of(table["code"])
+    return int((table["watched"] & ~has_news[a] & ~has_news[b]).sum())

@@ -54,7 +54,8 @@ class PairRollouts:
         slots = self._schedule.due(a, b, robots.key, now_s)
         if len(slots):
             slots = slots[np.argsort(robots.rank[slots])]  # so that the result does not depend on who came first
-            result = run_rollout(self._input(slots, start_times, now_s), self._horizon_s, self._clearance_m)
+            watched = rows_of_pairs(a, b, slots, len(robots))
+            result = run_rollout(self._input(slots, watched, start_times, now_s), self._horizon_s, self._clearance_m)
             is_swapped = robots.rank[result.a] > robots.rank[result.b]
             first, second = np.where(is_swapped, result.b, result.a), np.where(is_swapped, result.a, result.b)
             self._schedule.store(slots, result, codes(first, second), now_s)
@@ -65,7 +66,7 @@ class PairRollouts:
         a, b = slots_of(pairs["code"][due])
         pairs["features"][due[is_crowded[a] | is_crowded[b]], DRIVEN] = EVEN
 
-    def _input(self, slots: Ints, start_times: StartTimes, now_s: float) -> RolloutInput:
+    def _input(self, slots: Ints, watched: Ints, start_times: StartTimes, now_s: float) -> RolloutInput:
         columns, newest = self._robots, self._pending.newest[slots]
         records = columns.records[slots]
         waiting = np.flatnonzero(are_waiting(records))
@@ -83,4 +84,14 @@ class PairRollouts:
             levels_m=np.ascontiguousarray(columns.levels_m[:, slots]),
             stands=columns.is_standing(slots),
             starts_s=starts_s,
+            watched=watched,
         )
+
+
+def rows_of_pairs(a: Ints, b: Ints, slots: Ints, of: int) -> Ints:
+    """(p, 2) the rows in `slots` (n,), of `of` slots, of those pairs of slots `a` and `b` of which both are there, the
+    lower row first."""
+    row_of = np.full(of, -1)
+    row_of[slots] = np.arange(len(slots))
+    rows = np.sort(np.column_stack([row_of[a], row_of[b]]), axis=1)
+    return np.ascontiguousarray(rows[rows[:, 0] >= 0])

@@ -43,6 +43,9 @@ PREEMPTED, DRIVEN, TOUCHING = slice(6, 8), slice(8, 8 + ROLLED), FEATURES - 1
 """Places of the features of third robots, of driving on together, and of contact."""
 REMEMBERED_S = 25.0
 """A pair that is no candidate for longer is dropped from the table."""
+REMEMBERED, BRIEFLY_S = 12, 2.0
+"""If the table has more pairs than this for each slot, they are remembered for so long only: robots that drive through
+each other have ever other pairs."""
 ROLLOUT_M, ROLLOUT_SHARE = 1.5, 0.01
 """Robots are driven on together if they come this near, or if their share of feature 1 is larger than this."""
 SETTLED_S = 10.0
@@ -203,7 +206,8 @@ def select_pairs(before: Pairs, candidates: Ints, has_news: Bools, is_dormant: B
     """
     most = len(before) + len(candidates)
     pairs, fresh, due = np.zeros(most, PAIR), np.empty(most, np.bool_), np.empty(most, np.int64)
-    rows, since_s = np.empty(len(candidates), np.int64), now_s - REMEMBERED_S
+    remembered_s = REMEMBERED_S if len(before) <= REMEMBERED * len(has_news) else BRIEFLY_S
+    rows, since_s = np.empty(len(candidates), np.int64), now_s - remembered_s
     order = np.argsort(candidates)
     marks = has_news, is_dormant
     n, n_due = _select_pairs(before, candidates, order, *marks, now_s, since_s, pairs, fresh, rows, due)

@@ -17,7 +17,7 @@ from deconflict.foresight.forecast_errors.track_kernels import (
 from deconflict.foresight.forecast_errors.trailer_tracks import BodyPairs, TrailerTracks
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
-from deconflict.sweep.crowded_pairs import NO_CROWDS
+from deconflict.sweep.pair_choice import NO_CROWDS
 from deconflict.sweep.robot_slots import RankedSlots, lengthen
 from deconflict.sweep.shapes.shape_separations import bodies, shape_separations
 from deconflict.sweep.shapes.shape_table import SHAPES

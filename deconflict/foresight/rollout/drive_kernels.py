@@ -87,6 +87,7 @@ BODY = np.dtype(
 """A robot that is driven on."""
 
 _EDGES, _BODIES = (numba.from_dtype(kind)[::1] for kind in (EDGE, BODY))
+_PAIRS = numba.int64[:, ::1]
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 
 
@@ -274,14 +275,12 @@ def reaches(
     return box, reach
 
 
-@kernel(numba.types.Tuple((_EDGES, _INTS))(_MATRIX, _INTS, _MATRIX, _FLOATS))  # type: ignore[no-untyped-call]
-def edges_of(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> tuple[Edges, Ints]:
-    """The pairs that may get in each other's way: those whose boxes (n, 4) and heights `levels_m` (2, n), bottom and
-    top, overlap on one `floor` (n,). `order` (n,) is that of the lowest x. Returns the edges, robot by robot, and (n +
-    1,) where those of each robot begin."""
+@kernel(_PAIRS(_MATRIX, _INTS, _MATRIX, _FLOATS))
+def pairs_beside(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> Ints:
+    """(p, 2) the pairs that may get in each other's way, the lower row first: those whose boxes (n, 4) and heights
+    `levels_m` (2, n), bottom and top, overlap on one `floor` (n,). `order` (n,) is that of the lowest x."""
     n, found, bottom_m, top_m = len(order), 0, levels_m[0], levels_m[1]
     pairs = np.empty((64, 2), np.int64)
-    first = np.zeros(n + 1, np.int64)
     for place in range(n):
         robot = order[place]
         for later in range(place + 1, n):
@@ -295,12 +294,20 @@ def edges_of(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> tuple
             if found == len(pairs):
                 pairs = np.concatenate((pairs, np.empty_like(pairs)))
             pairs[found, 0], pairs[found, 1], found = min(robot, other), max(robot, other), found + 1
-            first[robot + 1], first[other + 1] = first[robot + 1] + 1, first[other + 1] + 1
-    for robot in range(n):
+    return pairs[:found].copy()
+
+
+@kernel(numba.types.Tuple((_EDGES, _INTS))(_PAIRS, numba.int64))  # type: ignore[no-untyped-call]
+def edges_of(pairs: Ints, robots: int) -> tuple[Edges, Ints]:
+    """The edges of `pairs` (p, 2) of `robots` robots, robot by robot; and (robots + 1,) where those of each robot
+    begin."""
+    first = np.zeros(robots + 1, np.int64)
+    for low, high in pairs:
+        first[low + 1], first[high + 1] = first[low + 1] + 1, first[high + 1] + 1
+    for robot in range(robots):
         first[robot + 1] += first[robot]
-    edges, free = np.zeros(2 * found, EDGE), first.copy()
-    for at in range(found):
-        low, high = pairs[at]
+    edges, free = np.zeros(2 * len(pairs), EDGE), first.copy()
+    for low, high in pairs:
         edges[free[low]].robot, edges[free[low]].other = low, high
         edges[free[high]].robot, edges[free[high]].other = high, low
         edges[free[low]].pair = edges[free[high]].pair = free[low]

@@ -4,13 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.rollout.drive_kernels import drive, edges_of, reaches
+from deconflict.foresight.rollout.drive_kernels import drive, edges_of, pairs_beside, reaches
 from deconflict.foresight.rollout.start_samples import SAMPLES, paces
 from ingest.batch import Bools, Floats, Ints
 
 NOBODY = -1
 ROLLED = 1
 """Features of a pair from a rollout: the log odds of getting in each other's way within the horizon."""
+MOST_BESIDE = 16
+"""If robots have more pairs than this each whose ways may meet, only the pairs under watch are driven on. Robots that
+drive through each other have so many, or such that drive very fast."""
 PRIOR = 0.3
 """Samples that count for, and against, before any is driven."""
 
@@ -32,6 +35,8 @@ class RolloutInput(NamedTuple):
     stands: Bools
     starts_s: Floats
     """(SAMPLES, n) when each robot starts at the earliest, in each sample."""
+    watched: Ints
+    """(p, 2) rows of the robots of each pair that is under watch because the two come near each other."""
 
 
 class RolloutResult(NamedTuple):
@@ -51,7 +56,8 @@ def run_rollout(robots: RolloutInput, horizon_s: float, clearance_m: float) -> R
     """Drive robots on together through the horizon."""
     box, reach_m = reaches(robots.since_s, robots.track, robots.half_m, horizon_s, clearance_m)
     floor = np.ascontiguousarray(robots.track[:, 0, 3])
-    edges, first = edges_of(box, np.argsort(box[:, 0], kind="stable"), robots.levels_m, floor)
+    pairs = pairs_beside(box, np.argsort(box[:, 0], kind="stable"), robots.levels_m, floor)
+    edges, first = edges_of(pairs if len(pairs) <= MOST_BESIDE * len(box) else robots.watched, len(box))
     tracks = (reach_m, robots.since_s, robots.track, robots.half_m)
     samples = (robots.stands, robots.starts_s, paces(robots.key))
     edge = drive(edges, first, *tracks, *samples, horizon_s, clearance_m)

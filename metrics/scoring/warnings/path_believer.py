@@ -10,8 +10,9 @@ from math import floor
 
 import numpy as np
 
+from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.geometry.encounter import CLASSES
-from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Ints, Pair
 from metrics.scoring.warnings.precision_by_encounters import Alert
 

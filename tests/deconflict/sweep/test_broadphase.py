@@ -8,9 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from deconflict.sweep.broadphase import ABSENT, FEW, MIXED, PAIR, ROOMY, SweptBoxes, sorted_pairs
+from deconflict.sweep.broadphase import (
+    ABSENT,
+    FEW,
+    MIXED,
+    MOST_CROWDED,
+    MOST_FOUND,
+    PAIR,
+    ROOMY,
+    SweptBoxes,
+    sorted_pairs,
+)
+from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.geometry.knots import ROBOT
-from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Floats, Forecasts, Ints
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
@@ -167,7 +178,8 @@ def by_force(boxes: SweptBoxes, changed: Ints) -> set[tuple[int, int, int]]:
 
 
 def found_by(boxes: SweptBoxes, changed: Ints) -> list[tuple[int, int, int]]:
-    pairs = boxes.overlapping_pairs(changed, np.arange(SLABS))
+    none = np.zeros(len(boxes.reaches), bool)
+    pairs = boxes.overlapping_pairs(changed, np.arange(SLABS), none, none.copy())
     columns = pairs["ring"], np.minimum(pairs["a"], pairs["b"]), np.maximum(pairs["a"], pairs["b"])
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
@@ -181,9 +193,24 @@ def check(boxes: SweptBoxes, changed: Ints) -> None:
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.2, 0.5, 1.0])
 @pytest.mark.parametrize("robots", [150, 1500])
 def test_finds_each_pair_that_brute_force_finds_once(robots: int, share: float) -> None:
-    boxes = random_boxes(robots, robots)
+    boxes = random_boxes(robots, robots, longest_m=1.0, spread_m=3.0 * np.sqrt(robots))
     changed = np.random.default_rng(0).permutation(robots)[: int(share * robots)]
     check(boxes, changed)
+
+
+@pytest.mark.parametrize("changed", [FEW, 600])
+def test_of_too_many_boxes_above_each_other_some_are_paired_and_the_others_marked(changed: int) -> None:
+    robots = MOST_FOUND + 400
+    boxes = random_boxes(5, robots, spread_m=0.0)
+    is_crowded, is_cut = np.arange(robots) >= robots - 50, np.zeros(robots, bool)
+    pairs = boxes.overlapping_pairs(np.arange(changed), np.arange(SLABS), is_crowded, is_cut)
+    assert is_cut[:changed].any()
+    assert not is_cut[changed:].any()
+    in_ring, count = np.unique(np.column_stack([pairs["ring"], pairs["a"]]), axis=0, return_counts=True)
+    assert count.max() <= MOST_FOUND + MOST_CROWDED
+    assert len(in_ring) > SLABS * FEW / 2
+    assert not (is_crowded[pairs["a"]] & is_crowded[pairs["b"]]).any()
+    assert (is_crowded[pairs["a"]] | is_crowded[pairs["b"]]).any()
 
 
 @settings(max_examples=60)
@@ -281,8 +308,6 @@ def test_pairs_are_put_in_order_without_those_above_one_another() -> None:
         if max(robots["bottom"][[a, b]]) <= min(robots["top"][[a, b]]):
             expected.append((ring, a, b))
     expected.sort(key=lambda pair: (rank[pair[1]], rank[pair[2]]))
-    assert (
-        sorted_pairs(pairs, ranks, robots, np.zeros(len(robots), np.int64), np.zeros(len(robots), bool)).tolist()
-        == expected
-    )
+    none = np.zeros(len(robots), bool)
+    assert sorted_pairs(pairs, ranks, robots, none, none).tolist() == expected
     assert 1000 < len(expected) < 2500

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from deconflict.sweep.crowded_pairs import MOST, CrowdedPairs
 from deconflict.sweep.incremental import Sweeper
+from deconflict.sweep.pair_choice import MOST_OF_CROWD, CrowdedPairs
 from ingest.batch import Forecasts
 
 CROWDS = np.array([0, 0, *[1] * 8, *[2] * 8])
@@ -52,7 +52,7 @@ def test_a_sweep_leaves_out_pairs_within_crowds_as_long_as_they_last() -> None:
     crowds |= dict.fromkeys(names, 1)
     sweeper.touch([*names, "nobody"])
     few = sweeper.find_conflicts(100.1).pairs
-    assert len(few) == MOST
+    assert len(few) == MOST_OF_CROWD
     assert all(pair[0] == "a" for pair in few)
     crowds.clear()
     sweeper.touch(names)

@@ -7,7 +7,8 @@ import pytest
 from numpy.random import Generator
 
 from deconflict.sweep import slot_table
-from deconflict.sweep.incremental import PairConflicts, Sweeper
+from deconflict.sweep.contact_intervals import PairConflicts
+from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts
 from tests.helpers.made_encounters import NOW_S, robot, wanderer
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deconflict.advice.expected_loss import expected_loss_s
-from deconflict.advice.requests.conflict_groups import ConflictGroup, ConflictGroups
+from deconflict.advice.requests.conflict_groups import MOST_ASKED, ConflictGroup, ConflictGroups
 from deconflict.advisory import ConflictAdvisory, Hold, Recommendation, moment
 from ingest.batch import Pair
 from tests.deconflict.engine.made_engine import NOW_S
@@ -73,7 +73,7 @@ def test_groups_that_are_kept_are_those_that_would_be_made(seed: int) -> None:
         assert all(groups.group_of(pair) == made_anew.group_of(pair) for pair in conflicts)
 
 
-LOSS_S = expected_loss_s(made(1))
+LOSS_S, CHAIN = expected_loss_s(made(1)), (("a", "b"), ("b", "c"))
 
 
 def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first() -> None:
@@ -84,6 +84,20 @@ def test_a_group_holds_the_conflicts_that_share_robots_and_begins_with_the_first
     }
     groups.update(NOW_S, conflicts)
     assert set(groups.all.values()) == {
-        ConflictGroup(moment(NOW_S + 3.0), (("a", "b"), ("b", "c")), (), (LOSS_S, LOSS_S)),
-        ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), (), (LOSS_S,)),
+        ConflictGroup(moment(NOW_S + 3.0), CHAIN, (), (LOSS_S, LOSS_S), CHAIN),
+        ConflictGroup(moment(NOW_S + 2.0), (("x", "y"),), (), (LOSS_S,), (("x", "y"),)),
     }
+
+
+def test_advice_is_asked_for_the_soonest_conflicts_of_a_large_group() -> None:
+    groups, n = ConflictGroups(), MOST_ASKED + 20
+    conflicts = {
+        pair: made(1, robots=pair, predicted_at=moment(NOW_S + 1.0 + (7 * row) % n / 10))
+        for row, pair in enumerate((f"r{row:03}", f"r{row + 1:03}") for row in range(n))
+    }
+    groups.update(NOW_S, conflicts)
+    (group,) = groups.all.values()
+    assert len(group.pairs) == n
+    assert len(group.asked) == MOST_ASKED
+    latest = max(conflicts[pair].predicted_at for pair in group.asked)
+    assert all(conflicts[pair].predicted_at > latest for pair in set(group.pairs) - set(group.asked))

@@ -47,12 +47,33 @@ def test_fewer_than_nine_robots_are_no_crowd() -> None:
     assert stage.says({}) == {}
 
 
-def test_silent_robots_are_in_no_crowd() -> None:
+def test_silent_robots_come_to_no_crowd() -> None:
     stage, robots = Stage(), heap(FEWEST)
+    assert stage.says({name: (20.0 * n, 0.0, HALL) for n, name in enumerate(robots)}) == {}
     for name, place in robots.items():
         assert stage.says({name: place}) == {}
         stage.now_s += HEARD_S
     assert stage.says(robots).keys() == uuids(robots)
+
+
+def test_a_crowd_that_falls_silent_stays_one() -> None:
+    stage, robots = Stage(), heap(12)
+    assert stage.says(robots).keys() == uuids(robots)
+    for _ in range(40):
+        assert stage.says({"N": (20.0, 0.0, HALL)}) == {}
+    assert stage.crowds.numbers.keys() == uuids(robots)
+    assert stage.says({"M-0": (20.0, 0.0, HALL)}) == {}
+    stage.now_s += HELD_S
+    assert stage.says({"M-0": (20.0, 0.0, HALL)}) == {robot("M-0"): False}
+
+
+def test_invented_vendors_of_one_source_are_one_crowd() -> None:
+    stage = Stage()
+    for n, (name, place) in enumerate(heap(12).items()):
+        stage.says({name: place}, f"Maker {n}")
+    assert stage.crowds.numbers.keys() == uuids(heap(12))
+    (crowd,) = stage.crowds.standing()
+    assert crowd.label.startswith("several vendors at ")
 
 
 def test_the_first_robots_of_a_crowd_are_found_with_the_others() -> None:
@@ -90,7 +111,7 @@ def test_a_crowd_is_listed_for_each_vendor_and_floor_at_its_largest_heap() -> No
     stage.says(heap(10) | heap(15, 30.0, name="N") | heap(9, 60.0, LOFT, name="O"))
     stage.says(heap(11, 0.0, name="K"), "Kestrel")
     crowds = list(stage.crowds.standing())
-    found = {(each.vendor, each.datum, len(each.robots), round(each.x_m), each.y_m < 0.2) for each in crowds}
+    found = {(each.label, each.datum, len(each.robots), round(each.x_m), each.y_m < 0.2) for each in crowds}
     assert found == {
         ("Mallory", HALL, 25, 30, True),
         ("Mallory", LOFT, 9, 60, True),

@@ -5,10 +5,10 @@ from math import hypot, inf, pi
 import numpy as np
 import pytest
 
-from deconflict.contention.crowds.overlapping_robots import COVERED, LARGEST_M, overlapping
+from deconflict.contention.crowds.overlapping_robots import COVERED, LATER_S, overlapping
 from ingest.batch import Bools, Floats, Ints
 
-ONE_VENDOR = np.zeros(400, np.int64)
+ONE_VENDOR, AT_ONCE_S = np.zeros(400, np.int64), np.zeros(400)
 
 
 def at(x_m: Floats, y_m: Floats) -> Floats:
@@ -19,7 +19,7 @@ def at(x_m: Floats, y_m: Floats) -> Floats:
 
 def found(places: Floats, length_m: float = 1.0, width_m: float = 0.5, vendor: Ints = ONE_VENDOR) -> Bools:
     sizes_m = np.tile([length_m, width_m], (len(places), 1))
-    return overlapping(np.arange(len(places)), places, sizes_m, vendor[: len(places)])
+    return overlapping(np.arange(len(places)), places, sizes_m, vendor[: len(places)], AT_ONCE_S[: len(places)])
 
 
 @pytest.mark.parametrize("there", [(0.0, 0.0), (-7.99, 2.01), (1e6, -1e6)])
@@ -55,8 +55,23 @@ def test_robots_of_other_vendors_floors_and_heights_are_not_compared() -> None:
 
 def test_a_large_robot_does_not_count_as_many() -> None:
     sizes_m = np.array([[0.4, 0.4], [8.0, 8.0]])
-    assert not overlapping(np.arange(2), at(np.zeros(2), np.zeros(2)), sizes_m, ONE_VENDOR[:2]).any()
-    assert not found(at(np.zeros(20), np.zeros(20)), 2 * LARGEST_M, 1.0).any()
+    assert not overlapping(np.arange(2), at(np.zeros(2), np.zeros(2)), sizes_m, ONE_VENDOR[:2], AT_ONCE_S[:2]).any()
+
+
+def test_large_robots_overlap_by_the_same_rule() -> None:
+    """Cells far around them are looked at, and those that happen to share a place in memory do not count."""
+    large = at(*np.random.default_rng(3).uniform(0, 47, (2, 300)))
+    assert found(large, 30.0, 30.0).all()
+    x, y = np.meshgrid(np.arange(10) * 30.0, np.arange(10) * 30.0)
+    assert not found(at(x.ravel(), y.ravel()), 30.0, 30.0).any()
+
+
+def test_those_that_come_later_make_nobody_overlap_who_was_there() -> None:
+    spot, sizes_m = at(np.zeros(20), np.zeros(20)), np.tile([1.0, 0.5], (20, 1))
+    came_s = np.where(np.arange(20) < 2, 0.0, LATER_S + 1)
+    overlaps = overlapping(np.arange(20), spot, sizes_m, ONE_VENDOR[:20], came_s)
+    assert not overlaps[:2].any()
+    assert overlaps[2:].all()
 
 
 def brute_force(places: Floats, sizes_m: Floats, vendor: Ints) -> list[bool]:
@@ -80,8 +95,8 @@ def test_the_cells_find_what_a_look_at_all_pairs_finds(seed: int) -> None:
     places[:, 4] = places[:, 3] + rng.choice([0.5, 5.0], n)
     sizes_m, vendor = rng.uniform(0.3, rng.choice([1.0, 5.0]), (n, 2)), rng.integers(0, 3, n)
     expected = np.array(brute_force(places, sizes_m, vendor)) & (places[:, 2] >= 0)
-    result = overlapping(np.arange(n), places, sizes_m, vendor)
+    result = overlapping(np.arange(n), places, sizes_m, vendor, AT_ONCE_S[:n])
     assert result.tolist() == expected.tolist()
     some = rng.permutation(n)[:50]
-    assert overlapping(some, places, sizes_m, vendor).tolist() == expected[some].tolist()
+    assert overlapping(some, places, sizes_m, vendor, AT_ONCE_S[:n]).tolist() == expected[some].tolist()
     assert 0 < result.sum() < n

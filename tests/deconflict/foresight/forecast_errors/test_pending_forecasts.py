@@ -154,7 +154,7 @@ def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
         add_report(pending, forecasts[-1], slot)
     slots, result, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
     rank = rng.permutation(robots)
-    found = pending.candidate_pairs(result, slots, rank, reach_m, NOW_S + 1.3, 10.0)
+    found = pending.candidate_pairs(result, np.zeros(robots, bool), slots, rank, reach_m, NOW_S + 1.3, 10.0)
     until_s = np.array([forecast.t_s[0] for forecast in forecasts])[:, None] + TRACK_S
     at_s = np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s)
     way = np.concatenate([poses_at(forecasts, s[:1], s - s[0]) for forecasts, s in zip(forecasts, at_s, strict=True)])[
@@ -167,7 +167,7 @@ def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
         if (result[a] or result[b])
         and (np.hypot(*(way[a] - way[b]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
     }
-    assert sorted((min(pair), max(pair)) for pair in found.tolist()) == sorted(near)
+    assert sorted((min(pair), max(pair)) for *pair, _ in found.tolist()) == sorted(near)
     assert np.all(rank[found[:, 0]] < rank[found[:, 1]])
     assert 20 < len(near) < robots * robots / 5
 
@@ -177,10 +177,10 @@ def test_robots_on_different_floors_do_not_come_near() -> None:
     for slot, floor in enumerate((0, 1, -1, -1)):
         there = straight(NOW_S, 0.0, 0.0, 0.0)
         add_report(pending, replace(there, floor=np.full(2, floor)), slot)
-    args = (np.ones(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
+    args = (np.ones(4, bool), np.zeros(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
     assert pending.candidate_pairs(*args).tolist() == []
     add_report(pending, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
-    assert sorted(pending.candidate_pairs(*args)[0].tolist()) == [0, 1]
+    assert sorted(pending.candidate_pairs(*args)[0, :2].tolist()) == [0, 1]
 
 
 def test_of_robots_that_rest_no_forecasts_are_kept_and_a_robot_that_is_back_begins_anew() -> None:

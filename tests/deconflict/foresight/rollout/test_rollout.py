@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.rollout.rollout import NOBODY, RolloutInput, RolloutResult, run_rollout
+from deconflict.foresight.rollout.rollout import MOST_BESIDE, NOBODY, RolloutInput, RolloutResult, run_rollout
 from deconflict.foresight.rollout.start_samples import SAMPLES, key_of, paces, quantiles
 
 HORIZON_S, CLEARANCE_M = 10.0, 0.3
@@ -12,7 +12,11 @@ Way = tuple[tuple[float, float], tuple[float, float]]
 
 
 def crowd(
-    *ways: Way, stands: tuple[int, ...] = (), late_s: float = 0.0, bottoms_m: tuple[float, ...] = ()
+    *ways: Way,
+    stands: tuple[int, ...] = (),
+    late_s: float = 0.0,
+    bottoms_m: tuple[float, ...] = (),
+    watched: tuple[tuple[int, int], ...] = (),
 ) -> RolloutInput:
     """Robots of 0.9 m by 0.7 m that go straight on; those that stand start `late_s` later."""
     n, ahead_s = len(ways), np.arange(13.0)
@@ -31,6 +35,7 @@ def crowd(
         levels_m=np.stack([bottom_m, bottom_m + 2.0]),
         stands=standing,
         starts_s=np.tile(np.where(standing, late_s, 0.0), (SAMPLES, 1)),
+        watched=np.array(watched, np.int64).reshape(-1, 2),
     )
 
 
@@ -43,6 +48,15 @@ def shares(result: RolloutResult) -> dict[tuple[int, int], float]:
 
 EAST: Way = ((-6.0, 0.0), (1.0, 0.0))
 NORTH: Way = ((0.0, -6.0), (0.0, 1.0))
+
+
+def test_of_robots_that_drive_through_each_other_only_watched_pairs_are_driven_on() -> None:
+    ways = [EAST, NORTH, *(((-6.0 + 0.1 * n, 0.0), (1.0, 0.0)) for n in range(2 * MOST_BESIDE))]
+    few = run_rollout(crowd(*ways[:4]), HORIZON_S, CLEARANCE_M)
+    assert len(few.a) == 6
+    many = run_rollout(crowd(*ways, watched=((0, 1),)), HORIZON_S, CLEARANCE_M)
+    assert set(shares(many)) == {(0, 1)}
+    assert shares(many)[0, 1] > 0.95
 
 
 def test_one_of_two_that_would_cross_gives_way() -> None:

@@ -1,0 +1,230 @@
+"""Which pairs of robots are examined, if there are more than a floor can hold.
+
+Around a body there is room for few others. So robots that are where they report to be have few pairs: about 2 each at
+one robot on 25 m2, and no more than the budget at three times that density. More pairs come of reports that can't be
+true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
+
+1. Pairs that are watched come first.
+2. Then pairs of two robots that came before the others.
+3. Each robot is compared with the most urgent of each source first, then with the second, and so on.
+4. A source that needs little gets all that it needs. What is left is shared equally by the others (max-min fairness).
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deconflict.sweep.broadphase import EVERY, MOST_FOUND, Pairs
+from deconflict.sweep.shapes.trains import pulled_by
+from deconflict.sweep.slot_table import SlotTable
+from ingest.batch import Bools, Floats, Ints, Pair
+
+MOST_OF_SOURCE = 24
+"""A robot is compared with so many others of one source."""
+ALWAYS, USUAL, SPARE = 4, 12, 500
+"""Pairs for each robot that changed: always, and usually; and a pass may have so many more."""
+HELD, HELD_SPARE = 6, 1000
+"""Pairs that are held for each robot of the floor, and in all besides."""
+NO_CROWDS: Mapping[str, int] = {}
+MOST_OF_CROWD = 3
+"""Pairs of one robot with those of one crowd."""
+_GAP_M, _GAPS, _MOMENTS, _SOURCES, _MOST_TURNS = 0.05, 1 << 18, 1 << 6, 1 << 12, 1 << 12
+
+
+class Claims(Protocol):
+    """Which claims robots and pairs have to be examined."""
+
+    def sources(self, robots: Sequence[str]) -> tuple[Ints, Bools]:
+        """(n,) a number of each robot's source, from 0 on; and whether the robot came lately, when others were there
+        already. "" is no robot, and has any."""
+
+    def watched(self) -> Iterable[Pair]:
+        """The pairs of robots that are watched."""
+
+
+class Sharers(NamedTuple):
+    """Of each robot by slot: who shares the budget."""
+
+    source: Ints
+    """(slots,) a number of its source, from 0 on."""
+    is_new: Bools
+    """(slots,) whether it came lately, when others were there already."""
+    is_crowded: Bools
+    """(slots,) whether it is in a crowd: what it needs itself does not count."""
+
+
+class PairNeeds(NamedTuple):
+    """p pairs of slots that may come near each other, each pair once. Arrays are (p,)."""
+
+    a: Ints
+    b: Ints
+    moment: Ints
+    """When they may first come near: a number of a second, from 0 on."""
+    gap_m: Floats
+    """How far they are apart then, about."""
+    is_watched: Bools
+
+
+def budget(changed: int, robots: int, held: int) -> int:
+    """How many pairs may be examined in a pass in which so many robots of `robots` changed, while so many pairs of
+    other robots are held."""
+    room = HELD * robots + HELD_SPARE - held
+    return max(ALWAYS * changed, min(MOST_OF_SOURCE * changed, USUAL * changed + SPARE, room))
+
+
+def chosen_pairs(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:
+    """(p,) which pairs to examine: not many more than `most`, by the rules of this module.
+
+    Pairs that are watched, and the first `ALWAYS` of each robot, are chosen whatever their number.
+    """
+    ranks, places = _ranks(needs, sharers)
+    always = needs.is_watched | (places < ALWAYS)
+    payer = _payers(needs, sharers.source)
+    is_new = sharers.is_new[needs.a] | sharers.is_new[needs.b]
+    order = np.lexsort((ranks, is_new, ~always, payer))
+    counts = np.bincount(payer)
+    place = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
+    is_within = np.zeros(len(order), np.bool_)
+    is_within[order] = place < _shares(counts, most)[payer[order]]
+    return always | (is_within & (ranks < MOST_OF_SOURCE))
+
+
+def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
+    """(p,) the place of each pair among those of a robot with one source, the most urgent first; and (p,) its place
+    among all of a robot, which takes one pair of each source after the other. Of the two robots' places the smaller
+    one, without those of crowded robots."""
+    gap = np.minimum(needs.gap_m / _GAP_M, _GAPS - 1).astype(np.int64)
+    urgency = np.minimum(needs.moment, _MOMENTS - 1) * _GAPS + gap
+    urgency[~needs.is_watched] += 2 * _MOMENTS * _GAPS
+    ranks, places = np.full((2, len(needs.a)), len(needs.a))
+    for own, other in ((needs.a, needs.b), (needs.b, needs.a)):
+        rows = np.flatnonzero(~sharers.is_crowded[own])
+        others = other[rows]
+        keys = urgency[rows] + sharers.is_new[others] * _MOMENTS * _GAPS
+        of_source = _places(own[rows] * _SOURCES + sharers.source[others] % _SOURCES, keys)
+        in_turn = _places(own[rows], np.minimum(of_source, _MOST_TURNS) * (4 * _MOMENTS * _GAPS) + keys)
+        ranks[rows], places[rows] = np.minimum(ranks[rows], of_source), np.minimum(places[rows], in_turn)
+    return ranks, places
+
+
+def _places(groups: Ints, keys: Ints) -> Ints:
+    """(n,) the place of each row among those of its group, in the order of `keys` (n,)."""
+    order = np.lexsort((keys, groups))
+    ordered = groups[order]
+    begins = np.flatnonzero(np.append(True, ordered[1:] != ordered[:-1])) if len(order) else order
+    places = np.empty(len(order), np.int64)
+    places[order] = np.arange(len(order)) - np.repeat(begins, np.diff(np.append(begins, len(order))))
+    return places
+
+
+def _payers(needs: PairNeeds, source: Ints) -> Ints:
+    """(p,) the source of each pair that pays for it: that of its two which has more pairs in all."""
+    a, b = source[needs.a], source[needs.b]
+    counts = np.bincount(np.concatenate([a, b]))
+    return np.where(counts[a] > counts[b], a, b)
+
+
+def _shares(counts: Ints, most: int) -> Ints:
+    """(sources,) how many pairs each source may have, of `most` in all, if it needs `counts` (sources,): all, or as
+    many as any other (Bertsekas and Gallager 1992, "max-min flow control")."""
+    order, left = np.argsort(counts, kind="stable"), most
+    shares = np.zeros(len(counts), np.int64)
+    for place, source in enumerate(order.tolist()):
+        shares[source] = min(counts[source], left // (len(order) - place))
+        left -= shares[source]
+    return shares
+
+
+class PairChoice:
+    """The choice among pairs of boxes."""
+
+    def __init__(self, claims: Claims | None) -> None:
+        """Without `claims` all pairs are examined."""
+        self._claims = claims
+        self.most_found = MOST_FOUND if claims else EVERY
+        """See `SweptBoxes.overlapping_pairs`."""
+        self.left_out = 0
+        """Pairs that were left out so far."""
+
+    def examined(
+        self, pairs: Pairs, most: int, table: SlotTable, boxes: NDArray[Any], marks: tuple[Bools, Bools]
+    ) -> Pairs:
+        """Those of `pairs`, which are sorted by their bodies and then by time, that are examined: `most` pairs of
+        bodies or few more.
+
+        `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body is of a robot in a crowd,
+        and whether a pair of it was left out, which is set.
+        """
+        if self._claims is None or len(pairs) <= most:
+            return pairs
+        begins = np.flatnonzero(
+            np.append(True, (pairs["a"][1:] != pairs["a"][:-1]) | (pairs["b"][1:] != pairs["b"][:-1]))
+        )
+        if len(begins) <= most:
+            return pairs
+        first, (is_crowded, is_cut) = pairs[begins], marks
+        needs = _needs(first, boxes, _are_watched(first, table, self._claims))
+        is_chosen = chosen_pairs(needs, _sharers(table, self._claims, is_crowded), most)
+        left_out = first[~is_chosen]
+        is_cut[left_out["a"]] = is_cut[left_out["b"]] = True
+        self.left_out += len(left_out)
+        return pairs[np.repeat(is_chosen, np.diff(np.append(begins, len(pairs))))]
+
+
+def _needs(pairs: Pairs, boxes: NDArray[Any], are_watched: Bools) -> PairNeeds:
+    """The needs of `pairs`, one row for each two bodies, at the first time at which their `boxes` overlap."""
+    a, b = pairs["a"].astype(np.int64), pairs["b"].astype(np.int64)
+    box, other = boxes[pairs["ring"], a], boxes[pairs["ring"], b]
+    sides = (("west", "east"), ("south", "north"))
+    between_m = [(box[low] + box[high] - other[low] - other[high]) / 2 for low, high in sides]
+    moment = box["slab"] - box["slab"].min(initial=1 << 62)
+    return PairNeeds(a, b, moment, np.hypot(*between_m), are_watched)
+
+
+def _are_watched(pairs: Pairs, table: SlotTable, claims: Claims) -> Bools:
+    """(p,) whether the robots of each two bodies are watched."""
+    find, slots = table.slots.get, len(table)
+    watched = [find(uuid, -1) * slots + find(other, -1) for uuid, other in claims.watched()]
+    pullers = pulled_by(table.robots[:slots])
+    a, b = pullers[pairs["a"]], pullers[pairs["b"]]
+    return np.isin(a * slots + b, watched) | np.isin(b * slots + a, watched)
+
+
+def _sharers(table: SlotTable, claims: Claims, is_crowded: Bools) -> Sharers:
+    slots = len(table)
+    pullers = pulled_by(table.robots[:slots])
+    source, is_new = claims.sources(table.keys[:slots].tolist())
+    return Sharers(source[pullers], is_new[pullers], is_crowded)
+
+
+class CrowdedPairs:
+    """Chooses among the pairs of a robot that is in a crowd, where too many report from one place, and one that is not:
+    a robot is warned of a crowd ahead and not of each robot in it.
+
+    Those of the last choice stay as long as they can, so that warnings last.
+    """
+
+    def __init__(self) -> None:
+        self._codes: Ints = np.zeros(0, np.int64)
+        """Of the pairs that were kept last."""
+
+    def kept_rows(self, a: Ints, b: Ints, contact_s: Floats, crowds: Ints) -> Ints:
+        """The rows to keep of pairs of slots `a` and `b` (p,), which come near at `contact_s` (p,): all without a robot
+        in `crowds` (slots,), and of the others those of the last choice and the soonest. `crowds` is 0 for a robot in
+        none."""
+        of_crowd = crowds[a] + crowds[b]
+        mixed = np.flatnonzero(of_crowd)
+        code = a[mixed] * len(crowds) + b[mixed]
+        robot = np.where(crowds[a[mixed]] > 0, b[mixed], a[mixed])
+        keys = (contact_s[mixed], ~np.isin(code, self._codes), of_crowd[mixed], robot)
+        order = np.lexsort(keys)
+        group = np.column_stack([robot, of_crowd[mixed]])[order]
+        begins = np.append(True, (group[1:] != group[:-1]).any(axis=1))
+        place = np.arange(len(order)) - np.maximum.accumulate(np.where(begins[: len(order)], np.arange(len(order)), 0))
+        chosen = order[place < MOST_OF_CROWD]
+        self._codes = code[chosen]
+        is_kept = of_crowd == 0
+        is_kept[mixed[chosen]] = True
+        return np.flatnonzero(is_kept)

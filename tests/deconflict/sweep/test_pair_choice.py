@@ -1,0 +1,103 @@
+"""Which pairs are examined if there are too many: what is never left out, and who pays."""
+
+import numpy as np
+import pytest
+
+from deconflict.sweep.pair_choice import (
+    ALWAYS,
+    HELD,
+    HELD_SPARE,
+    MOST_OF_SOURCE,
+    PairNeeds,
+    Sharers,
+    budget,
+    chosen_pairs,
+)
+from ingest.batch import Bools, Floats, Ints
+
+ATTACKERS, HONEST = 300, 40
+SLOTS = HONEST + ATTACKERS
+MOST = 1200
+
+
+def all_pairs() -> tuple[Ints, Ints]:
+    """All pairs of attackers, each of them with each honest robot, and each honest robot with the next three."""
+    a, b = np.triu_indices(SLOTS, 1)
+    is_honest = b < HONEST
+    kept = ~is_honest | (b - a <= 3)
+    return a[kept].astype(np.int64), b[kept].astype(np.int64)
+
+
+def needs(a: Ints, b: Ints, moment: Ints | None = None, is_watched: Bools | None = None) -> PairNeeds:
+    gap_m: Floats = np.abs(a - b) * 0.1
+    at_once, unwatched = np.zeros_like(a), np.zeros(len(a), bool)
+    return PairNeeds(
+        a, b, at_once if moment is None else moment, gap_m, unwatched if is_watched is None else is_watched
+    )
+
+
+def sharers(sources: int = 2, *, is_new: bool = False, is_crowded: bool = False) -> Sharers:
+    """Honest robots of source 0; attackers of source 0 too, or of the others."""
+    is_attacker = np.arange(SLOTS) >= HONEST
+    source = np.where(is_attacker, np.arange(SLOTS) % max(sources - 1, 1) + (sources > 1), 0)
+    return Sharers(source, is_attacker & is_new, is_attacker & is_crowded)
+
+
+def honest(a: Ints, b: Ints) -> Bools:
+    return (a < HONEST) & (b < HONEST)
+
+
+@pytest.mark.parametrize("sources", [2, 9, 64])
+def test_a_source_with_few_pairs_gets_them_all_however_many_others_ask_for(sources: int) -> None:
+    a, b = all_pairs()
+    moment = np.where(honest(a, b), 9, 0)  # theirs come latest of all
+    chosen = chosen_pairs(needs(a, b, moment), sharers(sources), MOST)
+    assert chosen[honest(a, b)].all()
+    assert chosen.sum() < MOST + ALWAYS * SLOTS
+
+
+def test_within_one_source_robots_that_were_there_come_before_newcomers() -> None:
+    a, b = all_pairs()
+    moment = np.where(honest(a, b), 9, 0)
+    chosen = chosen_pairs(needs(a, b, moment), sharers(1, is_new=True), MOST)
+    assert chosen[honest(a, b)].all()
+    assert chosen.sum() < MOST + ALWAYS * SLOTS
+
+
+def test_a_watched_pair_is_never_left_out_for_a_new_one() -> None:
+    a, b = all_pairs()
+    is_watched = np.random.default_rng(1).random(len(a)) < 0.01
+    chosen = chosen_pairs(needs(a, b, np.full(len(a), 9), is_watched), sharers(1), 10)
+    assert chosen[is_watched].all()
+
+
+def test_the_most_urgent_pairs_of_a_robot_are_chosen_first() -> None:
+    others = np.arange(HONEST, SLOTS)
+    a, moment = np.zeros(len(others), np.int64), others[::-1] % 10
+    chosen = chosen_pairs(needs(a, others, moment), sharers(1, is_crowded=True), MOST_OF_SOURCE)
+    assert chosen.sum() == MOST_OF_SOURCE
+    assert moment[chosen].max() <= moment[~chosen].min()
+
+
+def test_what_crowded_robots_need_does_not_count() -> None:
+    a, b = all_pairs()
+    with_crowd = ~honest(a, b) & (a < HONEST)
+    chosen = chosen_pairs(needs(a[with_crowd], b[with_crowd]), sharers(2, is_crowded=True), 1)
+    of_honest = np.bincount(a[with_crowd][chosen], minlength=HONEST)
+    assert of_honest.max() <= ALWAYS + 1
+
+
+def test_the_order_of_the_pairs_decides_nothing() -> None:
+    a, b = all_pairs()
+    order = np.random.default_rng(2).permutation(len(a))
+    chosen = chosen_pairs(needs(a, b), sharers(3), MOST)
+    again = chosen_pairs(needs(a[order], b[order]), sharers(3), MOST)
+    assert abs(int(chosen.sum()) - int(again.sum())) <= SLOTS  # equal gaps may be told apart by their order
+    assert (chosen & honest(a, b))[order].tolist() == (again & honest(a[order], b[order])).tolist()
+
+
+def test_a_pass_examines_no_more_than_its_robots_can_have() -> None:
+    assert budget(1, 1000, 0) == MOST_OF_SOURCE
+    assert budget(100, 1000, 0) == 12 * 100 + 500
+    assert budget(100, 1000, HELD * 1000 + HELD_SPARE) == ALWAYS * 100
+    assert budget(1000, 1000, 0) == HELD * 1000 + HELD_SPARE
