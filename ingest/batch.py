@@ -5,7 +5,7 @@ Nothing else goes from the vendors' sockets to the engine.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from math import nan
 from operator import attrgetter
@@ -242,6 +242,16 @@ class Batch:
     """UUIDs of robots that were forgotten."""
     claims: tuple[Claim, ...] = ()
     """The claims that stand at the tick."""
+    sources: tuple[str, ...] = ()
+    """(n,) who reports each robot, as `ingest.port.connection` says it. If not given, the vendors."""
+    examined: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
+    """(n,) whether the robot is compared with others. If not given, all are."""
+
+    def __post_init__(self) -> None:
+        if self.robots and not self.sources:
+            object.__setattr__(self, "sources", self.vendors)
+        if self.robots and not len(self.examined):
+            object.__setattr__(self, "examined", np.ones(len(self.robots), np.bool_))
 
     def __len__(self) -> int:
         return len(self.robots)
@@ -276,7 +286,8 @@ class Batch:
         amounts = arrays.pop("amounts")
         arrays |= {name: amounts[name] for name in amounts.dtype.names}
         for part, kind in _PARTS.items():
-            arrays |= {f"{part}.{field.name}": getattr(getattr(self, part), field.name) for field in fields(kind)}
+            arrays |= {f"{part}.{column.name}": getattr(getattr(self, part), column.name) for column in fields(kind)}
+        arrays["examined"] = arrays.pop("examined")  # last, so that those of eight bytes stay aligned
         head = {name: getattr(self, name) for name in _HEAD_KEYS}
         if (shapes := arrays.pop("forecasts.shapes")) is not None:
             head["shapes"] = shapes.tolist()
@@ -296,7 +307,7 @@ class Batch:
             offset += arrays[name].nbytes
         arrays["forecasts.shapes"] = shapes_of_json(document.pop("shapes", None))
         parts: dict[str, Any] = {
-            part: kind(**{field.name: arrays.pop(f"{part}.{field.name}") for field in fields(kind)})
+            part: kind(**{column.name: arrays.pop(f"{part}.{column.name}") for column in fields(kind)})
             for part, kind in _PARTS.items()
         }
         amounts = np.full(len(arrays["event_s"]), np.nan, AMOUNTS)
@@ -320,7 +331,17 @@ def _concatenated(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
     return tuple(texts)
 
 
-_ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states")
+_ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states", "sources")
 _HEAD_KEYS = ("now_s", "floors", *_ROBOT_TEXTS, "gone", "claims")
-_ARRAYS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "amounts")
+_ARRAYS = (
+    "statuses",
+    "first_arrival_s",
+    "arrival_s",
+    "event_s",
+    "basis",
+    "doubt_m",
+    "reports_within_s",
+    "examined",
+    "amounts",
+)
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

@@ -199,8 +199,9 @@ class ReceiverRole:
             self._sources.pop(settings)[1].cancel()
         for settings in site.mqtt_sources:
             if settings not in self._sources:
-                vendor_of = self.fleet.vendors.of_manufacturer
-                source = BrokerSource(settings, self.receiver, vendor_of, self.measures, Random())
+                vendors = self.fleet.vendors
+                names = vendors.of_manufacturer, vendors.configured
+                source = BrokerSource(settings, self.receiver, *names, self.measures, Random())
                 self._sources[settings] = source, asyncio.create_task(source.run())
 
     async def _hear(self, payload: bytes) -> bytes:

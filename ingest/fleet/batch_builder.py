@@ -39,6 +39,7 @@ def batch(
         destinations=_destinations(list(_values(robots, "stops"))),
         gone=gone,
         claims=claims,
+        sources=tuple(_values(robots, "source")),
     )
 
 

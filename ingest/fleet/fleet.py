@@ -9,7 +9,6 @@ service's clock, placed on a floor, forecast, and counted.
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from itertools import takewhile
 from math import isnan
 from typing import Any
@@ -98,8 +97,7 @@ class Fleet:
     def _receive_from_topic(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         front_end = FRONT_ENDS[connection.language]
         sender = front_end.sender(connection.topic)
-        if sender and sender.manufacturer and not connection.vendor:
-            connection = replace(connection, vendor=self.vendors.of_manufacturer(sender.manufacturer))
+        connection = self.owners.with_vendor(connection, sender)
         known = self.robots.get(sender.uuid) if sender else None
         before = known.memory if known and known.language == connection.language else None
         message, memory = front_end.read(raw, connection.topic, before, self.owners.names_as_uuid(connection))

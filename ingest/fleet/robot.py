@@ -74,6 +74,11 @@ class Robot:
     deviations: dict[str, int] = field(default_factory=dict)
     """By rule, how many of its messages deviated."""
 
+    @property
+    def source(self) -> str:
+        """Who reported its newest status, as `Connection.source` says it; "" before the first."""
+        return self.status_from.source if self.status_from else ""
+
     def __post_init__(self) -> None:
         self.assign_vendor(self.vendor)
 

@@ -45,11 +45,13 @@ class BrokerSource:
         settings: MqttSource,
         receiver: Receiver,
         vendor_of: Callable[[str], str],
+        is_configured: Callable[[str], bool],
         measures: Measures,
         random: Random,
     ) -> None:
-        """`vendor_of` gives the vendor of a manufacturer that a topic names."""
-        self.settings, self._receiver, self._vendor_of = settings, receiver, vendor_of
+        """`vendor_of` gives the vendor of a manufacturer that a topic names; the site file may have configured it."""
+        self.settings, self._receiver = settings, receiver
+        self._vendor_of, self._is_configured = vendor_of, is_configured
         self._measures, self._random = measures, random
         self._front_end = FRONT_ENDS[settings.language]
         self._connections: OrderedDict[str, Connection] = OrderedDict()
@@ -146,8 +148,10 @@ class BrokerSource:
 
     def _new_connection(self, topic: str) -> Connection:
         sender = self._front_end.sender(topic)
-        vendor = self._vendor_of(sender.manufacturer) if sender and sender.manufacturer else None
-        connection = self._receiver.new_connection(self.settings.name, "/", vendor)
+        manufacturer = sender.manufacturer if sender else ""
+        vendor = self._vendor_of(manufacturer) if manufacturer else None
+        is_named = vendor is not None and (self._is_configured(vendor) or manufacturer in self.settings.manufacturers)
+        connection = self._receiver.new_connection(self.settings.name, "/", vendor, proven=is_named)
         return replace(connection, language=self.settings.language, topic=topic)
 
 

@@ -81,9 +81,8 @@ class Dialer:
             if self._outages.worked() or not self._was_reached:
                 log.info("connected to %s at %s", self._vendor, self._url)
             self._was_reached = True
-            await self._receiver.listen(
-                cast(FrameCuttingConnection, socket), self._receiver.new_connection(self._url, "/", self._vendor)
-            )
+            connection = self._receiver.new_connection(self._url, "/", self._vendor, proven=True)
+            await self._receiver.listen(cast(FrameCuttingConnection, socket), connection)
 
     def _is_steady(self, began_s: float) -> bool:
         return self._clock() - began_s > STEADY_S

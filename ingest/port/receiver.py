@@ -110,7 +110,7 @@ class Receiver:
         bounded = partial(
             BoundedConnection,
             most=lambda: self._limit + HANDSHAKE_FILES,
-            refused=self._count_full,
+            refused=partial(self._count_refused, "full"),
             newcomers=Newcomers(),
             handshakes=self._handshakes,
         )
@@ -165,9 +165,9 @@ class Receiver:
                 reason = f"{session.connection.vendor} was taken out of the site file"
                 self._close_and_count(session, "vendor-removed", CloseCode.POLICY_VIOLATION, reason)
 
-    def new_connection(self, peer: str, path: str, vendor: str | None) -> Connection:
+    def new_connection(self, peer: str, path: str, vendor: str | None, *, proven: bool = False) -> Connection:
         """A connection with a new number, accepted or dialled."""
-        return Connection(next(self._ids), peer, path, vendor)
+        return Connection(next(self._ids), peer, path, vendor, proven=proven)
 
     def take(self, raw: bytes, connection: Connection) -> None:
         """Deliver a message of a topic. If too much waits already, it is dropped: a broker can't be made to wait."""
@@ -259,7 +259,7 @@ class Receiver:
                 await asyncio.sleep(self._failed_sign_ins.delay_s(peer, asyncio.get_running_loop().time()))
             return connection.respond(HTTPStatus(vendor.status), f"{vendor.reason}\n")
         if self._total >= self._limit and not self._has_replaced(holder_of(vendor, peer)):
-            self._count_full()
+            self._count_refused("full")
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections; try again later\n")
         return None
 
@@ -294,7 +294,8 @@ class Receiver:
         if isinstance(vendor, Refusal):  # its credentials were withdrawn after it was admitted
             return
         self._make_room(peer)
-        await self.listen(cast(FrameCuttingConnection, socket), self.new_connection(peer, socket.request.path, vendor))
+        connection = self.new_connection(peer, socket.request.path, vendor, proven=self._credentials.needed)
+        await self.listen(cast(FrameCuttingConnection, socket), connection)
 
     def _make_room(self, peer: str) -> None:
         """Close the peer's oldest connection if it has too many: some senders open one for each message."""
@@ -335,9 +336,6 @@ class Receiver:
 
     def _new_handshakes(self, certificates: Certificates) -> TlsHandshakes:
         return TlsHandshakes(certificates, self.settings.open_timeout_s, partial(self._count_refused, "tls-failed"))
-
-    def _count_full(self) -> None:
-        self._count_refused("full")
 
     def _count_refused(self, reason: str) -> None:
         self._measures.count("deconflict_connections_refused_total", reason)

@@ -5,7 +5,6 @@ the message. The topic says in which language it is. A log is a plain, gzip or z
 """
 
 import base64
-import gzip
 import io
 import json
 import logging
@@ -15,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite
+from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any
 
@@ -24,6 +24,7 @@ import zstandard
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS, language_of_topic
 from ingest.port.connection import Connection
+from ingest.recording.compression import unpacked
 
 LONGEST_LINE = 1 << 24
 """Bytes. Anything longer is no line of a log, and is not read into memory as one."""
@@ -41,8 +42,6 @@ _DECODER = json.JSONDecoder()
 UNREADABLE = (ValueError, KeyError, TypeError, RecursionError, OverflowError)
 """The errors that `parsed` raises."""
 _BROKEN = (OSError, EOFError, zstandard.ZstdError)
-_GZIP, _ZSTD, _SKIPPED = b"\x1f\x8b", zstandard.FRAME_HEADER, re.compile(rb"[\x50-\x5f]\x2a\x4d\x18")
-"""How compressed logs begin. A zstd file may begin with a skippable frame."""
 
 
 class Received(msgspec.Struct, frozen=True, gc=False):
@@ -241,16 +240,6 @@ def lines_of(file: Path) -> Iterator[bytes]:
             yield line
 
 
-def unpacked(stored: "io.BufferedReader[Any]") -> IO[bytes]:
-    """The content of a log that is stored plain or compressed. Its first bytes decide, not its name."""
-    first = stored.peek(4)
-    if first.startswith(_GZIP):
-        return io.BufferedReader(gzip.open(stored))
-    if first.startswith(_ZSTD) or _SKIPPED.match(first):
-        return io.BufferedReader(zstandard.open(stored, "rb"))
-    return stored
-
-
 class _MessageLine(msgspec.Struct, gc=False, forbid_unknown_fields=True):
     """A line with an unquoted message: an accepted one in the service's own log, or any in a foreign log."""
 
@@ -261,11 +250,13 @@ class _MessageLine(msgspec.Struct, gc=False, forbid_unknown_fields=True):
     vendor: str | None = None
     language: str = MASSROBOTICS
     topic: str = ""
+    proven: bool = False
     before: str = ""
     """In a black box, the hash of the line before."""
 
 
 _MESSAGE_LINE = msgspec.json.Decoder(_MessageLine)
+_sender = attrgetter("connection", "peer", "vendor", "language", "topic", "proven")
 
 
 def parsed(line: bytes) -> Event:
@@ -278,8 +269,7 @@ def parsed(line: bytes) -> Event:
         text = line.decode().rstrip("\r\n")
         document: dict[str, Any] = json.loads(text)
         return _captured(text, document) if "payload" in document else _rare_event(text, document)
-    sender = _connection(fields.connection, fields.peer, fields.vendor, fields.language, fields.topic)
-    return Received(bytes(fields.message), _time(fields.received), sender)
+    return Received(bytes(fields.message), _time(fields.received), _connection(*_sender(fields)))
 
 
 def _rare_event(line: str, document: dict[str, Any]) -> Event:
@@ -306,15 +296,15 @@ def _captured(line: str, document: dict[str, Any]) -> Received:
     arrival_s = float(time) if isinstance(time, int | float) else _time(time)
     if not isfinite(arrival_s):
         raise ValueError(f"{time!r} is no time")
-    return Received(raw, arrival_s, _connection(0, "capture", None, language, topic))
+    return Received(raw, arrival_s, _connection(0, "capture", None, language, topic, proven=False))
 
 
 @lru_cache(maxsize=100_000)
-def _connection(number: int, peer: str, vendor: str | None, language: str, topic: str) -> Connection:
+def _connection(number: int, peer: str, vendor: str | None, language: str, topic: str, proven: bool) -> Connection:
     """Raises `ValueError` for a language that is not read."""
     if language not in FRONT_ENDS:
         raise ValueError(f"{language[:40]!r} is no language that this release reads")
-    return Connection(number, peer, vendor=vendor, language=language, topic=topic)
+    return Connection(number, peer, vendor=vendor, language=language, topic=topic, proven=proven)
 
 
 def _connection_of(document: dict[str, Any]) -> Connection:
@@ -325,6 +315,7 @@ def _connection_of(document: dict[str, Any]) -> Connection:
         vendor if isinstance(vendor, str) else None,
         str(document.get("language", MASSROBOTICS)),
         str(document.get("topic", "")),
+        document.get("proven") is True,
     )
 
 

@@ -1,6 +1,6 @@
 """The append-only log: every message as received, and the ticks in order among them, as JSON lines.
 
-    {"received": "...Z", "connection": 3, "peer": "...", "vendor": "Alder", "message": {...}}
+    {"received": "...Z", "connection": 3, "peer": "...", "vendor": "Alder", "proven": true, "message": {...}}
     {"received": "...Z", "connection": 4, "peer": "...", "language": "vda5050", "topic": "...", "message": {...}}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-json", "raw": "..."}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-utf8", "base64": "..."}
@@ -16,9 +16,10 @@ is quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's 
 whole (`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and `sha256` of the whole. A
 message `overtaken` by a newer status of its robot was never read, so its content may be anything; a replay leaves
 it out as well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a
-WebSocket. A robot is `given` to a vendor by a person. A tick has an `effort` if the engine had no time for
-everything (`deconflict/engine/load_shedding.py`), and a number `pending` of answers if advice was still being
-computed (`deconflict/advice/deferred_answers.py`).
+WebSocket. `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A robot is `given` to a
+vendor by a person. A tick has an `effort` if the engine had no time for everything
+(`deconflict/engine/load_shedding.py`), and a number `pending` of answers if advice was still being computed
+(`deconflict/advice/deferred_answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -193,6 +194,8 @@ def _connection_keys(connection: Connection) -> bytes:
         keys["vendor"] = connection.vendor
     if connection.topic:
         keys |= {"language": connection.language, "topic": connection.topic}
+    if connection.proven:
+        keys["proven"] = True
     return json.dumps(keys, separators=(",", ":"))[1:-1].encode()
 
 

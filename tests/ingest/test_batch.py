@@ -1,3 +1,4 @@
+import json
 from dataclasses import fields, replace
 
 import numpy as np
@@ -76,6 +77,8 @@ def batch_of(*knots: int) -> Batch:
         ),
         gone=("g",),
         claims=(Claim("Alder", "Mallory", ("r1", "r2"), 3, 1792000000.0),),
+        sources=tuple(f"10.0.0.{i}" for i in range(n)),
+        examined=np.arange(n) % 2 == 0,
     )
 
 
@@ -86,9 +89,10 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
     assert_same(back.forecasts, batch.forecasts)
     for name in ("start", "t_s", "x_m", "y_m", "floor"):
         np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
-    for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims"):
+    for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims", "sources"):
         assert getattr(back, name) == getattr(batch, name)
-    for name in ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s"):
+    arrays = "statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "examined"
+    for name in arrays:
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
     for name in Amounts._fields:
         np.testing.assert_array_equal(back.amounts[name], batch.amounts[name])
@@ -112,6 +116,23 @@ def test_a_batch_of_a_release_without_an_amount_is_read() -> None:
     assert back.amounts["battery_pct"].tolist() == [20.0, 21.0]
     assert np.isnan(back.amounts["load_used_pct"]).all()
     assert_same(back.forecasts, batch.forecasts)
+
+
+def test_a_batch_of_a_release_without_sources_is_by_vendor_and_examined() -> None:
+    batch = batch_of(2, 3)
+    head, _, body = batch.to_bytes().partition(b"\n")
+    document = json.loads(head)
+    del document["sources"]
+    assert document["layout"].pop() == ["examined", "|b1", 2]
+    back = Batch.from_bytes(json.dumps(document).encode() + b"\n" + body[:-2])
+    assert back.sources == batch.vendors
+    assert back.examined.tolist() == [True, True]
+
+
+def test_the_numbers_of_a_read_batch_stay_aligned() -> None:
+    back = Batch.from_bytes(batch_of(2, 11, 1).to_bytes())
+    assert all(getattr(back.forecasts, name).flags.aligned for name in ("t_s", "x_m", "floor", "length_m"))
+    assert back.destinations.t_s.flags.aligned
 
 
 def test_a_batch_taken_apart_and_joined_is_the_same() -> None:

@@ -2,6 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable
+from dataclasses import replace
 
 from ingest.fleet.owners.language_choice import LanguageChoice
 from ingest.fleet.owners.owner_register import OwnerRegister
@@ -29,6 +30,13 @@ class RobotOwners:
         """How many robots each vendor has."""
         self._vendors_heard: defaultdict[int, set[str]] = defaultdict(set)
         """By number of a connection that speaks for no vendor: the vendors of the robots that report over it."""
+
+    def with_vendor(self, connection: Connection, sender: TopicSender | None) -> Connection:
+        """The connection, with the vendor of the manufacturer that its topic names if it has none."""
+        if connection.vendor or sender is None or not sender.manufacturer:
+            return connection
+        vendor = self.vendors.of_manufacturer(sender.manufacturer)
+        return replace(connection, vendor=vendor, proven=self.vendors.configured(vendor))
 
     def names_as_uuid(self, connection: Connection) -> str | None:
         """The vendor of the connection if its robots may send names as UUIDs; None otherwise."""

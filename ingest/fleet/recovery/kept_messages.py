@@ -258,7 +258,8 @@ def _identity_row(identity: SharedIdentity, heard_s: float) -> Row:
 
 
 def _status_row(robot: Robot, connection: Connection) -> Row:
-    sender = "", connection.vendor, connection.language, connection.topic
+    peer = connection.peer if connection.topic else connection.source
+    sender = peer, connection.vendor, connection.language, connection.topic
     return Row(STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender, robot.arrival_s)
 
 

@@ -26,10 +26,12 @@ FAILURES = "deconflict_broker_failures_total"
 
 
 @asynccontextmanager
-async def heard(of: Floor, port: int, **settings: Any) -> AsyncIterator[BrokerSource]:
+async def heard(
+    of: Floor, port: int, *, configured: tuple[str, ...] = (), **settings: Any
+) -> AsyncIterator[BrokerSource]:
     """A source at work, whose receiver is that of `of`."""
     source_settings = MqttSource(name="hall", host="127.0.0.1", port=port, retry_s=(0.05, 0.1), **settings)
-    source = BrokerSource(source_settings, of.receiver, str.upper, of.measures, Random(1))
+    source = BrokerSource(source_settings, of.receiver, str.upper, configured.__contains__, of.measures, Random(1))
     running = asyncio.create_task(source.run())
     try:
         yield source
@@ -63,6 +65,26 @@ async def test_messages_arrive_with_their_topic_and_the_vendor_of_its_manufactur
         assert connections[0] is connections[2]
         assert connections[0].id != connections[1].id
         assert of.raws()[0] == state(NOW_S)
+
+
+async def test_makers_that_the_site_file_does_not_name_are_one_source() -> None:
+    makers = ("KIT", "Alder", "One", "Two")
+    async with broker() as port, floor() as of, heard(of, port, configured=("KIT",)) as source:
+        await until(lambda: source.is_connected)
+        await publish(port, *((topic("state", maker=maker), state(NOW_S)) for maker in makers))
+        await until(lambda: len(of.delivered) == 4)
+    assert {connection.source for _, _, connection in of.delivered} == {
+        "broker hall uagv/v2 KIT",
+        "broker hall uagv/v2",
+    }
+
+
+async def test_a_broker_whose_makers_the_site_file_lists_names_them() -> None:
+    async with broker() as port, floor() as of, heard(of, port, manufacturers=["KIT", "Alder"]) as source:
+        await until(lambda: source.is_connected)
+        await publish(port, (topic("state", maker="Alder"), state(NOW_S)))
+        await until(lambda: of.delivered)
+    assert of.delivered[0][2].source == "broker hall uagv/v2 ALDER"
 
 
 async def test_only_the_manufacturers_and_prefixes_of_the_settings_are_heard() -> None:

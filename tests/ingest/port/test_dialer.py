@@ -83,6 +83,7 @@ async def test_a_fleet_manager_that_hangs_up_is_dialled_again(
         await dialled.until(3)
     assert {raw for raw, _ in dialled.delivered} == {b"hello"}
     assert {(connection.vendor, connection.peer) for _, connection in dialled.delivered} == {("Alder", url)}
+    assert {connection.source for _, connection in dialled.delivered} == {"vendor Alder"}
     assert len({connection.id for _, connection in dialled.delivered}) == 3
     assert [record.getMessage() for record in caplog.records].count(
         f"the connection to Alder at {url} is lost; dialling again"

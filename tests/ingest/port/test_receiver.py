@@ -128,6 +128,7 @@ async def test_the_path_tells_the_vendor(path: str, vendor: str | None) -> None:
         await until(lambda: served_floor.delivered)
         connection = served_floor.delivered[0][2]
         assert (connection.vendor, connection.path) == (vendor, path)
+        assert (connection.proven, connection.source) == (False, "127.0.0.1"), "a path proves nothing"
 
 
 async def test_health_is_answered_over_plain_http() -> None:
@@ -344,7 +345,8 @@ async def test_a_vendors_token_lets_it_in_and_nobody_else(monkeypatch: pytest.Mo
         async with connect(served_floor.url, additional_headers=right) as robot:
             await robot.send("hello")
             await until(lambda: served_floor.delivered)
-        assert served_floor.delivered[0][2].vendor == "Alder"
+        connection = served_floor.delivered[0][2]
+        assert (connection.vendor, connection.source) == ("Alder", "vendor Alder")
         for path, headers, status in (
             ("/", {}, 401),
             ("/Alder", {"Authorization": "Bearer alder-guessed-0123"}, 401),

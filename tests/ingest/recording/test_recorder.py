@@ -57,6 +57,25 @@ def test_a_message_of_a_broker_comes_back_with_language_and_topic(tmp_path: Path
     assert unreadable == 0
 
 
+@pytest.mark.parametrize("rejected", [None, "not-json"])
+@pytest.mark.parametrize(
+    "sender",
+    [
+        Connection(9, "10.0.0.7", vendor="Alder", proven=True),
+        Connection(9, "10.0.0.7", vendor="Alder"),
+        Connection(9, "broker", vendor="KIT", language="vda5050", topic="uagv/v2/KIT/1/state", proven=True),
+        Connection(9, "broker", vendor="KIT", language="vda5050", topic="uagv/v2/KIT/1/state"),
+    ],
+)
+def test_the_source_of_a_message_comes_back(tmp_path: Path, sender: Connection, rejected: str | None) -> None:
+    writer, _ = recorder(tmp_path)
+    writer.received(b"{}", NOW_S, sender, rejected)
+    writer.close()
+    ((event,), _) = read(tmp_path)
+    assert isinstance(event, Received)
+    assert (event.connection.proven, event.connection.source) == (sender.proven, sender.source)
+
+
 def test_times_come_back_to_the_bit(tmp_path: Path) -> None:
     random, writer = Random(1), recorder(tmp_path)[0]
     times = [quantise(random.uniform(0.0, 4e9)) for _ in range(2000)]
