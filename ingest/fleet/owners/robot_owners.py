@@ -10,6 +10,7 @@ from ingest.fleet.owners.owner_register import OwnerRegister
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
+from ingest.fleet.shared_identities import INTRODUCER
 from ingest.languages.front_end import TopicSender
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.model import Identity, Rejection, Status, Update
@@ -146,7 +147,9 @@ class RobotOwners:
         self.admission.forget(robot)
 
     def examines(self, robot: Robot, connection: Connection, arrival_s: float) -> bool:
-        """Whether a robot that was not examined is so from now on."""
+        """Whether a robot that was not examined is so from now on. What another ingest passes on decides nothing."""
+        if connection.peer == INTRODUCER:
+            return False
         self.admission.consider(robot, connection, arrival_s, is_named=self._is_named(robot.uuid))
         return robot.examined
 

@@ -10,6 +10,7 @@ from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.admission import MINUTE_S, MOST_NAMED, MOST_WAITING, OTHERS, SETTLED_S, STARTS_S, UNEXAMINED
 from ingest.fleet.recovery.log_recovery import recover
+from ingest.fleet.shared_identities import INTRODUCER
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import LogReader, Received
@@ -182,6 +183,14 @@ def test_a_robot_that_is_forgotten_waits_no_more() -> None:
     of.next_batch(later_s)
     assert not of.owners.admission.waiting
     assert of.owners.admission.examined == 0
+
+
+def test_an_identity_that_another_ingest_passes_on_gives_no_place() -> None:
+    of = known_floor()
+    report(of, named("N", 21), KNOWN_S)
+    of.receive(identity("N-20", KNOWN_S), KNOWN_S, Connection(9, INTRODUCER))
+    assert not of.robots[robot("N-20")].examined
+    assert of.owners.admission.waiting == {HERE.source: 1}
 
 
 def recorded(of: Fleet, directory: Path, names: Iterable[str], at_s: float) -> None:
