@@ -69,7 +69,11 @@ LANGUAGES: dict[str, Callable[[int, float, float], Messages]] = {"vda5050": _vda
 
 def sources(languages: list[str]) -> tuple[MqttSource, ...]:
     """The section of the site file by which a service hears them."""
-    return tuple(MqttSource(name=name, host="127.0.0.1", port=PORT, language=name) for name in languages)
+    makers = {"vda5050": (vda_saying.MAKER,)}
+    return tuple(
+        MqttSource(name=name, host="127.0.0.1", port=PORT, language=name, manufacturers=makers.get(name, ()))
+        for name in languages
+    )
 
 
 def send(robots: int, seconds: float, languages: list[str]) -> None:

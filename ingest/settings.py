@@ -299,7 +299,7 @@ class ReceiverSettings(Section):
     max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
     """Most connections from one address, for senders that never close theirs."""
     max_messages_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5000.0
-    """Most messages a second of one vendor. Connections of unknown vendors are limited by address."""
+    """Most messages a second of one vendor. Unknown vendors are limited by address, those that topics claim as one."""
     max_bytes_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 10e6
     """Most bytes of messages a second of one vendor."""
     max_processor_share: Annotated[float, Field(gt=0, le=1)] = 0.4

@@ -92,7 +92,7 @@ def dwells(logs: Iterable[Path], site: Site) -> Iterator[Dwell]:
     for event in LogReader().read(by_time(logs)):
         if not isinstance(event, Received) or event.refused:
             continue
-        fleet.receive(event.raw, event.arrival_s, event.connection)
+        fleet.receive_recorded(event)
         if event.arrival_s - cut_s >= LOOK_S:
             cut_s = event.arrival_s
             yield from _ended(standing, fleet.next_batch(cut_s))

@@ -146,7 +146,8 @@ class ReceiverRole:
 
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         rule = self.fleet.receive(raw, arrival_s, connection)
-        self.recorder.received(raw, arrival_s, connection, rule)
+        waits = rule is None and self.fleet.newest is not None and not self.fleet.newest.examined
+        self.recorder.received(raw, arrival_s, connection, rule, waits=waits)
         if rule is None:
             self._ticks.note_message()
         return rule

@@ -40,6 +40,7 @@ def batch(
         gone=gone,
         claims=claims,
         sources=tuple(_values(robots, "source")),
+        examined=_column(robots, "examined", np.bool_),
     )
 
 

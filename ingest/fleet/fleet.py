@@ -10,7 +10,6 @@ service's clock, placed on a floor, forecast, and counted.
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from itertools import takewhile
-from math import isnan
 from typing import Any
 
 from ingest.batch import Batch
@@ -36,10 +35,8 @@ from ingest.measures.clock_changes import ClockChanges
 from ingest.measures.measures import Measures
 from ingest.measures.message_rates import MessageRates
 from ingest.port.connection import Connection
+from ingest.recording.log_reader import Received
 from ingest.settings import UNKNOWN, Reading
-
-STALE_S = 2.0
-"""A status that takes this much longer than the sender's quickest one is stale."""
 
 
 class Fleet:
@@ -58,6 +55,8 @@ class Fleet:
         """By UUID, those heard from longest ago first."""
         self._changed: dict[str, Robot] = {}
         """By UUID, the robots with a forecast that was in no batch yet."""
+        self.newest: Robot | None = None
+        """The robot of the newest message that was accepted."""
         self._claims = OwnershipClaims()
         self.owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
         self._left: list[str] = []
@@ -94,6 +93,14 @@ class Fleet:
             readers.replace(robot, scanned, connection)
         return rule
 
+    def receive_recorded(self, message: Received) -> str | None:
+        """Process a message of a log. Whether its robot is examined was decided when it arrived."""
+        admission = self.owners.admission
+        admission.recorded = not message.waits
+        rule = self.receive(message.raw, message.arrival_s, message.connection)
+        admission.recorded = None
+        return rule
+
     def _receive_from_topic(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         front_end = FRONT_ENDS[connection.language]
         sender = front_end.sender(connection.topic)
@@ -128,18 +135,19 @@ class Fleet:
         if robot and (robot.language != connection.language or is_taken_over):
             self._drop(robot)
             robot = None
-        robot = robot or self._admit(message.uuid, connection, sender)
+        robot = robot or self._admit(message.uuid, arrival_s, connection, sender)
         self.owners.assign_by_connection(robot, message, connection)
+        self._consider(robot, connection, arrival_s)
         is_remembered, robot.memory = robot.memory is not memory, memory
         if isinstance(message, Identity):
             findings = self._update_identity(robot, message, raw, arrival_s, connection)
         elif isinstance(message, Status):
-            event_s, findings = self._event_time(robot, message.stamp_s, message.stamp_resolution_s, arrival_s)
+            event_s, findings = self._placement.event_time(
+                robot, message.stamp_s, message.stamp_resolution_s, arrival_s
+            )
             findings += self._update_status(robot, message, raw, arrival_s, event_s, connection)
         else:
             findings = self._reconsider(robot, self.owners.names_as_uuid(connection)) if is_remembered else ()
-        if isnan(robot.arrival_s):
-            robot.arrival_s = arrival_s
         self._accept(robot, connection, message.findings + findings)
         return None, robot
 
@@ -148,7 +156,8 @@ class Fleet:
     ) -> None:
         """Process a status that may repeat the robot's last one. If it does not, it is read in full."""
         robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
-        event_s, findings = self._event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
+        self._consider(robot, reader.connection, arrival_s)
+        event_s, findings = self._placement.event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
         found = reader.read(scanned, event_s)
         if found is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))
@@ -176,11 +185,19 @@ class Fleet:
                 return rejection
         return self.owners.rejection(message, robot, connection, sender, arrival_s, self.reading.silent_after_s)
 
-    def _admit(self, uuid: str, connection: Connection, sender: TopicSender | None) -> Robot:
+    def _admit(self, uuid: str, arrival_s: float, connection: Connection, sender: TopicSender | None) -> Robot:
         vendor, clock = self.owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
         robot = self.robots[uuid] = Robot(uuid, vendor, clock, connection.language, sender.serial if sender else "")
+        robot.arrival_s = arrival_s
         self.owners.add(robot)
         return robot
+
+    def _consider(self, robot: Robot, connection: Connection, arrival_s: float) -> None:
+        """Examine the robot from now on, if it may be. Then the next batch has it."""
+        if not robot.examined and self.owners.examines(robot, connection, arrival_s):
+            self.note_identity(robot.uuid)
+            if robot.forecast:
+                self._changed[robot.uuid] = robot
 
     def _update_identity(
         self, robot: Robot, identity: Identity, raw: bytes, arrival_s: float, connection: Connection
@@ -195,18 +212,6 @@ class Fleet:
         self._forecast_again(robot, self.owners.names_as_uuid(connection))
         changed = before is not None and before.distinguishing != identity.distinguishing
         return ("identity-changed",) if changed else ()
-
-    def _event_time(
-        self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
-    ) -> tuple[float, tuple[str, ...]]:
-        """When the pose of a status was true, by the sender's corrected clock, and the deviations."""
-        event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
-        findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
-        if robot.clock.delay_s > STALE_S + resolution_s:
-            findings += ("stamp-stale",)
-        if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s + resolution_s:
-            findings += ("clock-off",)
-        return event_s, findings
 
     def _update_status(
         self, robot: Robot, status: Status, raw: bytes, arrival_s: float, event_s: float, connection: Connection
@@ -240,6 +245,7 @@ class Fleet:
         robot.statuses += 1
 
     def _accept(self, robot: Robot, connection: Connection, findings: tuple[str, ...]) -> None:
+        self.newest = robot
         self.owners.note_sender(robot, connection)
         if findings:
             self._count_findings(robot.vendor, findings, robot)
@@ -293,21 +299,16 @@ class Fleet:
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:
         """Forecast the robot from its last status, with its present identity and settings."""
-        if robot.seen and (status := self._newest_status(robot, names_as_uuid)):
-            frame, sighting = self._placement.sighting(robot, status, robot.seen.t_s)
-            self._placement.forecast(robot, status, frame, sighting, None)
+        if self._placement.forecast_again(robot, names_as_uuid):
             self._changed[robot.uuid] = robot
 
     def _reconsider(self, robot: Robot, names_as_uuid: str | None) -> tuple[str, ...]:
         """Forecast the robot from where it was seen, with what an update changed. Returns the deviations."""
-        if robot.seen and robot.frame and (status := self._newest_status(robot, names_as_uuid)):
+        if robot.seen and robot.frame and (status := robot.newest_status(names_as_uuid)):
             robot.state, robot.known_state = status.state, status.known_state
             self._changed[robot.uuid] = robot
             return self._placement.forecast(robot, status, robot.frame, robot.seen, None)
         return ()
-
-    def _newest_status(self, robot: Robot, names_as_uuid: str | None) -> Status | None:
-        return FRONT_ENDS[robot.language].status(robot.status_raw, robot.memory, names_as_uuid)
 
     def next_batch(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last batch, or all with `everything`, and those forgotten."""

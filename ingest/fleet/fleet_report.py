@@ -8,6 +8,7 @@ from typing import Any
 from ingest.batch import Basis
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners.admission import REMEDY, UNEXAMINED
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.languages.front_ends import FRONT_ENDS
@@ -33,6 +34,7 @@ def measure(fleet: Fleet, now_s: float) -> None:
     level = fleet.measures.level
     level("deconflict_robots", robots)
     level("deconflict_robots_by_language", by_language)
+    level(UNEXAMINED, fleet.owners.admission.level())
     level("deconflict_forecast_age_seconds", {(vendor,): median(ages) for vendor, ages in ages_s.items()})
     level("deconflict_clock_offset_seconds", {(vendor,): vendor_offset(group) for vendor, group in clocks.items()})
     delays_s = {vendor: median(clock.delay_s for clock in group) for vendor, group in clocks.items()}
@@ -63,6 +65,9 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "vendor": robot.vendor,
         "language": robot.language,
         "participant": fleet.vendors.settings(robot.vendor).participant,
+        "source": robot.source,
+        "examined": robot.examined,
+        "unexamined_reason": None if robot.examined else _unexamined_reason(robot),
         "identified": robot.identity is not None,
         "presence": presence(robot, fleet.reading, now_s),
         "age_s": round(now_s - robot.arrival_s, 3),
@@ -73,6 +78,10 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "status": _message(robot, robot.status_raw),
         **_placement(robot),
     }
+
+
+def _unexamined_reason(robot: Robot) -> str:
+    return f"only some new robots of {robot.source} a minute are compared with others; for all at once, {REMEDY}"
 
 
 def _message(robot: Robot, raw: bytes) -> dict[str, Any] | None:

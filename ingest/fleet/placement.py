@@ -23,6 +23,8 @@ from ingest.settings import Reading
 
 MAX_CONTEXTS = 1024
 """Forecast contexts that are kept. Robots of one kind share one."""
+STALE_S = 2.0
+"""A status that takes this much longer than the sender's quickest one is stale."""
 
 
 class Placement:
@@ -44,6 +46,18 @@ class Placement:
         self._floors.reconfigure(frames)
         self._shared_context.cache_clear()
 
+    def event_time(
+        self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
+    ) -> tuple[float, tuple[str, ...]]:
+        """When the pose of a status was true, by the sender's corrected clock, and the deviations."""
+        event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
+        findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
+        if robot.clock.delay_s > STALE_S + resolution_s:
+            findings += ("stamp-stale",)
+        if abs(robot.clock.offset_s) > self._reading.clock_tolerance_s + resolution_s:
+            findings += ("clock-off",)
+        return event_s, findings
+
     def rejection(self, status: Status, vendor: str) -> Rejection | None:
         """Why the location of a status in degrees is no place on Earth. None if it is one."""
         frame = self._frames.frame(vendor, status.datum)
@@ -54,6 +68,15 @@ class Placement:
             return None
         reason = f"location {status.x}, {status.y} is nowhere on datum {status.datum}; check units and order"
         return Rejection("position-absurd", reason)
+
+    def forecast_again(self, robot: Robot, names_as_uuid: str | None) -> bool:
+        """Forecast the robot from its last status, with its present identity. Returns whether it has one."""
+        status = robot.newest_status(names_as_uuid) if robot.seen else None
+        if not (robot.seen and status):
+            return False
+        frame, sighting = self.sighting(robot, status, robot.seen.t_s)
+        self.forecast(robot, status, frame, sighting, None)
+        return True
 
     def is_in_degrees(self, message: object) -> bool:
         """Whether the message is a status on a datum in degrees, so that its location may be no place on Earth."""

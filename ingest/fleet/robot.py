@@ -8,8 +8,8 @@ from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import Frame
-from ingest.languages.front_ends import MASSROBOTICS
-from ingest.languages.model import Identity, LoadBox
+from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS
+from ingest.languages.model import Identity, LoadBox, Status
 from ingest.languages.visible_text import visible
 from ingest.port.connection import Connection
 
@@ -65,6 +65,8 @@ class Robot:
     """Those of its newest status."""
     owned: bool = False
     """Whether its vendor is settled: it identified itself, or reported over a connection of that vendor."""
+    examined: bool = False
+    """Whether it is compared with others; see `admission`."""
     context: ForecastContext | None = None
     """How its messages are read; None if settings or identity may have changed."""
     context_key: tuple[bool, str, LoadBox | None] = (False, "", None)
@@ -78,6 +80,10 @@ class Robot:
     def source(self) -> str:
         """Who reported its newest status, as `Connection.source` says it; "" before the first."""
         return self.status_from.source if self.status_from else ""
+
+    def newest_status(self, names_as_uuid: str | None) -> Status | None:
+        """Its last message with a pose; None if there is none."""
+        return FRONT_ENDS[self.language].status(self.status_raw, self.memory, names_as_uuid)
 
     def __post_init__(self) -> None:
         self.assign_vendor(self.vendor)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from ingest.languages.front_ends import MASSROBOTICS
-from ingest.port.connection_shares import site_of
+from ingest.port.connection_shares import holder_of, site_of
 
 KEPT = -1
 """The number of the connection of messages that were kept for a restart."""
@@ -33,6 +33,12 @@ class Connection:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "source", _source(self))
+
+    @property
+    def holder(self) -> str:
+        """To whom it counts where vendors have shares: to the vendor, but one that only a topic names to its source."""
+        is_claim = bool(self.topic) and not self.proven
+        return self.source if is_claim else holder_of(self.vendor, self.peer)
 
     @property
     def settles_owners(self) -> bool:

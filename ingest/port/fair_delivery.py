@@ -88,7 +88,8 @@ class FairDelivery:
 
     def _sender(self, connection: Connection) -> str:
         """By whom rates are limited."""
-        return holder_of(self._vendor(connection), connection.peer)
+        owner = None if connection.vendor or not connection.topic else self._owner_of(connection)
+        return holder_of(owner, connection.holder)
 
     def _vendor(self, connection: Connection) -> str | None:
         return connection.vendor or (self._owner_of(connection) if connection.topic else None)

@@ -52,6 +52,8 @@ class Received(msgspec.Struct, frozen=True, gc=False):
     connection: Connection
     refused: str | None = None
     """The rule that rejected it; None if it was accepted."""
+    waits: bool = False
+    """Whether its robot was not examined (`ingest/fleet/owners/admission.py`)."""
 
 
 class Overtaken(msgspec.Struct, frozen=True, gc=False):
@@ -251,6 +253,7 @@ class _MessageLine(msgspec.Struct, gc=False, forbid_unknown_fields=True):
     language: str = MASSROBOTICS
     topic: str = ""
     proven: bool = False
+    waits: bool = False
     before: str = ""
     """In a black box, the hash of the line before."""
 
@@ -269,7 +272,8 @@ def parsed(line: bytes) -> Event:
         text = line.decode().rstrip("\r\n")
         document: dict[str, Any] = json.loads(text)
         return _captured(text, document) if "payload" in document else _rare_event(text, document)
-    return Received(bytes(fields.message), _time(fields.received), _connection(*_sender(fields)))
+    sender = _connection(*_sender(fields))
+    return Received(bytes(fields.message), _time(fields.received), sender, waits=fields.waits)
 
 
 def _rare_event(line: str, document: dict[str, Any]) -> Event:
@@ -283,7 +287,9 @@ def _rare_event(line: str, document: dict[str, Any]) -> Event:
     if "given" in document or "closed" in document:
         return msgspec.convert(document, Given) if "given" in document else Closed(_connection_of(document))
     arrived = _raw(line, document), _time(document["received"]), _connection_of(document)
-    return Overtaken(*arrived) if "overtaken" in document else Received(*arrived, document.get("rejected"))
+    if "overtaken" in document:
+        return Overtaken(*arrived)
+    return Received(*arrived, document.get("rejected"), document.get("waits") is True)
 
 
 def _captured(line: str, document: dict[str, Any]) -> Received:

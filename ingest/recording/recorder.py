@@ -1,6 +1,7 @@
 """The append-only log: every message as received, and the ticks in order among them, as JSON lines.
 
     {"received": "...Z", "connection": 3, "peer": "...", "vendor": "Alder", "proven": true, "message": {...}}
+    {"received": "...Z", "connection": 3, "peer": "...", "waits": true, "message": {...}}
     {"received": "...Z", "connection": 4, "peer": "...", "language": "vda5050", "topic": "...", "message": {...}}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-json", "raw": "..."}
     {"received": "...Z", "connection": 3, "peer": "...", "rejected": "not-utf8", "base64": "..."}
@@ -16,10 +17,10 @@ is quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's 
 whole (`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and `sha256` of the whole. A
 message `overtaken` by a newer status of its robot was never read, so its content may be anything; a replay leaves
 it out as well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a
-WebSocket. `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A robot is `given` to a
-vendor by a person. A tick has an `effort` if the engine had no time for everything
-(`deconflict/engine/load_shedding.py`), and a number `pending` of answers if advice was still being computed
-(`deconflict/advice/deferred_answers.py`).
+WebSocket. `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A message `waits` if
+its robot is not examined yet (`ingest/fleet/owners/admission.py`). A robot is `given` to a vendor by a person. A
+tick has an `effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), and a number
+`pending` of answers if advice was still being computed (`deconflict/advice/deferred_answers.py`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -39,7 +40,6 @@ from typing import Any
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.port.connection_shares import holder_of
 from ingest.recording.log_reader import Received
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
@@ -50,6 +50,7 @@ FLUSH_BYTES = 1 << 18
 """Lines that wait for a tick are passed on when they exceed this, so that little is left to write at the tick."""
 MOST_WAITING_BYTES = 64 << 20
 """Lines that may wait for a slow disk. Further ones are dropped and counted."""
+_WAITS = b',"waits":true'
 CLOSE_S = 5.0
 """How long `close` waits for the disk."""
 
@@ -94,12 +95,15 @@ class Recorder:
         """Whether lines wait for the disk."""
         return self._writer.waiting
 
-    def received(self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None) -> None:
-        """Record a message, and the rule that rejected it if one did."""
+    def received(
+        self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None, *, waits: bool = False
+    ) -> None:
+        """Record a message, the rule that rejected it if one did, and whether its robot waits to be examined."""
         if rejected:
             self._add_rejected(raw, arrival_s, connection, rejected)
             return
-        self._add(_message_line(raw, *self._line_begin(arrival_s, connection)))
+        time, keys = self._line_begin(arrival_s, connection)
+        self._add(_message_line(raw, time, keys + _WAITS if waits else keys))
 
     def overtaken(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """Record a message that was not read, because a newer one came first."""
@@ -142,8 +146,7 @@ class Recorder:
         self._count()
 
     def _add_rejected(self, raw: bytes, arrival_s: float, connection: Connection, rule: str) -> None:
-        sender = holder_of(connection.vendor, connection.peer)
-        recorded = self._rejected_shares.admit(sender, len(raw), arrival_s, len(connection.topic))
+        recorded = self._rejected_shares.admit(connection.holder, len(raw), arrival_s, len(connection.topic))
         if recorded is not RecordedPart.WHOLE:
             self._measures.count("deconflict_rejected_cut_total", recorded.value)
         if recorded is RecordedPart.NOTHING:
@@ -179,7 +182,7 @@ class Recorder:
 def line_of(message: Received) -> bytes:
     """The line of an accepted message in the log."""
     time = timestamps.write(message.arrival_s).encode()
-    return _message_line(message.raw, time, _connection_keys(message.connection))
+    return _message_line(message.raw, time, _connection_keys(message.connection) + (_WAITS if message.waits else b""))
 
 
 def _message_line(raw: bytes, time: bytes, connection_keys: bytes) -> bytes:

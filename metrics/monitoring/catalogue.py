@@ -52,6 +52,10 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "vendor",
         "state",
     ),
+    "deconflict_robots_unexamined": gauge(
+        "Robots that are shown and not compared with others yet, by source: the ten with most, and the rest together.",
+        "source",
+    ),
     "deconflict_connections": gauge("Open connections of robots and fleet managers."),
     "deconflict_connections_refused_total": counter(
         "Connections that the service refused or closed, by reason.", "reason"

@@ -24,7 +24,7 @@ def feed(fleet: Fleet, event: Received) -> None:
     if event.refused:
         fleet.reject(event.refused, "refused when it was recorded", event.raw, event.arrival_s, event.connection)
     else:
-        fleet.receive(event.raw, event.arrival_s, event.connection)
+        fleet.receive_recorded(event)
 
 
 def findings(measures: Measures) -> list[Vendor]:

@@ -153,7 +153,7 @@ def recorded_tracks(
     now_s = 0.0
     for event in events:
         now_s = event.arrival_s
-        if event.refused is None and fleet.receive(event.raw, event.arrival_s, event.connection) is None:
+        if event.refused is None and fleet.receive_recorded(event) is None:
             for uuid, track in found.items():
                 robot = fleet.robots.get(uuid)
                 if robot:

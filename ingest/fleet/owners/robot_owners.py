@@ -4,11 +4,13 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import replace
 
+from ingest.fleet.owners.admission import Admission
 from ingest.fleet.owners.language_choice import LanguageChoice
 from ingest.fleet.owners.owner_register import OwnerRegister
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
+from ingest.fleet.shared_identities import INTRODUCER
 from ingest.languages.front_end import TopicSender
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.model import Identity, Rejection, Status, Update
@@ -26,6 +28,7 @@ class RobotOwners:
         self.vendors, self._max_robots_per_vendor, self._claims = vendors, max_robots_per_vendor, claims
         self._languages = LanguageChoice()
         self.register = OwnerRegister()
+        self.admission = Admission()
         self._robot_counts: Counter[str] = Counter()
         """How many robots each vendor has."""
         self._vendors_heard: defaultdict[int, set[str]] = defaultdict(set)
@@ -75,9 +78,10 @@ class RobotOwners:
         return self.vendors.of_robot(uuid) or self.register.owner(uuid)
 
     def owner_of_topic(self, connection: Connection) -> str | None:
-        """The owner of the robot that the topic of a connection names."""
+        """The owner of the robot that the topic of a connection names, if the site file has that vendor."""
         sender = FRONT_ENDS[connection.language].sender(connection.topic)
-        return self.owner(sender.uuid) if sender else None
+        owner = self.owner(sender.uuid) if sender else None
+        return owner if owner and self.vendors.configured(owner) else None
 
     def problem_of_giving(self, uuid: str, vendor: str) -> str:
         """Why the robot can't be given to the vendor by a person; "" if it can."""
@@ -110,6 +114,8 @@ class RobotOwners:
                 f"give it to another: POST /robots/{message.uuid}/owner"
             )
             return Rejection("uuid-of-another-vendor", reason)
+        if robot is None and (rejection := self.admission.rejection(connection, is_named=self._is_named(message.uuid))):
+            return rejection
         if robot is None and self._is_full(self.vendor_of(message.uuid, None, connection)):
             reason = "the vendor has as many robots as reading.max_robots_per_vendor allows; keep each robot's UUID"
             return Rejection("robots-too-many", reason)
@@ -138,6 +144,18 @@ class RobotOwners:
         self._enter(robot)
         self._robot_counts[robot.vendor] -= 1
         self._languages.remove(robot)
+        self.admission.forget(robot)
+
+    def examines(self, robot: Robot, connection: Connection, arrival_s: float) -> bool:
+        """Whether a robot that was not examined is so from now on. What another ingest passes on decides nothing."""
+        if connection.peer == INTRODUCER:
+            return False
+        self.admission.consider(robot, connection, arrival_s, is_named=self._is_named(robot.uuid))
+        return robot.examined
+
+    def _is_named(self, uuid: str) -> bool:
+        """Whether the site file names the robot."""
+        return self.vendors.of_robot(uuid) is not None
 
     def assign_by_connection(self, robot: Robot, message: Identity | Status | Update, connection: Connection) -> None:
         """Give a robot without owner to the vendor of the connection. An identity report makes it owned too.

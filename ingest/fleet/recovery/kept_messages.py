@@ -1,9 +1,10 @@
 """What a restart needs of robots, but may not find in the newest segments of the message log: `robots.db` beside it.
 
-The file has the identity report of each robot that is known. It is written soon after one says something new, and a
-robot that is forgotten is removed, also at a start: the file has when each robot was last heard. It also has the last
-status of robots that report rarely: once half of a segment of the log is written, of the robots that have not reported
-in it. So one of the two newest segments or the file has the last status of each robot that is not silent.
+The file has the identity report of each robot that is known and examined (`ingest/fleet/owners/admission.py`): one
+that comes back from it is examined at once. It is written soon after one says something new, and a robot that is
+forgotten is removed, also at a start: the file has when each robot was last heard. It also has the last status of
+robots that report rarely: once half of a segment of the log is written, of the robots that have not reported in it.
+So one of the two newest segments or the file has the last status of each robot that is not silent.
 """
 
 import asyncio
@@ -162,7 +163,7 @@ class KeptMessages:
     def _row(self, uuid: str) -> Row | None:
         """The identity of a robot. None if it has none, or is not known."""
         robot = self._fleet.robots.get(uuid)
-        if robot is None or robot.shared_identity is None:
+        if robot is None or robot.shared_identity is None or not robot.examined:
             return None
         before_s = self._heard_s.get(uuid, robot.shared_identity.arrival_s)
         heard_s = max(before_s, robot.arrival_s) if robot.arrival_s > self._since_s else before_s
@@ -182,7 +183,7 @@ class KeptMessages:
         for robot in self._fleet.robots.values():
             if robot.arrival_s >= before_s:
                 return
-            if robot.arrival_s >= since_s and robot.status_from:
+            if robot.arrival_s >= since_s and robot.status_from and robot.examined:
                 yield _status_row(robot, robot.status_from)
 
     def _write(self, changes: _Changes) -> bool | None:

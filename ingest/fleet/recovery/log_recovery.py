@@ -51,10 +51,11 @@ def recover(
             continue
         front_end = FRONT_ENDS[event.connection.language]
         if event.arrival_s >= since_s or not front_end.has_pose(event.raw, event.connection.topic):
-            fleet.receive(event.raw, event.arrival_s, event.connection)
+            fleet.receive_recorded(event)
             messages += 1
             note_message(messages)
     fleet.measures = measures
+    fleet.owners.admission.resume()
     for robot in fleet.robots.values():
         robot.statuses = 0
         robot.arrival_s = max(robot.arrival_s, since_s)

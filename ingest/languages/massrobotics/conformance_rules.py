@@ -46,7 +46,7 @@ _REJECTING = (
     ),
     Rule(
         "robots-too-many",
-        "A new UUID beyond the robots that the site allows a vendor.",
+        "A new UUID beyond the robots that the site allows a vendor or a source.",
         "2.13",
         rejects=True,
         alone=False,

@@ -34,7 +34,9 @@ _REJECTING = (
     _rejecting(
         "robot-in-two-languages", "The robot is heard in another standard already; send one.", "topics", alone=False
     ),
-    _rejecting("robots-too-many", "A new robot beyond those that the site allows a vendor.", "topics", alone=False),
+    _rejecting(
+        "robots-too-many", "A new robot beyond those that the site allows a vendor or a source.", "topics", alone=False
+    ),
 )
 _HEADER = (
     Rule("key-absent", "A required key is missing or null; the message is read without it.", "schema"),

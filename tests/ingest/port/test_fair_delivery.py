@@ -46,3 +46,28 @@ async def test_rejected_messages_use_up_their_senders_share_sooner() -> None:
     await send_at_once(accept)
     await send_at_once(reject)
     assert 0 < 2 * len(rejected) < len(accepted) < MESSAGES
+
+
+def from_maker(number: int, maker: str, *, proven: bool = False) -> ArrivedMessage:
+    topic = f"uagv/v2/{maker}/{number}/state"
+    sender = Connection(number, "hall", vendor=maker, language="vda5050", topic=topic, proven=proven)
+    return ArrivedMessage(b"{}", 0.0, sender)
+
+
+async def test_makers_that_only_topics_name_have_one_share_and_take_none_of_others() -> None:
+    delivered: list[str | None] = []
+    settings = ReceiverSettings(max_messages_per_s=1)
+
+    def take(_: bytes, __: float, connection: Connection) -> None:
+        delivered.append(connection.vendor)
+
+    delivery = FairDelivery(settings, take, lambda *_: None, Measures(), lambda _: None)
+    now_s = asyncio.get_running_loop().time
+    for number in range(3000):
+        delivery.add(from_maker(number, f"Maker {number}"), now_s())
+        delivery.slices.finish()
+    assert len(delivered) < 64
+    delivery.add(from_maker(1, "KIT", proven=True), now_s())
+    delivery.slices.finish()
+    assert delivered[-1] == "KIT"
+    await delivery.close()

@@ -1,0 +1,13 @@
+from deconflict.roles.health.admission_health import admission_document
+from ingest.fleet.owners.admission import UNEXAMINED
+from ingest.measures.measures import Measures
+
+
+def test_health_says_how_many_robots_wait_of_which_source_and_what_to_do() -> None:
+    measures = Measures()
+    assert admission_document([measures.as_document()]) == {"status": "ok", "waiting": 0}
+    measures.level(UNEXAMINED, {("10.0.0.7",): 30, ("broker hall uagv/v2",): 12})
+    document = admission_document([measures.as_document()])
+    assert (document["status"], document["waiting"]) == ("degraded", 42)
+    for words in ("42 new robots", "30 of 10.0.0.7", "12 of broker hall uagv/v2", "site file"):
+        assert words in document["reason"]
