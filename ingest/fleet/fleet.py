@@ -39,9 +39,6 @@ from ingest.measures.message_rates import MessageRates
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN, Reading
 
-STALE_S = 2.0
-"""A status that takes this much longer than the sender's quickest one is stale."""
-
 
 class Fleet:
     """All robots. Counts messages and deviations in `measures`; rejected messages go to `quarantine`."""
@@ -194,9 +191,13 @@ class Fleet:
         robot.shared_identity = shared_identity
         if not (before and known and identity.says_the_same(before) and shared_identity.is_sent_as(known)):
             self.note_identity(robot.uuid)
+        explained = self._placement.judge_size(robot)
         self._forecast_again(robot, self.owners.names_as_uuid(connection))
+        for other in filter(None, map(self.robots.get, explained)):
+            self._placement.judge_size(other)
+            self._forecast_again(other, self.owners.named_vendor(other))
         changed = before is not None and before.distinguishing != identity.distinguishing
-        return ("identity-changed",) if changed else ()
+        return (*(("identity-changed",) if changed else ()), *(robot.size.rules if robot.size else ()))
 
     def _event_time(
         self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
@@ -204,11 +205,7 @@ class Fleet:
         """When the pose of a status was true, by the sender's corrected clock, and the deviations."""
         event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
-        if robot.clock.delay_s > STALE_S + resolution_s:
-            findings += ("stamp-stale",)
-        if abs(robot.clock.offset_s) > self.reading.clock_tolerance_s + resolution_s:
-            findings += ("clock-off",)
-        return event_s, findings
+        return event_s, findings + plausibility.clock(robot.clock, self.reading.clock_tolerance_s, resolution_s)
 
     def _update_status(
         self, robot: Robot, status: Status, raw: bytes, arrival_s: float, event_s: float, connection: Connection
@@ -290,8 +287,10 @@ class Fleet:
         self._placement.reconfigure(vendors, frames, reading)
         self.owners.reconfigure(vendors, reading.max_robots_per_vendor, self.robots.values())
         for robot in self.robots.values():
+            self._placement.judge_size(robot)
+        for robot in self.robots.values():
             robot.context = None
-            self._forecast_again(robot, robot.vendor if vendors.settings(robot.vendor).names_as_uuid else None)
+            self._forecast_again(robot, self.owners.named_vendor(robot))
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:
         """Forecast the robot from its last status, with its present identity and settings."""
@@ -345,6 +344,7 @@ class Fleet:
         if self._repeat_readers:
             self._repeat_readers.remove(robot)
         self.owners.remove(robot)
+        self._placement.forget(robot)
         self.note_identity(robot.uuid)
         self._changed.pop(robot.uuid, None)
         return self.robots.pop(robot.uuid).uuid

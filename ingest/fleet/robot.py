@@ -9,9 +9,11 @@ from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastC
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import MASSROBOTICS
-from ingest.languages.model import Identity, LoadBox
+from ingest.languages.model import Identity
 from ingest.languages.visible_text import visible
 from ingest.port.connection import Connection
+from ingest.sizes.stated_bodies import BodyReading
+from ingest.sizes.stated_loads import NO_LOADS, LoadsReading, StatedLoad
 
 
 @dataclass(slots=True, eq=False)
@@ -67,8 +69,12 @@ class Robot:
     """Whether its vendor is settled: it identified itself, or reported over a connection of that vendor."""
     context: ForecastContext | None = None
     """How its messages are read; None if settings or identity may have changed."""
-    context_key: tuple[bool, str, LoadBox | None] = (False, "", None)
-    """What the context depends on: whether the robot is loaded, its datum, and its load."""
+    context_key: tuple[bool, str, tuple[StatedLoad, ...]] = (False, "", ())
+    """What the context depends on: whether the robot is loaded, its datum, and its loads."""
+    size: BodyReading | None = None
+    """How the size in its identity is read."""
+    loads: LoadsReading = NO_LOADS
+    """How its loads in the context are read."""
     uuid_as_sent: bytes = b""
     """The key of its repeat reader in the fast path; empty if it has none."""
     deviations: dict[str, int] = field(default_factory=dict)
