@@ -1,6 +1,6 @@
 """The size and the place of loads as robots state them, by the one rule of size."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import cos, sin
 from typing import NamedTuple
 
@@ -20,6 +20,8 @@ SHORTEST_M = 1e-3
 """A load with a shorter side is none."""
 EQUAL = 1.05
 """Two statements of a load's side differ by less than this factor."""
+MOST_NOTES = 3
+"""Loads of a robot of which people are shown how they are read."""
 _METRES = ("", 1.0)
 
 
@@ -63,11 +65,13 @@ Unit = tuple[str, float]
 
 
 class _LoadReading(NamedTuple):
-    """One load in metres."""
+    """One load, as stated and in metres."""
 
+    stated: StatedLoad
     load: StatedLoad
     rules: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    unit: str = ""
+    """In which it was stated; "" for metres, or if nobody knows."""
 
 
 NO_LOADS = LoadsReading()
@@ -84,12 +88,22 @@ def read_loads(loads: Sequence[StatedLoad], body: Rectangle | None, robot: Recta
     back_m, front_m = _beside((min(xs), max(xs)), (robot.back_m, robot.front_m), largest_m)
     right_m, left_m = _beside((min(ys), max(ys)), (robot.right_m, robot.left_m), largest_m)
     box = LoadBox(back_m, front_m, right_m, left_m, min(top_m, largest_m))
-    rules = [rule for reading in readings for rule in reading.rules]
-    notes = [note for reading in readings for note in reading.notes]
+    odd = [reading for reading in readings if reading.rules]
+    rules = [rule for reading in odd for rule in reading.rules]
+    notes = [note for reading in odd[:MOST_NOTES] for note in _notes(reading, largest_m)]
     if LOAD_OVER_LIMIT not in rules and box != (min(xs), max(xs), min(ys), max(ys), top_m):
         rules.append(LOAD_OVER_LIMIT)
         notes.append(f"robot and load are beyond reading.largest_body_m = {largest_m:g} m; they count as that")
     return LoadsReading(box, tuple(dict.fromkeys(rules)), tuple(dict.fromkeys(notes)))
+
+
+def _notes(reading: _LoadReading, largest_m: float) -> Iterator[str]:
+    stated = reading.stated
+    what = f"a load of {size_text(*stated[4:])} at {size_text(*stated[:3]).replace(' x', ',')}"
+    if reading.unit:
+        yield converted_text(what, reading.unit, "the size of robot and load", largest_m)
+    if LOAD_OVER_LIMIT in reading.rules:
+        yield over_limit_text(what, largest_m)
 
 
 def _corners(load: StatedLoad) -> list[tuple[float, float]]:
@@ -112,7 +126,7 @@ def _read_load(stated: StatedLoad, body: Rectangle | None, largest_m: float) -> 
     """One load. What another unit than metres explains is converted, and what nothing explains stands at the limit."""
     is_far = max(abs(stated.x), abs(stated.y)) > largest_m
     if max(stated.length, stated.width, stated.height, stated.z) <= largest_m and not is_far:
-        return _LoadReading(stated)
+        return _LoadReading(stated, stated)
     sides, of_sides = _sides((stated.length, stated.width), body, largest_m)
     place, of_place = _place(stated, sides, of_sides or _METRES, body if of_sides else None, largest_m)
     longest_m = ALIKE * max(*sides, body.longer_m) if body and of_sides else 0.0
@@ -121,15 +135,10 @@ def _read_load(stated: StatedLoad, body: Rectangle | None, largest_m: float) -> 
     z, of_z = _height(place[2], (of_sides if is_raised_alike else of_place) or _METRES, longest_m, largest_m)
     load = StatedLoad(*place[:2], z, stated.theta_rad, *sides, height)
     units = of_sides, of_place, of_height, of_z
-    what = f"a load of {size_text(*stated[4:])} at {size_text(*stated[:3]).replace(' x', ',')}"
-    rules, notes = [], []
-    if named := next((unit[0] for unit in units if unit and unit[0]), ""):
-        rules.append(LOAD_IN_OTHER_UNIT)
-        notes.append(converted_text(what, named, "the size of robot and load", largest_m))
-    if None in units:
-        rules.append(LOAD_OVER_LIMIT)
-        notes.append(over_limit_text(what, largest_m))
-    return _LoadReading(load, tuple(rules), tuple(notes))
+    unit = next((each[0] for each in units if each and each[0]), "")
+    is_over = None in units
+    rules = *((LOAD_IN_OTHER_UNIT,) if unit else ()), *((LOAD_OVER_LIMIT,) if is_over else ())
+    return _LoadReading(stated, load, rules, unit)
 
 
 def _sides(

@@ -8,12 +8,14 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from ingest.fast_path.loader import load as load_fast_path
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.settings import Datum, Model, Reading, Vendor
+from ingest.sizes.stated_loads import MOST_NOTES
 from tests.helpers import iso_saying, vda_saying
 from tests.helpers.saying import HALL, identity, robot, status
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, fleet
@@ -306,3 +308,25 @@ def test_a_robot_that_left_is_not_brought_back_by_another_of_its_model() -> None
     of_massrobotics(of, (1.2, 0.8, 0.0), "A-1")
     assert len(of.next_batch(NOW_S + 200)) <= 1
     assert robot("A-2") not in of.robots
+
+
+def test_the_fast_path_reads_robots_at_the_limit_alike() -> None:
+    plain, fast = fleet(datums=DATUMS), fleet(datums=DATUMS)
+    fast.use(load_fast_path())
+    batches = []
+    for of in (plain, fast):
+        of_massrobotics(of, (1200.0, 800.0, 300.0), "A-1")
+        for step in range(1, 6):
+            assert of.receive(status("A-1", NOW_S + step, step / 2), NOW_S + step, LINE) is None
+        of_massrobotics(of, (1.2, 0.8, 0.3), "A-2")
+        for step in range(6, 12):
+            assert of.receive(status("A-1", NOW_S + step, step / 2), NOW_S + step, LINE) is None
+        batches.append(of.next_batch(NOW_S + 12).to_bytes())
+        assert of.robots[robot("A-1")].deviations["size-over-limit"] == 1, "counted by identity report"
+    assert batches[0] == batches[1]
+
+
+def test_notes_of_many_odd_loads_are_few() -> None:
+    of = fleet(datums=DATUMS)
+    read = of_vda(of, CARRIER, loads=[load((1e4 + number, 1.0, 1.0)) for number in range(200)])
+    assert len(read.loads.notes) == MOST_NOTES
