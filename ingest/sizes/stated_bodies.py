@@ -75,9 +75,12 @@ def read_body(stated: StatedBody, figures: Sequence[Figure], largest_m: float) -
         body, unit, why = found
         notes = (converted_text(what, unit, why, largest_m),)
         return _with_height(BodyReading(body, (SIZE_IN_OTHER_UNIT,), notes), stated, largest_m)
-    notes = (over_limit_text(_with_offset(what, stated), largest_m),)
-    body = _by_own_figure(stated, usable) or _at_limit(stated, largest_m)
-    return _with_height(BodyReading(body, (SIZE_OVER_LIMIT,), notes), stated, largest_m)
+    note = over_limit_text(_with_offset(what, stated), largest_m)
+    body = _at_limit(stated, largest_m)
+    if own := next((figure for figure in usable if figure.kind == "own"), None):
+        body = StatedBody((own.length_m, own.width_m, stated.envelope_m[2]))
+        note = f"{what} is beyond reading.largest_body_m = {largest_m:g}; {own.source} holds instead. Send metres"
+    return _with_height(BodyReading(body, (SIZE_OVER_LIMIT,), (note,)), stated, largest_m)
 
 
 def _in_other_units(
@@ -113,12 +116,6 @@ def _scaled(stated: StatedBody, per_m: float) -> StatedBody:
     length, width, height = (side / per_m for side in stated.envelope_m)
     x, y = (side / per_m for side in stated.offset_m)
     return StatedBody((length, width, height), (x, y), stated.outline.divided(per_m) if stated.outline else None)
-
-
-def _by_own_figure(stated: StatedBody, figures: Iterable[Figure]) -> StatedBody | None:
-    """The rectangle of the length and width that the same message states within the limit."""
-    own = next((figure for figure in figures if figure.kind == "own"), None)
-    return StatedBody((own.length_m, own.width_m, stated.envelope_m[2])) if own else None
 
 
 def _at_limit(stated: StatedBody, largest_m: float) -> StatedBody:

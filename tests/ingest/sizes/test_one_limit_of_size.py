@@ -178,8 +178,10 @@ def test_an_outline_in_another_unit_is_converted_as_a_shape(unit: str) -> None:
 
 def test_an_impossible_outline_leaves_the_length_and_width_beside_it() -> None:
     outline = {"envelopes2d": [{"polygonPoints": square(1.2, 0.8, 5000.0)}]}
-    read = of_vda(fleet(datums=DATUMS), (1.2, 0.8, 0.5), agvGeometry=outline)
+    floor = fleet(datums=DATUMS)
+    read = of_vda(floor, (1.2, 0.8, 0.5), agvGeometry=outline)
     assert (sides_of(read), rules_of(read)) == ((1.2, 0.8), {"size-over-limit"})
+    assert "physicalParameters holds instead" in notes_of(floor, read)
 
 
 def test_cargo_in_metres_shows_the_unit_of_a_robot_and_cargo_in_the_same_unit_does_not() -> None:
