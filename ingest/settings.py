@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from ingest.shapes import LARGEST_M, MOST_PARTS, MOST_TRAILERS, Corner, Shape, ShapePart, outline_fault
+from ingest.shapes import MOST_PARTS, MOST_TRAILERS, Corner, ShapePart, outline_fault
 
 UNKNOWN = "unknown"
 """The vendor of a robot that no identity, connection or site file names."""
@@ -21,9 +21,11 @@ Seconds = Annotated[float, Field(gt=0, le=366 * 86_400, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 DatumId = Annotated[str, AfterValidator(str.lower)]
 Priority = Annotated[float, Field(gt=0, le=100)]
-Size = Annotated[float, Field(gt=0, le=LARGEST_M)]
-Side = Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)]
-Envelope = tuple[Side, Side, Metres]
+Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+"""At most `reading.largest_body_m`, which `ingest/sizes` checks."""
+MOST_BODY_M = 100.0
+"""Most that this key may be."""
+Envelope = tuple[Size, Size, Metres]
 """Length along the heading, width across it, and height, in metres. A height of 0 means unknown."""
 SecretSource = Annotated[str, Field(pattern=r"^((env|file):.+)?$")]
 """Source of a secret: `env:NAME` or `file:PATH`."""
@@ -201,10 +203,6 @@ class Model(PartOutline):
             raise _fault("parts replace the other shapes and envelopes; remove either")
         if self.parts and all(part.load for part in self.parts):
             raise _fault("parts need at least one that is not a load")
-        parts = [part for part in (self.round_part(), *(each.shape_part() for each in self.parts)) if part]
-        west, south, east, north = Shape((ShapePart(((0.0, 0.0), self.offset_m)), *parts)).bounds_m
-        if max(east - west, north - south) > LARGEST_M:
-            raise _fault(f"is larger than {LARGEST_M:g} m, or that far from its reported location")
         return self
 
 
@@ -332,6 +330,8 @@ class Reading(Section):
     """How far ahead destinations are used (standard 5.2.3)."""
     default_envelope_m: Envelope = (1.0, 1.0, 0.0)
     """Envelope of a robot that has not identified itself, if its vendor has no default."""
+    largest_body_m: Annotated[float, Field(gt=0, le=MOST_BODY_M)] = 30.0
+    """Largest side of a body with its load, and of a trailer. A larger size is in another unit, or counts as this."""
     quiet_after_s: Seconds = 30.0
     """A robot without a message for this long is quiet (standard 5.4)."""
     silent_after_s: Seconds = 60.0

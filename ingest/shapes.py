@@ -12,8 +12,8 @@ Shapes = NDArray[np.object_]
 """Of `Shape`, or None for a rectangle."""
 
 
-MOST_CORNERS, MOST_PARTS, MOST_TRAILERS, LARGEST_M = 32, 8, 10, 30.0
-"""Limits of a footprint, of a model, of a train, and of the sides of all of them."""
+MOST_CORNERS, MOST_PARTS, MOST_TRAILERS = 32, 8, 10
+"""Limits of a footprint, of a model and of a train."""
 SMALLEST_M2 = 1e-4
 """A polygon of which all triangles have less area has none."""
 SMALLEST_SWEPT_M2 = 1e-12
@@ -112,6 +112,13 @@ class Shape(NamedTuple):
         parts = (part._replace(bottom_m=part.bottom_m + by_m, top_m=part.top_m + by_m) for part in self.parts)
         return type(self)(tuple(parts))
 
+    def divided(self, by: float) -> Self:
+        """The shape in another unit, of which so many are one of its own."""
+        divided = [tuple((x / by, y / by) for x, y in part.outline_m) for part in self.parts]
+        pairs = zip(self.parts, divided, strict=True)
+        parts = (part._replace(outline_m=outline, radius_m=part.radius_m / by) for part, outline in pairs)
+        return type(self)(tuple(parts))
+
     def with_headings(self, yaws_rad: Iterable[float]) -> Self:
         """The shape with these headings of its trailers."""
         headed = (trailer._replace(yaw_rad=yaw) for trailer, yaw in zip(self.trailers, yaws_rad, strict=True))
@@ -160,9 +167,7 @@ def _part(outline_m: Any, radius_m: float, bottom_m: float | None, top_m: float 
 
 
 def outline_fault(corners_m: Sequence[Corner]) -> str | None:
-    """What is wrong with the corners of a polygon; None if nothing is."""
-    if len(corners_m) and max(max(values) - min(values) for values in zip(*corners_m, strict=True)) > LARGEST_M:
-        return f"is larger than {LARGEST_M:g} m"
+    """What is wrong with the corners of a polygon; None if nothing is. `ingest/sizes` judges its size."""
     return _form_fault(corners_m, SMALLEST_M2)
 
 

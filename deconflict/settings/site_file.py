@@ -19,6 +19,7 @@ from deconflict.settings.outlet_settings import outlet_problems
 from deconflict.settings.shared_places import floor_part_problems, place_problems
 from deconflict.settings.site import Site
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
+from ingest.sizes.site_sizes import size_problems
 
 SECRETS = ("password", "secret", "token")
 """Keys whose value no error contains: somebody may have put the secret itself there."""
@@ -179,6 +180,7 @@ def _contradictions(site: Site) -> Iterator[str]:
     yield from outlet_problems(site.webhooks, site.mqtt)
     yield from cluster_contradictions(site.cluster)
     yield from _source_contradictions(site)
+    yield from size_problems(site.vendors, site.reading)
     conflict, reading, recorder = site.conflict, site.reading, site.recorder
     if conflict.confirm[0] > conflict.confirm[1]:
         yield f"conflict.confirm: {list(conflict.confirm)} asks for more looks than it counts"

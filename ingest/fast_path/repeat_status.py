@@ -23,9 +23,9 @@ from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
-from ingest.languages.model import LoadBox
 from ingest.languages.rules import Findings
 from ingest.port.connection import Connection
+from ingest.sizes.stated_loads import StatedLoad
 
 _PATH_END, _STOPS_END = OF_PATH + 1, OF_DESTINATIONS + 1
 
@@ -38,7 +38,7 @@ class RepeatReader:
     connection: Connection
     texts: StatusTexts
     context: ForecastContext
-    context_key: tuple[bool, str, LoadBox | None]
+    context_key: tuple[bool, str, tuple[StatedLoad, ...]]
     """The robot's key. It may change while the context stays, since another load may share the context."""
     basis: Basis
     """The basis of its forecasts: stationary, path or velocity."""

@@ -209,9 +209,13 @@ class Fleet:
         robot.shared_identity = shared_identity
         if not (before and known and identity.says_the_same(before) and shared_identity.is_sent_as(known)):
             self.note_identity(robot.uuid)
+        explained = self._placement.judge_size(robot)
         self._forecast_again(robot, self.owners.names_as_uuid(connection))
+        for other in filter(None, map(self.robots.get, explained)):
+            self._placement.judge_size(other)
+            self._forecast_again(other, self.owners.named_vendor(other))
         changed = before is not None and before.distinguishing != identity.distinguishing
-        return ("identity-changed",) if changed else ()
+        return (*(("identity-changed",) if changed else ()), *(robot.size.rules if robot.size else ()))
 
     def _update_status(
         self, robot: Robot, status: Status, raw: bytes, arrival_s: float, event_s: float, connection: Connection
@@ -252,14 +256,8 @@ class Fleet:
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
 
     def _count_findings(self, vendor: str, findings: Iterable[str], robot: Robot | None) -> None:
-        if robot:
-            rules = FRONT_ENDS[robot.language].rules
-            findings = [rule for rule in findings if rule in rules]
-        self.measures.count_each("deconflict_deviations_total", vendor, findings)
-        if robot:
-            deviations = robot.deviations
-            for rule in findings:
-                deviations[rule] = deviations.get(rule, 0) + 1
+        counted = robot.count(findings) if robot else findings
+        self.measures.count_each("deconflict_deviations_total", vendor, counted)
 
     def reject(
         self, rule: str, reason: str, raw: bytes, arrival_s: float, connection: Connection, *, vendor: str | None = None
@@ -294,8 +292,10 @@ class Fleet:
         self._placement.reconfigure(vendors, frames, reading)
         self.owners.reconfigure(vendors, reading.max_robots_per_vendor, self.robots.values())
         for robot in self.robots.values():
+            self._placement.judge_size(robot)
+        for robot in self.robots.values():
             robot.context = None
-            self._forecast_again(robot, robot.vendor if vendors.settings(robot.vendor).names_as_uuid else None)
+            self._forecast_again(robot, self.owners.named_vendor(robot))
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:
         """Forecast the robot from its last status, with its present identity and settings."""
@@ -344,6 +344,7 @@ class Fleet:
         if self._repeat_readers:
             self._repeat_readers.remove(robot)
         self.owners.remove(robot)
+        self._placement.forget(robot)
         self.note_identity(robot.uuid)
         self._changed.pop(robot.uuid, None)
         return self.robots.pop(robot.uuid).uuid

@@ -74,6 +74,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "state": robot.state,
         "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
         "deviations": dict(sorted(robot.deviations.items())),
+        "sizes": [*(robot.size.notes if robot.size else ()), *robot.loads.notes],
         "identity": _message(robot, robot.shared_identity.raw if robot.shared_identity else b""),
         "status": _message(robot, robot.status_raw),
         **_placement(robot),

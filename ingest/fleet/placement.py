@@ -18,13 +18,15 @@ from ingest.fleet.prediction.trailer_history import trailer_headings, with_trail
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
-from ingest.languages.model import LoadBox, Rejection, Status
+from ingest.languages.model import Rejection, Status
 from ingest.settings import Reading
+from ingest.sizes.model_sizes import ModelSizes
+from ingest.sizes.site_sizes import site_figures
+from ingest.sizes.stated_bodies import BodyReading, read_body
+from ingest.sizes.stated_loads import NO_LOADS, StatedLoad, read_loads
 
 MAX_CONTEXTS = 1024
 """Forecast contexts that are kept. Robots of one kind share one."""
-STALE_S = 2.0
-"""A status that takes this much longer than the sender's quickest one is stale."""
 
 
 class Placement:
@@ -33,6 +35,7 @@ class Placement:
     def __init__(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
         self._vendors, self._frames, self._reading = vendors, frames, reading
         self._floors = FloorIndex(frames)
+        self._model_sizes = ModelSizes()
         self._shared_context = lru_cache(MAX_CONTEXTS)(self._new_context)
 
     @property
@@ -52,11 +55,7 @@ class Placement:
         """When the pose of a status was true, by the sender's corrected clock, and the deviations."""
         event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
-        if robot.clock.delay_s > STALE_S + resolution_s:
-            findings += ("stamp-stale",)
-        if abs(robot.clock.offset_s) > self._reading.clock_tolerance_s + resolution_s:
-            findings += ("clock-off",)
-        return event_s, findings
+        return event_s, findings + plausibility.clock(robot.clock, self._reading.clock_tolerance_s, resolution_s)
 
     def rejection(self, status: Status, vendor: str) -> Rejection | None:
         """Why the location of a status in degrees is no place on Earth. None if it is one."""
@@ -96,7 +95,7 @@ class Placement:
         self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
         """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the deviations."""
-        context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum, status.load)
+        context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum, status.loads)
         robot.frame = frame
         last = robot.seen
         robot.seen, findings = plausibility.reconcile(before, sighting)
@@ -111,24 +110,52 @@ class Placement:
         robot.reports_within_s = status.reports_within_s
         unknown = () if frame.known else ("datum-unknown",)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
-        return (*findings, *robot.forecast.findings, *unknown, *too_many)
+        return (*findings, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
 
-    def _context(self, robot: Robot, loaded: bool, datum: str, load: LoadBox | None) -> ForecastContext:
+    def judge_size(self, robot: Robot) -> set[str]:
+        """Judge the size in the robot's identity anew. Returns the UUIDs of other robots that this may explain."""
+        robot.context, robot.size = None, self._size(robot)
+        model = robot.identity.model if robot.identity else ""
+        return self._model_sizes.note(robot.uuid, robot.vendor, model, robot.size) if robot.size else set()
+
+    def forget(self, robot: Robot) -> None:
+        """Keep nothing of the robot any more."""
+        self._model_sizes.forget(robot.uuid)
+
+    def _context(self, robot: Robot, loaded: bool, datum: str, loads: tuple[StatedLoad, ...]) -> ForecastContext:
         """The context in which a message of the robot is read. It seldom differs from the one before."""
-        key = loaded, datum, load
+        key = loaded, datum, loads
         if robot.context is None or robot.context_key != key:
-            robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded, load))
+            robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded, loads))
             robot.context_key = key
         return robot.context
 
     def _new_context(self, vendor: str, datum: str, body: RobotBody) -> ForecastContext:
         return ForecastContext(body, partial(self._floors.of_own, vendor, datum), self._reading)
 
-    def _body(self, robot: Robot, loaded: bool, load: LoadBox | None) -> RobotBody:
-        identity = robot.identity
-        if identity is None:
-            vendor = self._vendors.settings(robot.vendor)
-            body = RobotBody(vendor.default_envelope_m or self._reading.default_envelope_m)
-            return with_load(body, load) if load else body
-        model = self._vendors.model(robot.vendor, identity.model)
-        return robot_body(model, reported_body(identity), loaded, load)
+    def _body(self, robot: Robot, loaded: bool, loads: tuple[StatedLoad, ...]) -> RobotBody:
+        robot.size, robot.loads = self._size(robot), NO_LOADS
+        settings, model = self._vendors.settings(robot.vendor), self._vendors.model(robot.vendor, robot.model)
+        if robot.identity and robot.size:
+            reported = reported_body(robot.size.body, robot.identity.max_speed_mps)
+            body = robot_body(model, reported, loaded, None)
+            is_known = not robot.size.is_over_limit or body.rectangle != reported.rectangle
+        else:
+            reported = body = RobotBody(settings.default_envelope_m or self._reading.default_envelope_m)
+            is_known = True
+        if not loads:
+            return body
+        shows_unit = body.rectangle if is_known else None
+        robot.loads = read_loads(loads, shows_unit, body.rectangle, self._reading.largest_body_m)
+        if (box := robot.loads.box) is None:
+            return body
+        return robot_body(model, reported, loaded, box) if robot.identity else with_load(body, box)
+
+    def _size(self, robot: Robot) -> BodyReading | None:
+        """How the size in the robot's identity is read. None without identity."""
+        if (identity := robot.identity) is None:
+            return None
+        settings, model = self._vendors.settings(robot.vendor), self._vendors.model(robot.vendor, identity.model)
+        others = self._model_sizes.figures(robot.vendor, identity.model)
+        figures = (*identity.figures, *others, *site_figures(settings, model))
+        return read_body(identity.body, figures, self._reading.largest_body_m)

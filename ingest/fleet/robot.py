@@ -1,5 +1,6 @@
 """The state of one robot, as its messages report it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import nan
 
@@ -9,9 +10,11 @@ from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastC
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS
-from ingest.languages.model import Identity, LoadBox, Status
+from ingest.languages.model import Identity, Status
 from ingest.languages.visible_text import visible
 from ingest.port.connection import Connection
+from ingest.sizes.stated_bodies import BodyReading
+from ingest.sizes.stated_loads import NO_LOADS, LoadsReading, StatedLoad
 
 
 @dataclass(slots=True, eq=False)
@@ -69,8 +72,12 @@ class Robot:
     """Whether it is compared with others; see `admission`."""
     context: ForecastContext | None = None
     """How its messages are read; None if settings or identity may have changed."""
-    context_key: tuple[bool, str, LoadBox | None] = (False, "", None)
-    """What the context depends on: whether the robot is loaded, its datum, and its load."""
+    context_key: tuple[bool, str, tuple[StatedLoad, ...]] = (False, "", ())
+    """What the context depends on: whether the robot is loaded, its datum, and its loads."""
+    size: BodyReading | None = None
+    """How the size in its identity is read."""
+    loads: LoadsReading = NO_LOADS
+    """How its loads in the context are read."""
     uuid_as_sent: bytes = b""
     """The key of its repeat reader in the fast path; empty if it has none."""
     deviations: dict[str, int] = field(default_factory=dict)
@@ -80,6 +87,14 @@ class Robot:
     def source(self) -> str:
         """Who reported its newest status, as `Connection.source` says it; "" before the first."""
         return self.status_from.source if self.status_from else ""
+
+    def count(self, findings: Iterable[str]) -> list[str]:
+        """Count the deviations that its language knows. Returns these."""
+        rules, deviations = FRONT_ENDS[self.language].rules, self.deviations
+        known = [rule for rule in findings if rule in rules]
+        for rule in known:
+            deviations[rule] = deviations.get(rule, 0) + 1
+        return known
 
     def newest_status(self, names_as_uuid: str | None) -> Status | None:
         """Its last message with a pose; None if there is none."""

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import NamedTuple
 
 import msgspec
 
 from ingest.batch import Amounts, Basis
 from ingest.shapes import Shape
+from ingest.sizes.stated_bodies import Figure, StatedBody
+from ingest.sizes.stated_loads import StatedLoad
 
 MOST_CODES, MOST_CODE_LETTERS = 100, 200
 """Error codes that are read of a status, and of each of them."""
@@ -49,15 +50,21 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     serial: str
     """Serial number."""
     envelope_m: tuple[float, float, float]
-    """Length, width and height; height 0 if unknown."""
+    """Length, width and height as stated; height 0 if unknown. `ingest/sizes` judges them."""
     offset_m: tuple[float, float] = (0.0, 0.0)
     """From the reported location to the centre of the envelope: along the heading, and to its left."""
     outline: Shape | None = None
     """Around the reported location; None for a rectangle."""
+    figures: tuple[Figure, ...] = ()
+    """Other sizes in the message, which may show in which unit the envelope is."""
     max_speed_mps: float | None
     """None if it was not sent."""
     findings: tuple[str, ...]
     """Codes of the rules from which the message deviates."""
+
+    @property
+    def body(self) -> StatedBody:
+        return StatedBody(self.envelope_m, self.offset_m, self.outline)
 
     @property
     def distinguishing(self) -> tuple[object, ...]:
@@ -68,17 +75,6 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
         """Whether all that it says of the robot is in the other one too, which may be of another time."""
         mine, others = (msgspec.structs.replace(each, stamp_s=0.0, findings=()) for each in (self, other))
         return msgspec.structs.astuple(mine) == msgspec.structs.astuple(others)
-
-
-class LoadBox(NamedTuple):
-    """The rectangle about a robot's load, in the robot's frame: x along the heading, y to its left."""
-
-    back_m: float
-    front_m: float
-    right_m: float
-    left_m: float
-    top_m: float
-    """Height of its upper side."""
 
 
 class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -121,8 +117,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Whether it does not know where it is, whatever its error codes are."""
     deviation_m: float = 0.0
     """How far off its position may be, as far as the robot knows."""
-    load: LoadBox | None = None
-    """Where its load is, if it says that."""
+    loads: tuple[StatedLoad, ...] = ()
+    """Its loads, as far as it says where they are. `ingest/sizes` judges their size."""
     reports_within_s: float = 0.0
     """The next status may come as late as this by the rules of the language; 0 if it has no such rule."""
 

@@ -90,7 +90,6 @@ def _rejections() -> Iterator[Vector]:
     yield known("position-absurd", "a location of 1e308 m", said(location=here(x=1e308)))
     yield known("envelope-not-positive", "no width", named(baseRobotEnvelope={"x": 1, "y": 0}))
     yield known("envelope-not-positive", "below the floor", named(baseRobotEnvelope={"x": 1, "y": 1, "z": -1}))
-    yield known("envelope-absurd", "millimetres", named(baseRobotEnvelope={"x": 900, "y": 600}))
 
 
 def _who() -> Iterator[Vector]:

@@ -18,7 +18,6 @@ from ingest.shapes import Corner, Shape, ShapePart, Trailer, is_sound, joined_sh
         ([(0, 0), (1, 0), (2, 0)], "no area"),
         ([(0, 0), (1, 0)], "3 to 32 corners, not 2"),
         ([(np.cos(at), np.sin(at)) for at in np.arange(33) * 2 * np.pi / 33], "3 to 32 corners, not 33"),
-        ([(0, 0), (30.1, 0), (0, 1)], "larger than 30 m"),
     ],
 )
 def test_a_bad_outline_is_named(corners: list[Corner], fault: str) -> None:

@@ -46,6 +46,10 @@ class RobotOwners:
         vendor = connection.vendor
         return vendor if vendor and self.vendors.settings(vendor).names_as_uuid else None
 
+    def named_vendor(self, robot: Robot) -> str | None:
+        """The vendor of a known robot if its robots may send names as UUIDs; None otherwise."""
+        return robot.vendor if self.vendors.settings(robot.vendor).names_as_uuid else None
+
     def vendor_of(self, uuid: str, robot: Robot | None, connection: Connection) -> str:
         """The vendor responsible for what a connection reports of a robot. `robot` is None if it is not known yet.
 

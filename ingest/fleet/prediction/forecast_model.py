@@ -10,9 +10,11 @@ from msgspec.structs import replace
 
 from ingest.batch import Basis, Floats
 from ingest.frames.frame_registry import Frame
-from ingest.languages.model import Identity, LoadBox
 from ingest.settings import Envelope, Model, Reading
 from ingest.shapes import Shape, ShapePart, Trailer
+from ingest.sizes.size_limit import Rectangle
+from ingest.sizes.stated_bodies import StatedBody
+from ingest.sizes.stated_loads import LoadBox
 
 Knot = tuple[float, float, float, float]
 """t_s, x_m, y_m, yaw_rad"""
@@ -40,6 +42,11 @@ class RobotBody(msgspec.Struct, frozen=True, gc=False):
     """Around the centre of the envelope; None for a rectangle."""
     lift_m: float = 0.0
     """From the reported height to the bottom of the envelope."""
+
+    @property
+    def rectangle(self) -> Rectangle:
+        """The envelope about the reported location."""
+        return Rectangle.about(self.offset_m, *self.envelope_m[:2])
 
 
 class ForecastContext(msgspec.Struct, frozen=True):
@@ -124,11 +131,11 @@ def _stated_outline(model: Model, loaded: bool) -> Shape | None:
     return Shape((part,)) if part else None
 
 
-def reported_body(identity: Identity) -> RobotBody:
+def reported_body(stated: StatedBody, max_speed_mps: float | None) -> RobotBody:
     """The body by what a robot says of itself."""
-    if identity.outline:
-        return _shaped_body(identity.outline, identity.envelope_m[2], None, identity.max_speed_mps)
-    return RobotBody(identity.envelope_m, identity.offset_m, identity.max_speed_mps)
+    if stated.outline:
+        return _shaped_body(stated.outline, stated.envelope_m[2], None, max_speed_mps)
+    return RobotBody(stated.envelope_m, stated.offset_m, max_speed_mps)
 
 
 def with_load(body: RobotBody, load: LoadBox) -> RobotBody:

@@ -7,11 +7,14 @@ from math import atan2, cos, hypot, isnan, pi, sin
 
 from msgspec.structs import replace
 
+from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import Sighting
 from ingest.frames.angles import turn_between
 
 MIN_GAP_S = 0.9
 """Messages of one robot closer in time than this are more than one a second, with allowance for network jitter."""
+STALE_S = 2.0
+"""A status that takes this much longer than the sender's quickest one is stale."""
 MOVED_M = 0.2
 """A displacement of this length shows a direction despite the noise of positions."""
 COMPARABLE_S = 5.0
@@ -27,6 +30,12 @@ def frequency(gap_s: float, quiet_after_s: float) -> tuple[str, ...]:
     if gap_s < MIN_GAP_S:
         return ("status-too-frequent",)
     return ("status-too-rare",) if gap_s > quiet_after_s else ()
+
+
+def clock(sender: SenderClock, tolerance_s: float, resolution_s: float) -> tuple[str, ...]:
+    """Deviations of the newest stamp of a sender's clock, which shows no less than `resolution_s`."""
+    stale = ("stamp-stale",) if sender.delay_s > STALE_S + resolution_s else ()
+    return (*stale, *(("clock-off",) if abs(sender.offset_s) > tolerance_s + resolution_s else ()))
 
 
 def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[str, ...]]:

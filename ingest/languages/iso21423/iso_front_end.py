@@ -40,7 +40,7 @@ ROBOT = "IMR"
 """The entity type of robots."""
 NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
-MAX_REASON, MAX_TEXT, MAX_SIZE_M = 300, 100, 100.0
+MAX_REASON, MAX_TEXT, MAX_SPEED_MPS = 300, 100, 100.0
 MOST_STATES = 50
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("odometry", "localTrajectory"))
@@ -180,9 +180,6 @@ def _outline(corners: list[CorePoint]) -> Outline:
     outline = outline_of([(corner.x, corner.y) for corner in corners]) if len(corners) > 2 else Outline(0.0, 0.0)
     if not (outline.length_m > 0 and outline.width_m > 0):
         raise RejectedError("envelope-not-positive", "the footprint has no area; send three corners or more")
-    if not (outline.length_m <= MAX_SIZE_M and outline.width_m <= MAX_SIZE_M):
-        size = f"{outline.length_m:g} x {outline.width_m:g} m"
-        raise RejectedError("envelope-absurd", f"the footprint is {size}; send metres")
     return outline
 
 
@@ -194,10 +191,8 @@ def _identity(
     if outline.is_simplified:
         findings["outline-not-usable"] = None
     height_m = memory.height_m if memory.height_m is not None else details.imr_height or 0.0
-    if not height_m <= MAX_SIZE_M:
-        raise RejectedError("envelope-absurd", f"the robot is {height_m:g} m high; send metres")
     speed_mps = details.rated_speed
-    if speed_mps is not None and not 0.0 < speed_mps <= MAX_SIZE_M and isfinite(speed_mps):
+    if speed_mps is not None and not 0.0 < speed_mps <= MAX_SPEED_MPS and isfinite(speed_mps):
         findings["speed-limit-not-positive"], speed_mps = None, None
     return Identity(
         uuid=uuid,

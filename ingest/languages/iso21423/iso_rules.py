@@ -1,6 +1,6 @@
 """The rules of ISO 21423 by code: rejections and deviations. Rules that other languages have too keep their codes."""
 
-from ingest.languages.rules import Rule
+from ingest.languages.rules import Rule, size_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -21,7 +21,6 @@ _REJECTING = (
     _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "times"),
     _rejecting("position-absurd", "The position is missing, or more than ten thousand kilometres out.", "odometry"),
     _rejecting("envelope-not-positive", "The footprint has no three corners, or no area.", "identity"),
-    _rejecting("envelope-absurd", "The robot is longer, wider or higher than 100 m.", "identity"),
     _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
     _rejecting("pose-retained", "A retained odometry or trajectory; it may be of any age.", "topics", alone=False),
     _rejecting(
@@ -55,9 +54,10 @@ _KEYS = (
 _WHO = (
     Rule(
         "outline-not-usable",
-        "The footprint crosses itself, has no area, over 32 corners or over 30 m; the rectangle around it is used.",
+        "The footprint crosses itself, has no area or over 32 corners; the rectangle around it is used.",
         "identity",
     ),
+    *size_rules("identity"),
     Rule("speed-limit-not-positive", "The rated speed is not above zero; ignored.", "identity"),
     _in_context("identity-missing", "No identity has come yet; the default envelope is used.", "identity"),
     _in_context("identity-changed", "Model or footprint changed; the newest is used.", "identity"),

@@ -4,7 +4,7 @@ A message that breaks a rejecting rule is rejected. A message that deviates from
 the rule says, and the deviation is counted. Codes are label values of metrics: they do not change.
 """
 
-from ingest.languages.rules import Rule
+from ingest.languages.rules import Rule, size_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str) -> Rule:
@@ -29,7 +29,6 @@ _REJECTING = (
     _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "5.1.2"),
     _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
     _rejecting("envelope-not-positive", "The envelope's length or width is not above zero.", "4.1.6"),
-    _rejecting("envelope-absurd", "The envelope is longer, wider or higher than 100 m.", "4.1.6"),
     Rule(
         "uuid-of-another-vendor",
         "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",
@@ -60,6 +59,7 @@ _WHO = (
     Rule("uuid-is-name", "A name stands where a UUID belongs; the robot has a UUID derived from it.", "2.13"),
     _in_context("identity-missing", "A status before any identity; the default envelope is used.", "4.4"),
     _in_context("identity-changed", "The robot now names another maker, model, serial number or envelope.", "4.4"),
+    *size_rules("4.1.6"),
     Rule("text-too-long", "A name or model is longer than 100 letters; cut.", "4.1"),
     Rule("text-empty", "A required text or an error code is empty; kept, the error code left out.", "4.1"),
 )

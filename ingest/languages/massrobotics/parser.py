@@ -18,8 +18,8 @@ from ingest.languages.model import (
     bounded_codes,
 )
 from ingest.languages.rules import Findings, RejectedError
+from ingest.sizes.stated_bodies import Figure
 
-MAX_ENVELOPE_M = 100.0
 MAX_REASON = 300
 """Characters kept of a rejection's reason."""
 MAX_TEXT = 100
@@ -60,9 +60,6 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
     size = report.baseRobotEnvelope
     if size.x <= 0 or size.y <= 0 or size.z < 0:
         raise RejectedError("envelope-not-positive", f"baseRobotEnvelope is {size.x:g} x {size.y:g} m; send its size")
-    if max(size.x, size.y, size.z) > MAX_ENVELOPE_M:
-        reason = f"baseRobotEnvelope is {size.x:g} x {size.y:g} x {size.z:g}; send metres"
-        raise RejectedError("envelope-absurd", reason)
     texts = (report.manufacturerName, report.robotModel, report.robotSerialNumber)
     if not all(text.strip() for text in texts):
         findings["text-empty"] = None
@@ -77,6 +74,7 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
         model=report.robotModel[:MAX_TEXT],
         serial=report.robotSerialNumber[:MAX_TEXT],
         envelope_m=(size.x, size.y, size.z),
+        figures=(Figure(cargo.x, cargo.y, "cargoMaxVolume"),) if (cargo := report.cargoMaxVolume) else (),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
     )

@@ -6,9 +6,10 @@ from ingest.languages.rules import Findings, RejectedError
 from ingest.languages.timestamps import Stamp
 from ingest.languages.vda5050.vda_memory import Abilities
 from ingest.languages.vda5050.vda_messages import FactsheetMessage, PhysicalParameters, TypeSpecification
+from ingest.settings import MOST_BODY_M
+from ingest.sizes.stated_bodies import Figure
 
-MAX_SIZE_M = 100.0
-MAX_TEXT = 100
+MAX_TEXT, MOST_LOAD_SETS = 100, 20
 MAX_SPEED_MPS = 100.0
 _NO_TYPE, _NO_PARAMETERS = TypeSpecification(), PhysicalParameters()
 
@@ -19,12 +20,10 @@ def identity_of(
     """The identity by a factsheet. Raises `RejectedError` if it has no size that a robot can have."""
     parameters, kind = message.physical_parameters or _NO_PARAMETERS, message.type_specification or _NO_TYPE
     height_m = parameters.maximum_height if parameters.maximum_height is not None else parameters.height_max
-    length_m, width_m, offset_m, outline, _ = _body(message, parameters, findings)
+    (length_m, width_m, offset_m, outline, _), figures = _body(message, parameters, findings)
     if not (length_m > 0 and width_m > 0):
         reason = f"physicalParameters say {length_m:g} x {width_m:g} m; send the robot's length and width"
         raise RejectedError("envelope-not-positive", reason)
-    if max(length_m, width_m, height_m or 0.0) > MAX_SIZE_M:
-        raise RejectedError("envelope-absurd", f"the robot is {length_m:g} x {width_m:g} m; send metres")
     max_speed_mps = abilities_of(message).max_speed_mps
     if max_speed_mps is None and _speed_mps(parameters) is not None:
         findings["speed-limit-not-positive"] = None
@@ -37,6 +36,7 @@ def identity_of(
         envelope_m=(length_m, width_m, max(height_m or 0.0, 0.0)),
         offset_m=offset_m,
         outline=outline,
+        figures=(*figures, *_load_figures(message.load_specification)),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
     )
@@ -58,8 +58,10 @@ def _speed_mps(parameters: PhysicalParameters) -> float | None:
     return parameters.maximum_speed if parameters.maximum_speed is not None else parameters.speed_max
 
 
-def _body(message: FactsheetMessage, parameters: PhysicalParameters, findings: Findings) -> Outline:
-    """The robot's outline, else the length and width that are stated.
+def _body(
+    message: FactsheetMessage, parameters: PhysicalParameters, findings: Findings
+) -> tuple[Outline, tuple[Figure, ...]]:
+    """The robot's outline, else the length and width that are stated; and the stated ones beside an outline.
 
     Several outlines may be for loads and for protective fields. The robot's own is the one nearest to its stated size.
     """
@@ -67,12 +69,29 @@ def _body(message: FactsheetMessage, parameters: PhysicalParameters, findings: F
     bodies: list[Outline] = []
     for sent in (geometry.envelopes2d if geometry else None) or ():
         points = sent.vertices or sent.polygon_points or []
-        if len(points) < 3 or any(abs(point.x) > MAX_SIZE_M or abs(point.y) > MAX_SIZE_M for point in points):
+        if len(points) < 3:
             findings["outline-unreadable"] = None
         else:
             bodies.append(outline_of([(point.x, point.y) for point in points]))
     length_m, width_m = parameters.length or 0.0, parameters.width or 0.0
-    own = min(bodies, key=lambda body: body.differs_m(length_m, width_m), default=Outline(length_m, width_m))
+    if not bodies:
+        return Outline(length_m, width_m), ()
+    own = min(bodies, key=lambda body: body.differs_m(length_m, width_m))
     if own.is_simplified:
         findings["outline-not-usable"] = None
-    return own
+    return own, (Figure(length_m, width_m, "physicalParameters", "own"),)
+
+
+def _load_figures(specification: object) -> list[Figure]:
+    """The sizes of loads for which the robot is made, as far as they can be read."""
+    sets = specification.get("loadSets") if isinstance(specification, dict) else None
+    sizes = [each.get("loadDimensions") for each in (sets if isinstance(sets, list) else ()) if isinstance(each, dict)]
+    return [
+        Figure(_side(size.get("length")), _side(size.get("width")), "loadSpecification")
+        for size in sizes[:MOST_LOAD_SETS]
+        if isinstance(size, dict)
+    ]
+
+
+def _side(value: object) -> float:
+    return float(value) if isinstance(value, int | float) and 0.0 < value <= MOST_BODY_M else 0.0

@@ -242,6 +242,8 @@ class Geometry(VdaObject, frozen=True):
 class FactsheetMessage(Header, frozen=True):
     type_specification: TypeSpecification | None = None
     physical_parameters: PhysicalParameters | None = None
+    load_specification: object = None
+    """Its loads show in which unit sizes are. What is odd in it hides nothing else."""
     agv_geometry: Geometry | None = None
     mobile_robot_geometry: Geometry | None = None
 

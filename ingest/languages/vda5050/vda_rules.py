@@ -1,6 +1,6 @@
 """The rules of VDA 5050 by code: rejections and deviations. Rules that MassRobotics has too keep their codes."""
 
-from ingest.languages.rules import Rule
+from ingest.languages.rules import Rule, load_rules, size_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -22,7 +22,6 @@ _REJECTING = (
     _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "header"),
     _rejecting("position-absurd", "The position lies more than ten thousand kilometres out.", "state"),
     _rejecting("envelope-not-positive", "The factsheet's length or width is not above zero.", "factsheet"),
-    _rejecting("envelope-absurd", "The robot is longer, wider or higher than 100 m.", "factsheet"),
     _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
     _rejecting("pose-retained", "A retained state or visualization; it may be of any age.", "topics", alone=False),
     _rejecting(
@@ -59,9 +58,10 @@ _WHO = (
     Rule("outline-unreadable", "An outline of the factsheet has no three corners; left out.", "factsheet"),
     Rule(
         "outline-not-usable",
-        "The outline crosses itself, has no area, over 32 corners or over 30 m; the rectangle around it is used.",
+        "The outline crosses itself, has no area or over 32 corners; the rectangle around it is used.",
         "factsheet",
     ),
+    *size_rules("factsheet"),
     Rule("speed-limit-not-positive", "The greatest speed is not above zero; ignored.", "factsheet"),
     _in_context("identity-missing", "No factsheet has come yet; the default envelope is used.", "factsheet"),
     _in_context("identity-changed", "Type or size changed; the newest factsheet is used.", "factsheet"),
@@ -70,6 +70,7 @@ _STATE = (
     Rule("operating-mode-unknown", "The standard does not have this operating mode; read as automatic.", "state"),
     Rule("battery-out-of-range", "The battery is not within 0 to 100 %; clamped.", "state"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "state"),
+    *load_rules("state"),
     _in_context("status-too-rare", "More than 30 s since the last state.", "state"),
     _in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", "state"),
     _in_context("heading-contradicts-motion", "It moves in another direction than its heading.", "state"),

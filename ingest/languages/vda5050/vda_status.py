@@ -1,11 +1,11 @@
 """The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
 
-from math import cos, hypot, nan, pi, remainder, sin
+from math import hypot, nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts, Basis
 from ingest.languages import timestamps
-from ingest.languages.model import NO_PATH, LoadBox, Path, Row, Status, bounded_codes
+from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
@@ -19,11 +19,11 @@ from ingest.languages.vda5050.vda_messages import (
     StateMessage,
     Velocity2d,
 )
+from ingest.sizes.stated_loads import StatedLoad
 
 MAX_SPEED_MPS = 100.0
 MOVING_MPS = 0.02
 MOST_WAYPOINTS = 200
-SHORTEST_LOAD_M, LONGEST_LOAD_M = 1e-3, 100.0
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
 STANDING_REPORTS_S = 35.0
@@ -66,7 +66,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         is_blocked=_is_blocked(state),
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
-        load=_load_box(state.loads or []),
+        loads=_loads(state.loads or []),
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
     )
 
@@ -157,27 +157,14 @@ def _amounts(state: StateMessage, findings: Findings) -> Amounts:
     return Amounts(nan if charge is None else charge, nan, load_pct)
 
 
-def _load_box(loads: list[Load]) -> LoadBox | None:
-    """The box about all loads, in the robot's frame. None if no load has a box."""
-    corners: list[tuple[float, float]] = []
-    top_m = 0.0
-    for load in loads:
-        size, at = load.load_dimensions, load.bounding_box_reference
-        if size is None or at is None:
-            continue
-        if not all(SHORTEST_LOAD_M <= side_m <= LONGEST_LOAD_M for side_m in (size.length, size.width)):
-            continue
-        if not (abs(at.x) <= LONGEST_LOAD_M and abs(at.y) <= LONGEST_LOAD_M):
-            continue
-        c, s = cos(at.theta or 0.0), sin(at.theta or 0.0)
-        for along, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-            half_m = along * size.length / 2, across * size.width / 2
-            corners.append((at.x + c * half_m[0] - s * half_m[1], at.y + s * half_m[0] + c * half_m[1]))
-        top_m = max(top_m, at.z + (size.height or 0.0))
-    if not corners:
-        return None
-    xs, ys = zip(*corners, strict=True)
-    return LoadBox(min(xs), max(xs), min(ys), max(ys), min(top_m, LONGEST_LOAD_M))
+def _loads(loads: list[Load]) -> tuple[StatedLoad, ...]:
+    """The loads of which size and place are stated."""
+    sized = [(load.load_dimensions, load.bounding_box_reference) for load in loads]
+    return tuple(
+        StatedLoad(at.x, at.y, at.z, at.theta or 0.0, size.length, size.width, size.height or 0.0)
+        for size, at in sized
+        if size and at
+    )
 
 
 def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findings) -> Path:

@@ -161,11 +161,11 @@ def test_the_reading_that_is_wrong_is_named_and_no_other(slip: Any, names: str, 
 
 def test_slips_of_units_and_secrets_are_found_before_the_service_starts(tmp_path: Path) -> None:
     document = put(sound(), "conflict", {"clearance_m": 30.0})
-    document = put(document, "vendors.1.models.b1.envelope_m", [1200.0, 800.0, 0.0])
+    document = put(document, "vendors.1.models.b1.envelope_m", [12.0, 8.0, 0.0])
     code, text = checked(document, tmp_path)
     assert code == 0
     assert "NOTE conflict.clearance_m = 30" in text
-    assert "NOTE vendor bolt, model b1: an envelope of 1200 x 800; is it in metres?" in text
+    assert "NOTE vendor bolt, model b1: an envelope of 12 x 8; is it in metres?" in text
     assert "NOTE datum Yard: its id 'yard' is no UUID" in text
     out = io.StringIO()
     secretive = put(document, "vendors.1.token", "env:NOT_SET_ANYWHERE")

@@ -11,9 +11,10 @@ from ingest.fleet.prediction.forecast import forecast, matches
 from ingest.fleet.prediction.forecast_model import Forecast, ForecastContext, RobotBody, Sighting, robot_body
 from ingest.frames.frame_registry import Frame, FrameRegistry
 from ingest.languages.massrobotics.parser import read
-from ingest.languages.model import LoadBox, Status
+from ingest.languages.model import Status
 from ingest.settings import Model, Part, Reading
 from ingest.shapes import Shape, ShapePart
+from ingest.sizes.stated_loads import LoadBox
 from tests.helpers.saying import HALL, LOFT, points, status
 
 NOW_S = 1_790_000_000.0

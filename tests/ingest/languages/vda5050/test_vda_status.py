@@ -6,8 +6,10 @@ from typing import Any
 import pytest
 
 from ingest.batch import Basis
-from ingest.languages.model import LoadBox, Status
+from ingest.languages.model import Status
 from ingest.languages.timestamps import write
+from ingest.sizes.size_limit import Rectangle
+from ingest.sizes.stated_loads import NO_LOADS, LoadBox, read_loads
 from tests.helpers.vda_saying import node, node_states, position, state, state_3, vda
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
@@ -105,13 +107,16 @@ def test_pose_motion_and_amounts() -> None:
 def test_no_load_one_that_is_not_described_and_several_boxes() -> None:
     assert isnan(status().amounts.load_used_pct)
     assert status(loads=[]).amounts.load_used_pct == 0.0
-    assert (status(loads=[{"loadId": "a"}]).load, status(loads=[{}]).amounts.load_used_pct) == (None, 100.0)
+    assert (status(loads=[{"loadId": "a"}]).loads, status(loads=[{}]).amounts.load_used_pct) == ((), 100.0)
     behind = {"x": -1.0, "y": 0.0, "z": 0.4}, {"length": 1.2, "width": 0.8, "height": 1.0}
     across = {"x": 0.5, "y": 0.0, "z": 0.0, "theta": pi / 2}, {"length": 1.0, "width": 0.2}
     boxes = [{"boundingBoxReference": at, "loadDimensions": size} for at, size in (behind, across)]
-    assert status(loads=boxes).load == pytest.approx(LoadBox(-1.6, 0.6, -0.5, 0.5, 1.4))
+    robot = Rectangle.about((0.0, 0.0), 1.0, 1.0)
+    assert read_loads(status(loads=boxes).loads, robot, robot, 30.0).box == pytest.approx(
+        LoadBox(-1.6, 0.6, -0.5, 0.5, 1.4)
+    )
     flat = {"boundingBoxReference": behind[0], "loadDimensions": {"length": 1.2, "width": 1e-200}}
-    assert status(loads=[flat]).load is None
+    assert read_loads(status(loads=[flat]).loads, robot, robot, 30.0) == NO_LOADS
 
 
 def test_a_robot_that_plans_by_itself_has_its_own_path() -> None:

@@ -1,0 +1,1 @@
+"""The one rule of size: what bodies and loads may measure, and how a stated size beyond that is read."""
