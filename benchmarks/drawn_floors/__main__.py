@@ -75,7 +75,6 @@ def measured(floor: Floor, seconds: float, passes: int, usual: dict[str, float])
         "work": {name: _most(beside, name) for name in ("box_pairs", "segment_pairs", "advanced_pairs", "fcl_calls")},
         "foreseen_pairs": _most(beside, "foreseen_pairs"),
         "open_conflicts": _most(beside, "open_conflicts"),
-        "advice_s": round(beside.advice_s, 2),
         "not_examined": beside.not_examined,
         "warnings": None if verdict is None else asdict(verdict) | {"differ": verdict.differ},
     }

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.drawn_floors.floor import HONEST
 from benchmarks.drawn_floors.motion import HALL, START_S, Robot, Sent
-from deconflict.advice.deferred_answers import Answer, PendingAnswer, ReadyAnswer
+from deconflict.advice.deferred_answers import Answer, PendingAnswer
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fast_fleet_of
@@ -68,8 +68,6 @@ class Drive:
     """What a drive gave."""
 
     work: list[Work] = field(default_factory=list)
-    advice_s: float = 0.0
-    """Processor time of the advice, which in the service is worked out by another thread."""
     warnings: dict[Pair, list[Warned]] = field(default_factory=dict)
     failed: str = ""
     """Why it was given up."""
@@ -82,8 +80,8 @@ class Drive:
 
 def drive(robots: Sequence[Robot], sent: Sequence[Sent], seconds: float, passes_a_second: int = 5) -> Drive:
     """Feed messages as they arrive, and make a pass at every tick."""
-    found, later, sweeps = Drive(), LaterAnswers(), list[PairConflicts]()
-    fleet, engine = fast_fleet_of(SITE, Measures()), Engine(SITE, submit=later.submit)
+    found, sweeps = Drive(), list[PairConflicts]()
+    fleet, engine = fast_fleet_of(SITE, Measures()), Engine(SITE, submit=_without_advice)
     connections = [_connection(number, robot) for number, robot in enumerate(robots)]
     message, ticks_s = 0, np.arange(int(seconds * passes_a_second) + 1) / passes_a_second
     unexamined: dict[str, bool] = {}
@@ -104,7 +102,6 @@ def drive(robots: Sequence[Robot], sent: Sequence[Sent], seconds: float, passes_
             swept = sweeps.pop()
             work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
             found.work.append(Work(pass_s, *work, len(engine.foresight._pairs), len(engine.conflicts())))
-            found.advice_s += later.answer()
             found.failed = _failure(found, now_s)
             if found.failed:
                 break
@@ -115,7 +112,7 @@ def drive(robots: Sequence[Robot], sent: Sequence[Sent], seconds: float, passes_
 def _failure(found: Drive, now_s: float) -> str:
     if found.work[-1].pass_s > LONGEST_PASS_S:
         return f"a pass at second {now_s:.1f} took {found.work[-1].pass_s:.1f} s"
-    spent_s = found.advice_s + sum(each.pass_s for each in found.work)
+    spent_s = sum(each.pass_s for each in found.work)
     return f"passes up to second {now_s:.1f} took {spent_s:.0f} s" if spent_s > LONGEST_DRIVE_S else ""
 
 
@@ -159,33 +156,16 @@ def _swept(sweeps: list[PairConflicts]) -> Iterator[None]:
         setattr(Sweeper, "find_conflicts", find_conflicts)  # noqa: B010
 
 
-class LaterAnswers:
-    """Answers questions for advice between passes, where the service has a thread for them."""
-
-    def __init__(self) -> None:
-        self._asked: list[tuple[Callable[[], Answer], _LaterAnswer]] = []
-
-    def submit(self, question: Callable[[], Answer]) -> PendingAnswer:
-        answer = _LaterAnswer()
-        self._asked.append((question, answer))
-        return answer
-
-    def answer(self) -> float:
-        """Answer all questions. Returns the processor time that this took."""
-        began_s = process_time()
-        for question, answer in self._asked:
-            answer.ready = ReadyAnswer(question())
-        self._asked.clear()
-        return process_time() - began_s
-
-
-@dataclass(slots=True)
-class _LaterAnswer:
-    ready: ReadyAnswer | None = None
+class _Unanswered:
+    """An answer that does not come."""
 
     def done(self) -> bool:
-        return self.ready is not None
+        return False
 
     def result(self) -> Answer:
-        assert self.ready is not None  # noqa: S101 - it is asked for only once it is done
-        return self.ready.result()
+        raise NotImplementedError
+
+
+def _without_advice(_: Callable[[], Answer]) -> PendingAnswer:
+    """Works out no advice: in the service a thread of its own does, and no pass waits for it."""
+    return _Unanswered()

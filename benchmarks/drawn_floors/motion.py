@@ -131,18 +131,18 @@ class Sent(NamedTuple):
     raw: bytes
 
 
-def sent_by(robots: Sequence[Robot], seconds: float) -> list[Sent]:
-    """All messages of robots, by arrival; `robot` is the index."""
-    sent = [each for number, robot in enumerate(robots) for each in _messages(number, robot, seconds)]
+def sent_by(robots: Sequence[Robot], seconds: float, start_s: int = START_S) -> list[Sent]:
+    """All messages of robots, by arrival; `robot` is the index. Second 0 is `start_s` since the epoch."""
+    sent = [each for number, robot in enumerate(robots) for each in _messages(number, robot, seconds, start_s)]
     return sorted(sent, key=lambda each: each.at_s)
 
 
-def _messages(number: int, robot: Robot, seconds: float) -> Iterator[Sent]:
+def _messages(number: int, robot: Robot, seconds: float, start_s: int) -> Iterator[Sent]:
     uuid, reports_s = robot.uuid, robot.reports_s(seconds)
     if not len(reports_s):
         return
     sizes = robot.length_m, robot.width_m
-    identity = _IDENTITY % (uuid, _stamp(reports_s[0]), robot.maker, robot.name, *sizes)
+    identity = _IDENTITY % (uuid, _stamp(start_s + reports_s[0]), robot.maker, robot.name, *sizes)
     yield Sent(float(reports_s[0]), number, identity.encode())
     poses = robot.forecasts(reports_s)
     rows = zip(reports_s.tolist(), *(column.tolist() for column in poses), strict=True)
@@ -150,17 +150,17 @@ def _messages(number: int, robot: Robot, seconds: float) -> Iterator[Sent]:
         path, state = "", "idle"
         if (robot.says != "nothing") and (speeds[0] > 0 or x_m[0] != x_m[-1] or y_m[0] != y_m[-1]):
             points = (
-                _POINT % (_stamp(t_s + k), x_m[k], y_m[k], sin(yaw_rad[k] / 2), cos(yaw_rad[k] / 2), HALL)
+                _POINT % (_stamp(start_s + t_s + k), x_m[k], y_m[k], sin(yaw_rad[k] / 2), cos(yaw_rad[k] / 2), HALL)
                 for k in range(1, PATH_S + 1)
             )
             path, state = f',"path":[{",".join(points)}]', "navigating"
         here = x_m[0], y_m[0], sin(yaw_rad[0] / 2), cos(yaw_rad[0] / 2)
-        yield Sent(t_s, number, (_STATUS % (uuid, _stamp(t_s), state, *here, HALL, speeds[0], path)).encode())
+        yield Sent(t_s, number, (_STATUS % (uuid, _stamp(start_s + t_s), state, *here, HALL, speeds[0], path)).encode())
 
 
-def _stamp(t_s: float) -> str:
-    second, millisecond = divmod(round(t_s * 1000), 1000)
-    return f"{_second(START_S + second)}.{millisecond:03}Z"
+def _stamp(epoch_s: float) -> str:
+    second, millisecond = divmod(round(epoch_s * 1000), 1000)
+    return f"{_second(second)}.{millisecond:03}Z"
 
 
 @cache

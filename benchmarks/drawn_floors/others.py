@@ -45,7 +45,7 @@ class Ground:
 
     def heap(self, count: int, within_m: float = HEAP_M) -> Floats:
         """(count, 2) at random in a small square. Among honest robots, half of the time where one of them passes."""
-        if self.aside_m.any() or self.rng.random() < 0.5:
+        if not self.honest or self.aside_m.any() or self.rng.random() < 0.5:
             middle_m = self.points(1)[0]
         else:
             way = self.honest[int(self.rng.integers(len(self.honest)))].way
