@@ -32,7 +32,7 @@ def row(name: str, floors: Sequence[Figures]) -> str:
         return sum(len(each[key]) if isinstance(each[key], list) else each[key] for each in judged)
 
     cells += map(total, ("compared", "missing", "late", "additional", "severity", "excused"))
-    cells += [f"{total(key)} of {total('meetings')}" for key in ("told_alone", "told")]
+    cells += [f"{total(key)} of {total('meetings')}" for key in ("told_alone", "told_beside")]
     cells += [total("missed"), f"{total('told_of_others')} of {total('met_others')}"]
     return "| " + " | ".join(map(str, cells)) + " |"
 

@@ -51,7 +51,7 @@ class Verdict:
     """Of the same warnings, those with another highest severity."""
     meetings: int = 0
     told_alone: int = 0
-    told: int = 0
+    told_beside: int = 0
     """True meetings of honest robots, those warned of ahead without the others, and beside them."""
     missed: int = 0
     """Meetings warned of ahead without the others and not beside them, that are not excused."""
@@ -72,12 +72,12 @@ def compared(floor: Floor, alone: Drive, beside: Drive, seconds: float) -> Verdi
     for pair in sorted(pairs):
         _compare_pair(verdict, pair, alone.warnings.get(pair, []), beside.warnings.get(pair, []), excused, seconds)
     for meeting in meetings(floor.honest, floor.honest, SETTLED_S + AHEAD_S, seconds):
-        told_alone, told = told_of(meeting, alone), told_of(meeting, beside)
+        ahead_alone, ahead_beside = told_of(meeting, alone), told_of(meeting, beside)
         verdict.meetings += 1
-        verdict.told_alone += told_alone is not None
-        verdict.told += told is not None
-        if told_alone and not told:
-            verdict.missed += not excused.at(meeting.pair, told_alone.raised_s)
+        verdict.told_alone += ahead_alone is not None
+        verdict.told_beside += ahead_beside is not None
+        if ahead_alone and not ahead_beside:
+            verdict.missed += not excused.at(meeting.pair, ahead_alone.raised_s)
     for meeting in meetings(floor.honest, floor.others, 10.0, seconds):
         verdict.met_others += 1
         verdict.told_of_others += told_of(meeting, beside) is not None
@@ -129,20 +129,20 @@ def meetings(some: Sequence[Robot], others: Sequence[Robot], since_s: float, unt
     Bodies are taken as rectangles, by the distance of each from the corners and the middle of the other.
     """
     times_s = np.arange(since_s - AHEAD_S, until_s, STEP_S)
-    pairs = combinations(some, 2) if some is others else ((one, other) for one in some for other in others)
+    pairs = combinations(some, 2) if some is others else ((robot, other) for robot in some for other in others)
     poses = {robot.uuid: robot.way.at(times_s) for robot in (*some, *others)}
     found = []
-    for one, other in pairs:
-        reach_m = (np.hypot(one.length_m, one.width_m) + np.hypot(other.length_m, other.width_m)) / 2 + CLEARANCE_M
-        a, b = poses[one.uuid], poses[other.uuid]
+    for robot, other in pairs:
+        reach_m = (np.hypot(robot.length_m, robot.width_m) + np.hypot(other.length_m, other.width_m)) / 2 + CLEARANCE_M
+        a, b = poses[robot.uuid], poses[other.uuid]
         near = np.hypot(a.x_m - b.x_m, a.y_m - b.y_m) <= reach_m
         if not near.any():
             continue
-        near[near] = _gap_m(_rows(a, near), one, _rows(b, near), other) <= CLEARANCE_M
+        near[near] = _gap_m(_rows(a, near), robot, _rows(b, near), other) <= CLEARANCE_M
         begins = np.flatnonzero(near[1:] & ~near[:-1]) + 1
         begins = begins[times_s[begins] >= since_s]
         moves = (a.speed_mps[begins] > 0) | (b.speed_mps[begins] > 0)
-        pair = (min(one.uuid, other.uuid), max(one.uuid, other.uuid))
+        pair = (min(robot.uuid, other.uuid), max(robot.uuid, other.uuid))
         found += [Meeting(pair, t_s) for t_s in times_s[begins[moves]].tolist()]
     return found
 
@@ -151,10 +151,10 @@ def _rows(poses: Poses, rows: Bools) -> Poses:
     return Poses(*(column[rows] for column in poses))
 
 
-def _gap_m(a: Poses, one: Robot, b: Poses, other: Robot) -> Floats:
+def _gap_m(a: Poses, robot: Robot, b: Poses, other: Robot) -> Floats:
     """(n,) the distance of two bodies at n poses, 0 if they overlap, never too small by more than their corners."""
     gap_m = np.full(len(a.x_m), np.inf)
-    for here, body, there, its in ((a, one, b, other), (b, other, a, one)):
+    for here, body, there, its in ((a, robot, b, other), (b, other, a, robot)):
         for ahead, left in ((0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
             x_m, y_m = ahead * its.length_m / 2, left * its.width_m / 2
             x = there.x_m + x_m * np.cos(there.yaw_rad) - y_m * np.sin(there.yaw_rad)
