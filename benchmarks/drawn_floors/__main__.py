@@ -7,13 +7,16 @@ get the messages of each floor in simulated time, once of the honest robots alon
 
 The figures of a pass are the greatest median of 20 passes in a row, compared with the median pass of as many honest
 robots at one per 25 m2 in the same run. The warnings of honest pairs beside others are compared with those without, but
-for robots that meet one of the others. A drive is given up if a pass takes more than 5 s of processor time.
+for robots that meet one of the others. A drive is given up if a pass takes more than 5 s of processor time. All drives
+begin with what was learned of other honest robots before, as in a service that has run for a while: what an engine
+learns first, it learns from whoever is there.
 """
 
 import argparse
 import gc
 import json
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,13 +27,16 @@ from benchmarks.drawn_floors.driving import Drive, drive
 from benchmarks.drawn_floors.figures import MOST_MORE_S, line, table
 from benchmarks.drawn_floors.floor import Floor, drawn_floor, honest_floor
 from benchmarks.drawn_floors.judging import compared
-from benchmarks.drawn_floors.motion import sent_by
+from benchmarks.drawn_floors.motion import Robot, sent_by
 from benchmarks.drawn_floors.others import KINDS
 from deconflict.runtime.command_parsers import GC_THRESHOLDS
+from deconflict.runtime.learned_state import Part
 from ingest.batch import Floats
 
 PASSES = 20
 REFERENCE_EVERY = 10
+LEARNING_S = 80.0
+"""For how long honest robots are heard before."""
 
 
 def windowed(values: Floats) -> float:
@@ -39,20 +45,29 @@ def windowed(values: Floats) -> float:
     return float(np.median(np.lib.stride_tricks.sliding_window_view(values, width), axis=1).max())
 
 
-def reference(robots: int, seconds: float, seed: int, passes: int) -> dict[str, float]:
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """For how many simulated seconds each floor is driven, with how many passes in each, and what is learned before."""
+
+    seconds: float
+    passes: int
+    learned: dict[str, Part] = field(default_factory=dict)
+
+    def drive(self, robots: Sequence[Robot]) -> Drive:
+        return drive(robots, sent_by(robots, self.seconds), self.seconds, self.passes, self.learned)
+
+
+def reference(robots: int, seed: int, terms: Terms) -> dict[str, float]:
     """The median pass of honest robots."""
-    honest = honest_floor(robots, seconds, seed)
-    alone = drive(honest, sent_by(honest, seconds), seconds, passes)
+    alone = terms.drive(honest_floor(robots, terms.seconds, seed))
     half = len(alone.work) // 4
     return {name: median(alone.column(name)[half:].tolist()) for name in ("pass_s", "pairs")}
 
 
-def measured(floor: Floor, seconds: float, passes: int, usual: dict[str, float]) -> dict[str, Any]:
-    """The figures of one floor, as a line of the JSON file."""
-    alone = drive(floor.honest, sent_by(floor.honest, seconds), seconds, passes)
-    robots = (*floor.honest, *floor.others)
-    beside = drive(robots, sent_by(robots, seconds), seconds, passes)
-    verdict = None if beside.failed else compared(floor, alone, beside, seconds)
+def measured(floor: Floor, terms: Terms, usual: dict[str, float]) -> dict[str, Any]:
+    """The figures of one floor, as they are in the JSON file."""
+    alone, beside = terms.drive(floor.honest), terms.drive((*floor.honest, *floor.others))
+    verdict = None if beside.failed else compared(floor, alone, beside, terms.seconds)
     pass_s, pairs = windowed(beside.column("pass_s")), windowed(beside.column("pairs"))
     return {
         "floor": floor.number,
@@ -93,16 +108,18 @@ def main() -> None:
     arguments.add_argument("--seconds", type=float, default=40.0, help="simulated seconds")
     arguments.add_argument("--passes", type=int, default=5, help="passes a simulated second")
     arguments.add_argument("--kinds", nargs="+", choices=list(KINDS), help="all floors have these others")
+    arguments.add_argument("--unlearned", action="store_true", help="begin without what was learned of honest robots")
     arguments.add_argument("--json", type=Path)
     args = arguments.parse_args()
     gc.set_threshold(*GC_THRESHOLDS)
-    warm_up, usual, results = honest_floor(20, 5.0, 0), dict[str, float](), list[dict[str, Any]]()
-    drive(warm_up, sent_by(warm_up, 5.0), 5.0, args.passes)
+    terms, usual, results = Terms(LEARNING_S, args.passes), dict[str, float](), list[dict[str, Any]]()
+    learned = {} if args.unlearned else terms.drive(honest_floor(args.robots, LEARNING_S, args.seed)).learned
+    terms = Terms(args.seconds, args.passes, learned)
     for number in range(args.first, args.first + args.floors):
         if number % REFERENCE_EVERY == 0 or not usual:
-            usual = reference(args.robots, args.seconds, args.seed + number, args.passes)
+            usual = reference(args.robots, args.seed + number, terms)
         floor = drawn_floor(number, args.robots, args.seconds, args.seed, tuple(args.kinds or ()))
-        results.append(measured(floor, args.seconds, args.passes, usual))
+        results.append(measured(floor, terms, usual))
         print(line(results[-1]), flush=True)
         if args.json:
             args.json.write_text(json.dumps(results, indent=1) + "\n")

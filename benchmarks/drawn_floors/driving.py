@@ -1,6 +1,6 @@
 """Drives robots through the fleet and the engine of the service, in simulated time."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -14,6 +14,7 @@ from benchmarks.drawn_floors.motion import HALL, START_S, Robot, Sent
 from deconflict.advice.deferred_answers import Answer, PendingAnswer
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from deconflict.engine.engine import Engine
+from deconflict.runtime.learned_state import Part
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import DEFAULT
 from deconflict.sweep.incremental import PairConflicts, Sweeper
@@ -71,6 +72,8 @@ class Drive:
     warnings: dict[Pair, list[Warned]] = field(default_factory=dict)
     failed: str = ""
     """Why it was given up."""
+    learned: dict[str, Part] = field(default_factory=dict)
+    """What the engine had learned in the end."""
     not_examined: int = 0
     """Robots that the newest batches marked as not examined."""
 
@@ -78,10 +81,16 @@ class Drive:
         return np.array([getattr(each, name) for each in self.work], np.float64)
 
 
-def drive(robots: Sequence[Robot], sent: Sequence[Sent], seconds: float, passes_a_second: int = 5) -> Drive:
-    """Feed messages as they arrive, and make a pass at every tick."""
+def drive(
+    robots: Sequence[Robot],
+    sent: Sequence[Sent],
+    seconds: float,
+    passes_a_second: int = 5,
+    learned: Mapping[str, Part] | None = None,
+) -> Drive:
+    """Feed messages as they arrive, and make a pass at every tick. `learned` is what the engine knows before."""
     found, sweeps = Drive(), list[PairConflicts]()
-    fleet, engine = fast_fleet_of(SITE, Measures()), Engine(SITE, submit=_without_advice)
+    fleet, engine = fast_fleet_of(SITE, Measures()), Engine(SITE, submit=_without_advice, learned=learned)
     connections = [_connection(number, robot) for number, robot in enumerate(robots)]
     message, ticks_s = 0, np.arange(int(seconds * passes_a_second) + 1) / passes_a_second
     unexamined: dict[str, bool] = {}
@@ -105,6 +114,7 @@ def drive(robots: Sequence[Robot], sent: Sequence[Sent], seconds: float, passes_
             found.failed = _failure(found, now_s)
             if found.failed:
                 break
+    found.learned = engine.learned()
     found.not_examined = sum(unexamined.values())
     return found
 
