@@ -14,19 +14,22 @@ from benchmarks.broker_offer import PORT
 from tests.helpers import vda_saying
 
 MESSAGES, MAKERS, WITHIN_M = 40_000, 3_000, 3.0
+APART_S = 0.1
+"""Between the times of two states of a robot."""
 CONNECT = b"\x10\x11\x00\x04MQTT\x04\x02\x00\x00\x00\x05burst"
 """MQTT 3.1.1, a clean session, no keep-alive, the client `burst`."""
 ACCEPTED = b"\x20\x02\x00\x00"
 
 
 def burst(now_s: float, messages: int = MESSAGES, makers: int = MAKERS) -> bytes:
-    """The packets: states of as many robots as makers, again and again, all within a few metres."""
+    """The packets: states of as many robots as makers, again and again up to `now_s`, all within a few metres."""
     packets = []
     for number in range(messages):
         maker, serial = f"Maker{number % makers}", f"{number % makers:05}"
         x_m, y_m = number * 0.618 % 1 * WITHIN_M - 40.0, number * 0.382 % 1 * WITHIN_M
         pose = vda_saying.position(x_m, y_m, mapId=offer.DATUM)
-        raw = vda_saying.state(now_s, agvPosition=pose, manufacturer=maker, serialNumber=serial, driving=True)
+        at_s = now_s - APART_S * ((messages - 1) // makers - number // makers)
+        raw = vda_saying.state(at_s, agvPosition=pose, manufacturer=maker, serialNumber=serial, driving=True)
         packets.append(_published(vda_saying.topic("state", serial, maker).encode(), raw))
     return b"".join(packets)
 

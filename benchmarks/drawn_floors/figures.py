@@ -99,6 +99,8 @@ def verdicts(results: Sequence[Figures]) -> Iterator[str]:
         f"{_held(not differ and not failed)}: honest pairs' warnings are the same but for meetings with others: "
         f"{differ} of {compared} differ, {sum(each['missed'] for each in judged)} meetings not told of ahead"
     )
+    meetings, alone, beside = (sum(each[key] for each in judged) for key in ("meetings", "told_alone", "told_beside"))
+    yield f"Meetings of honest robots told of, also of robots that meet others: {beside} of {meetings}, {alone} alone"
 
 
 def _judged(results: Sequence[Figures]) -> list[Figures]:

@@ -12,7 +12,8 @@ from benchmarks.drawn_floors.others import KINDS, Body, Ground
 AREA_M2 = 25.0
 """Of each honest robot."""
 HONEST = ("Alder", "Basalt", "Corvid", "Dune")
-PLACES = ("beside", "among", "among")
+PLACES = ("beside", "half", "among", "among")
+"""Where others are: away from honest robots, half among them, or where they are."""
 GAP_M = 35.0
 """Between honest robots and others that are beside them: no body reaches across."""
 MAKERS = ("one", "few", "64", "own")
@@ -50,7 +51,7 @@ def drawn_floor(number: int, robots: int, seconds: float, seed: int = 0, kinds: 
         kinds = tuple(dict.fromkeys([names[number % len(names)], *more]))
     place, makers, sources = str(rng.choice(PLACES)), str(rng.choice(MAKERS)), str(rng.choice(SOURCES))
     side_m = float(np.sqrt(len(honest) * AREA_M2))
-    aside_m = np.array([side_m + GAP_M, 0.0]) if place == "beside" else np.zeros(2)
+    aside_m = np.array([{"beside": side_m + GAP_M, "half": 0.75 * side_m, "among": 0.0}[place], 0.0])
     ground = Ground(rng, side_m, seconds, honest, aside_m)
     shares = np.array_split(np.arange(robots - len(honest)), len(kinds))
     bodies = [body for kind, share in zip(kinds, shares, strict=True) for body in KINDS[kind](ground, len(share))]
