@@ -155,7 +155,7 @@ def _gap_m(a: Poses, robot: Robot, b: Poses, other: Robot) -> Floats:
     """(n,) the distance of two bodies at n poses, 0 if they overlap, never too small by more than their corners."""
     gap_m = np.full(len(a.x_m), np.inf)
     for here, body, there, its in ((a, robot, b, other), (b, other, a, robot)):
-        for ahead, left in ((0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
+        for ahead, left in ((0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
             x_m, y_m = ahead * its.length_m / 2, left * its.width_m / 2
             x = there.x_m + x_m * np.cos(there.yaw_rad) - y_m * np.sin(there.yaw_rad)
             y = there.y_m + x_m * np.sin(there.yaw_rad) + y_m * np.cos(there.yaw_rad)
