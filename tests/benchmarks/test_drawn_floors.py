@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from benchmarks.drawn_floors.driving import Drive, Warned, drive
+from benchmarks.drawn_floors.figures import MOST_RATIO
 from benchmarks.drawn_floors.floor import drawn_floor, honest_floor
 from benchmarks.drawn_floors.judging import compared, meetings
+from benchmarks.drawn_floors.measuring import Terms, measured, reference
 from benchmarks.drawn_floors.motion import Robot, Way, sent_by
 from benchmarks.drawn_floors.others import KINDS
 from deconflict.advisory import Severity
 
 SECONDS, ROBOTS = 20.0, 60
+HELD = ("standing-heap", "trembling-heap")
+"""Kinds beside which a pass examines no more pairs than it may."""
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -27,6 +31,14 @@ def test_honest_robots_send_the_same_whoever_else_is_there() -> None:
     floor, robots = drawn_floor(1, ROBOTS, SECONDS), len(drawn_floor(1, ROBOTS, SECONDS).honest)
     beside = [each for each in sent_by((*floor.honest, *floor.others), SECONDS) if each.robot < robots]
     assert beside == sent_by(floor.honest, SECONDS)
+
+
+@pytest.mark.parametrize("kind", HELD)
+def test_beside_others_a_pass_examines_few_more_pairs_and_no_warning_of_honest_robots_is_lost(kind: str) -> None:
+    terms = Terms(SECONDS, passes=5)
+    found = measured(drawn_floor(1, 100, SECONDS, kinds=(kind,)), terms, reference(100, 1, terms))
+    assert found["pairs_ratio"] <= MOST_RATIO
+    assert (found["warnings"]["missing"], found["warnings"]["late"]) == ([], [])
 
 
 def test_every_meeting_of_honest_robots_alone_is_told_of() -> None:
