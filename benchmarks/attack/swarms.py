@@ -52,7 +52,7 @@ SWARMS: dict[str, Callable[[int, float, float], list[Robot]]] = {
     "silent-crowd": silent_crowd,
 }
 """Each takes the number of robots, the size of large ones, and for how many seconds they send."""
-ROBOTS = {"large": 1000, "makers": 1000, "silent-crowd": 220}
+ROBOTS = {"large": 1000, "makers": 1000, "silent-crowd": 500}
 """How many there are if it is not said."""
 
 
