@@ -236,7 +236,7 @@ async def offer(url: str, world: Circling, seconds: float, ended: Callable[[], b
     for at in range(0, len(connections), OPENED_AT_ONCE):
         await asyncio.gather(*(connection.open() for connection in connections[at : at + OPENED_AT_ONCE]))
     offered.connections = len(connections)
-    began_s, done_s, head = time.time(), 0.0, _head(world.length)
+    began_s, done_s, head = time.time(), 0.0, frame_head(world.length)
     while done_s < seconds and not ended():
         await asyncio.sleep(max(began_s + done_s + SLICE_S - time.time(), 0.0))
         now_s = time.time()
@@ -261,7 +261,7 @@ class RobotConnection:
         hello = HANDSHAKE.format(path=parts.path, host=parts.netloc).encode()
         self._hello, self._identities = (
             hello,
-            b"".join(_head(len(identity)) + identity.encode() for identity in identities),
+            b"".join(frame_head(len(identity)) + identity.encode() for identity in identities),
         )
         self._offered = offered
         self._socket: socket.socket | None = None
@@ -325,7 +325,7 @@ def serve(
     parent.send(asdict(asyncio.run(offer(url, Circling(robots, docks=docks), seconds, parent.poll))))
 
 
-def _head(length: int) -> bytes:
+def frame_head(length: int) -> bytes:
     """The head of a client's text frame. The mask is zero, which leaves the text unchanged."""
     return struct.pack("!BBH4x", 0x81, 0x80 | 126, length)
 

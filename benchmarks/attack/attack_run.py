@@ -2,19 +2,26 @@
 
 import time
 from collections import Counter
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.attack import maker_burst
 from benchmarks.attack.floods import FLOODS, Target, flooding
 from benchmarks.attack.measuring import Samples, Subscriber, disk_mb, health, honest_latency
 from benchmarks.attack.senders import sending
+from benchmarks.attack.swarms import ROBOTS, SWARMS, swarming
+from benchmarks.broker_offer import broker, sources
 from benchmarks.endtoend import Running, service, since
 from ingest.measures.measures import Histogram
 
-ROBOTS = ("none", "crowd", "origin")
-ATTACKS = (*ROBOTS, *FLOODS)
+NONE, BURST = "none", "maker-burst"
+CROWDS = ("crowd", "origin")
+ATTACKS = (NONE, *CROWDS, *FLOODS, *SWARMS, BURST)
+MOST_ROBOTS = 220
+"""Of a crowd, if it is not said."""
 HEALTHY_WITHIN_S = 120.0
 GOOD_P99_MS = 250
 LOOK_S = 1.0
@@ -24,30 +31,36 @@ LOOK_S = 1.0
 class Plan:
     """How long and with how many robots an attack runs."""
 
-    robots: int = 220
-    """Of a crowd."""
+    robots: int | None = None
+    """Of an attack with robots, if not its usual number."""
+    size_m: float = 100.0
+    """Of large robots."""
     pairs: int = 25
     """Of honest robots."""
     settle_s: float = 15.0
     """How long honest robots are heard before anything is measured."""
     around_s: float = 30.0
-    """How long they are measured before and after the attack."""
+    """How long they are measured before the attack."""
     seconds: float = 30.0
+    """How long the attack takes."""
+    after_s: float = 30.0
+    """How long they are measured after it."""
     core: int | None = None
     """To which the attacker is pinned."""
 
 
-def run(attack: str, plan: Plan, data: Path) -> dict[str, Any]:
-    """One attack on a new service, and a restart on its data."""
-    with service(data_directory=data) as running:
+def run(attack: str, plan: Plan, data: Path, scene: str = "") -> dict[str, Any]:
+    """One attack on a new service, and a restart on its data. `scene` is the attack without which the scene is the
+    same, if it is not this one."""
+    with _scene(scene or attack, data) as running:
         subscriber, samples, start_s = Subscriber(_stream(running), plan.pairs), Samples(running), time.time()
         with sending(running.url, "honest", 2 * plan.pairs, start_s):
             time.sleep(plan.settle_s)
             phases = {"before": _phase(running, plan.around_s)}
             usual = {role: used[-1] for role, used in samples.memory_mb.items()}
-            with _attacking(running, attack, plan, start_s):
+            with attacking(running, attack, plan, start_s):
                 phases["during"] = _phase(running, plan.seconds)
-            phases["after"], whole_after_s = _after(running, plan.around_s)
+            phases["after"], whole_after_s = _after(running, plan.after_s)
         subscriber.stop()
         samples.stop()
         for phase in phases.values():
@@ -65,16 +78,31 @@ def run(attack: str, plan: Plan, data: Path) -> dict[str, Any]:
         "disk_mb": max(samples.disk_mb, disk_mb(data)),
         "restarts": restarts,
         "health": dict(Counter(status for _, status in samples.health)),
+        "canary_s": max((latency_s for _, latency_s in samples.canary_s), default=0.0),
         "healthy_after_restart_s": _restart_s(data),
     }
 
 
-def _attacking(running: Running, attack: str, plan: Plan, start_s: float) -> AbstractContextManager[None]:
-    if attack == "none":
+@contextmanager
+def _scene(attack: str, data: Path) -> Iterator[Running]:
+    """The service that is attacked, and a broker if the attack goes there."""
+    changes = {"mqtt_sources": sources(["vda5050"])} if attack == BURST else None
+    with broker() if attack == BURST else nullcontext(), service(data_directory=data, changes=changes) as running:
+        yield running
+
+
+def attacking(running: Running, attack: str, plan: Plan, start_s: float) -> AbstractContextManager[None]:
+    """The attack, until the block ends. The honest robots began at `start_s`."""
+    if attack == NONE:
         return nullcontext()
     if attack in FLOODS:
         return flooding(Target(running.url.removeprefix("ws://"), running.face), attack, plan.core)
-    return sending(running.url, attack, plan.robots, start_s, plan.core)
+    if attack in SWARMS:
+        robots = SWARMS[attack](plan.robots or ROBOTS[attack], plan.size_m, plan.seconds)
+        return swarming(running.url, robots, plan.seconds, plan.core)
+    if attack == BURST:
+        return maker_burst.bursting(plan.core)
+    return sending(running.url, attack, plan.robots or MOST_ROBOTS, start_s, plan.core)
 
 
 def _phase(running: Running, seconds: float) -> dict[str, Any]:

@@ -89,6 +89,8 @@ class Samples:
     memory_mb: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     """By role, in the order of the looks."""
     health: list[tuple[float, str]] = field(default_factory=list)
+    canary_s: list[tuple[float, float]] = field(default_factory=list)
+    """What the service says of how long its canary takes."""
     disk_mb: float = 0.0
     _stopping: threading.Event = field(default_factory=threading.Event)
 
@@ -109,17 +111,24 @@ class Samples:
             with suppress(OSError):  # a role may end while it is looked at
                 for role, usage in self.running.usage().items():
                     self.memory_mb[role].append(round(usage.memory_mb, 1))
-            self.health.append((time.time(), health(self.running.face)))
+            document = health_document(self.running.face)
+            self.health.append((time.time(), document["status"]))
+            self.canary_s.append((time.time(), document.get("canary", {}).get("latency_s", 0.0)))
             self.disk_mb = max(self.disk_mb, disk_mb(self.running.data))
 
 
 def health(face: str) -> str:
     """What the service says of itself; "-" if it does not answer."""
+    return str(health_document(face)["status"])
+
+
+def health_document(face: str) -> dict[str, Any]:
+    """The same with its parts."""
     try:
         answer: dict[str, Any] = httpx.get(f"http://{face}/healthz", timeout=2.0, trust_env=False).json()
     except (httpx.HTTPError, ValueError):
-        return "-"
-    return str(answer["status"])
+        return {"status": "-"}
+    return answer
 
 
 def disk_mb(data: Path) -> float:

@@ -1,0 +1,1 @@
+"""Honest robots beside whatever else can be on a floor: drawn at random, driven in simulated time, compared."""

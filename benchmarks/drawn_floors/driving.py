@@ -1,0 +1,181 @@
+"""Drives robots through the fleet and the engine of the service, in simulated time."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
+from time import process_time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.drawn_floors.floor import HONEST
+from benchmarks.drawn_floors.motion import HALL, START_S, Robot, Sent
+from deconflict.advice.deferred_answers import Answer, PendingAnswer
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
+from deconflict.engine.engine import Engine
+from deconflict.runtime.learned_state import Part
+from deconflict.settings.fleet_factory import fast_fleet_of
+from deconflict.settings.site import DEFAULT
+from deconflict.sweep.incremental import PairConflicts, Sweeper
+from ingest.batch import Batch, Floats, Pair
+from ingest.fleet.fleet import Fleet
+from ingest.measures.measures import Measures
+from ingest.port.connection import Connection
+from ingest.settings import Datum, Vendor
+
+SITE = DEFAULT.model_copy(
+    update={
+        "datums": (Datum(id=HALL, name="Hall"),),
+        "vendors": tuple(Vendor(name=maker) for maker in HONEST),
+    }
+)
+LONGEST_PASS_S, LONGEST_DRIVE_S = 5.0, 120.0
+"""A drive is given up after a pass, or passes in all, that take so much processor time."""
+SEVERITIES = tuple(Severity)
+
+
+class Work(NamedTuple):
+    """What one pass cost and did."""
+
+    pass_s: float
+    """Processor time."""
+    box_pairs: int
+    segment_pairs: int
+    advanced_pairs: int
+    fcl_calls: int
+    foreseen_pairs: int
+    """Pairs in the table of the probabilities."""
+    open_conflicts: int
+
+    @property
+    def pairs(self) -> int:
+        """Pairs that were examined one by one: by the sweep, and for their probabilities."""
+        return self.box_pairs + self.foreseen_pairs
+
+
+@dataclass(slots=True)
+class Warned:
+    """One conflict advisory from its first revision on. Times are seconds since the start of the floor."""
+
+    raised_s: float
+    severity: Severity
+    """The highest so far."""
+    cleared_s: float = np.inf
+
+
+@dataclass(slots=True)
+class Drive:
+    """What a drive gave."""
+
+    work: list[Work] = field(default_factory=list)
+    warnings: dict[Pair, list[Warned]] = field(default_factory=dict)
+    failed: str = ""
+    """Why it was given up."""
+    learned: dict[str, Part] = field(default_factory=dict)
+    """What the engine had learned in the end."""
+    not_examined: int = 0
+    """Robots that the newest batches marked as not examined."""
+
+    def column(self, name: str) -> Floats:
+        return np.array([getattr(each, name) for each in self.work], np.float64)
+
+
+def drive(
+    robots: Sequence[Robot],
+    sent: Sequence[Sent],
+    seconds: float,
+    passes_a_second: int = 5,
+    learned: Mapping[str, Part] | None = None,
+) -> Drive:
+    """Feed messages as they arrive, and make a pass at every tick. `learned` is what the engine knows before."""
+    found, sweeps = Drive(), list[PairConflicts]()
+    fleet, engine = fast_fleet_of(SITE, Measures()), Engine(SITE, submit=_without_advice, learned=learned)
+    connections = [_connection(number, robot) for number, robot in enumerate(robots)]
+    message, ticks_s = 0, np.arange(int(seconds * passes_a_second) + 1) / passes_a_second
+    unexamined: dict[str, bool] = {}
+    with _swept(sweeps):
+        for _, now_s in pairwise(ticks_s.tolist()):
+            while message < len(sent) and sent[message].at_s <= now_s:
+                at_s, robot, raw = sent[message]
+                fleet.receive(raw, START_S + at_s, connections[robot])
+                message += 1
+            batch = _next_batch(fleet, START_S + now_s)
+            if (examined := getattr(batch, "examined", None)) is not None:
+                unexamined |= dict(zip(batch.robots, (~examined).tolist(), strict=True))
+            began_s = process_time()
+            engine.receive(batch)
+            revisions = engine.step(START_S + now_s)
+            pass_s = process_time() - began_s
+            _note(found.warnings, revisions, now_s)
+            swept = sweeps.pop()
+            work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
+            found.work.append(Work(pass_s, *work, len(engine.foresight._pairs), len(engine.conflicts())))
+            found.failed = _failure(found, now_s)
+            if found.failed:
+                break
+    found.learned = engine.learned()
+    found.not_examined = sum(unexamined.values())
+    return found
+
+
+def _failure(found: Drive, now_s: float) -> str:
+    if found.work[-1].pass_s > LONGEST_PASS_S:
+        return f"a pass at second {now_s:.1f} took {found.work[-1].pass_s:.1f} s"
+    spent_s = sum(each.pass_s for each in found.work)
+    return f"passes up to second {now_s:.1f} took {spent_s:.0f} s" if spent_s > LONGEST_DRIVE_S else ""
+
+
+def _next_batch(fleet: Fleet, now_s: float) -> Batch:
+    return Batch.from_bytes(fleet.next_batch(now_s).to_bytes())
+
+
+def _connection(number: int, robot: Robot) -> Connection:
+    """Honest robots name their vendor in the path. Others name a maker in their messages only."""
+    if robot.is_honest:
+        return Connection(number + 1, robot.source, f"/{robot.maker}", robot.maker)
+    return Connection(number + 1, robot.source)
+
+
+def _note(warnings: dict[Pair, list[Warned]], revisions: Sequence[AnyAdvisory], now_s: float) -> None:
+    for revision in revisions:
+        if not isinstance(revision, ConflictAdvisory):
+            continue
+        of_pair = warnings.setdefault(revision.robots, [])
+        if revision.state is AdvisoryState.RAISED or not of_pair:
+            of_pair.append(Warned(now_s, revision.severity))
+        newest = of_pair[-1]
+        newest.severity = max(newest.severity, revision.severity, key=SEVERITIES.index)
+        if revision.state is AdvisoryState.CLEARED:
+            newest.cleared_s = now_s
+
+
+@contextmanager
+def _swept(sweeps: list[PairConflicts]) -> Iterator[None]:
+    """Keep what every sweep finds, with the work that it counts."""
+    find_conflicts = Sweeper.find_conflicts
+
+    def kept(self: Sweeper, *args: Any, **named: Any) -> PairConflicts:
+        sweeps.append(find_conflicts(self, *args, **named))
+        return sweeps[-1]
+
+    setattr(Sweeper, "find_conflicts", kept)  # noqa: B010 - mypy does not let a method be assigned
+    try:
+        yield
+    finally:
+        setattr(Sweeper, "find_conflicts", find_conflicts)  # noqa: B010
+
+
+class _Unanswered:
+    """An answer that does not come."""
+
+    def done(self) -> bool:
+        return False
+
+    def result(self) -> Answer:
+        raise NotImplementedError
+
+
+def _without_advice(_: Callable[[], Answer]) -> PendingAnswer:
+    """Works out no advice: in the service a thread of its own does, and no pass waits for it."""
+    return _Unanswered()
