@@ -13,7 +13,7 @@ from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
 
-from deconflict.operator.store.migrations import UPGRADES
+from deconflict.operator.store.migrations import TABLES, UPGRADES
 from deconflict.operator.store.reserved_numbers import ReservedNumbers
 from deconflict.operator.store.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
@@ -119,7 +119,7 @@ class SqliteConnections:
         with ExitStack() as opened, self._explained_errors():
             connections = [opened.enter_context(closing(self._connect())) for _ in range(4)]
             self._writer, self._numberer, self._reader, self._long_reader = connections
-            self._upgrade(self._writer)
+            self._upgrade_or_refuse(self._writer)
             for reader in connections[1:]:
                 reader.execute("PRAGMA query_only = ON")
             opened.pop_all()
@@ -133,6 +133,17 @@ class SqliteConnections:
             db.close()
             raise
         return db
+
+    def _upgrade_or_refuse(self, db: sqlite3.Connection) -> None:
+        """Raises `DamagedStoreError` if the tables are not those of the format that the file states."""
+        try:
+            self._upgrade(db)
+            for table in TABLES:
+                db.execute(f"SELECT * FROM {table} LIMIT 1").fetchone()  # noqa: S608 - constants
+        except sqlite3.OperationalError as error:
+            if getattr(error, "sqlite_errorname", "") != "SQLITE_ERROR":
+                raise
+            raise DamagedStoreError(f"{self.path}: {error}: it is set aside, and a new one is begun") from error
 
     def _upgrade(self, db: sqlite3.Connection) -> None:
         with _begun(db, "BEGIN IMMEDIATE"):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.runtime.learned_state import Part, UnreadableError, numbers, packed, unpacked
+from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
 
 PARTS: dict[str, Part] = {
     "ledger": {"counts": default_rng(1).poisson(0.3, (4, 3, 10)).astype(np.float64), "kinds": [["Al.der", "", 1]]},
@@ -52,10 +52,3 @@ def test_a_file_of_another_format_says_which(monkeypatch: pytest.MonkeyPatch) ->
         data = packed(PARTS)
     with pytest.raises(UnreadableError, match="format 99"):
         unpacked(data)
-
-
-@pytest.mark.parametrize("expected", [None, "three", [1.0, float("nan")], [[1.0], [2.0, 3.0]], [1.0, 2.0, 3.0]])
-def test_only_finite_numbers_of_the_right_shape_are_taken(expected: object) -> None:
-    assert numbers({"a": [1, 2]}, "a", (2,)).tolist() == [1.0, 2.0]
-    with pytest.raises(UnreadableError, match="a is not"):
-        numbers({"a": expected}, "a", (2,))
