@@ -19,10 +19,10 @@ from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
 from deconflict.engine.engine_advice import EngineAdvice
 from deconflict.engine.engine_metrics import EngineMetrics, count_losses
-from deconflict.engine.first_learned_format import upgraded
+from deconflict.engine.learned.first_learned_format import upgraded
+from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.engine.live_scene import LiveScene
 from deconflict.engine.load_shedding import Effort
-from deconflict.engine.map_drift import MapDrift
 from deconflict.engine.near_miss_trigger import NearMissTrigger
 from deconflict.engine.place_names import PlaceNames
 from deconflict.engine.robot_sweep import RobotSweep

@@ -12,7 +12,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from deconflict.roles.data_formats import refuse_newer
+from deconflict.roles.processes.data_formats import refuse_newer
 from deconflict.roles.processes.supervisor import PARTS, Supervisor
 from deconflict.roles.service import cluster_problems, runtime_directory
 from deconflict.runtime.command_parsers import Commands, add_command

@@ -17,7 +17,7 @@ from deconflict.contention.contention import Contention
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.queue_advice import queue_advice
 from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
-from deconflict.engine.first_learned_format import upgraded
+from deconflict.engine.learned.first_learned_format import upgraded
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.presence_batches import contention_batches

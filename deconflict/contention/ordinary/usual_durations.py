@@ -10,8 +10,7 @@ from math import inf
 
 import numpy as np
 
-from deconflict.runtime.learned_form import Form, count_column, time_column
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Form, Part, count_column, time_column
 from ingest.batch import Floats
 
 BINS, STEP = 40, 1.25

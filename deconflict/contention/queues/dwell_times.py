@@ -4,8 +4,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from deconflict.runtime.learned_form import Form, Seconds
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource
 
 MOST_DWELLS = 50

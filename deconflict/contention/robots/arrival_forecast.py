@@ -17,8 +17,7 @@ from pydantic import Field
 from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, Announcement, DatumPoint, FloorPoints
 from deconflict.contention.robots.overdue_times import OverdueTimes
 from deconflict.foresight.forecast_errors.arrival_errors import ArrivalErrors
-from deconflict.runtime.learned_form import Form, Seconds
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from ingest.batch import Batch, Floats, Ints
 
 SHORTEST_S = 5.0

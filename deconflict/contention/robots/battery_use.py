@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from deconflict.runtime.learned_form import Count, Form
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Count, Form, Part
 from ingest.batch import Floats, Ints
 from ingest.kernels import kernel, ready
 

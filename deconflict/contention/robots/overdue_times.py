@@ -10,8 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from deconflict.runtime.learned_form import Form, Seconds
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from ingest.batch import Floats
 
 MOST_ARRIVALS = 200

@@ -7,8 +7,7 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.error_ledger import HALF_LIFE_S
 from deconflict.foresight.forecast_errors.upper_quantiles import BINS, BINS_TEXT, bins, upper_quantiles
-from deconflict.runtime.learned_form import Form, count_column, time_column
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Form, Part, count_column, time_column
 from ingest.batch import Floats
 from ingest.measures.measures import Labels, Measures
 

@@ -15,8 +15,7 @@ from deconflict.foresight.forecast_errors.error_ledger import ForecastKind
 from deconflict.foresight.forecast_errors.forecast_grades import GRADED_S
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.foresight.forecast_errors.upper_quantiles import BINS, upper_quantiles
-from deconflict.runtime.learned_form import Form
-from deconflict.runtime.learned_state import Part, UnreadableError
+from deconflict.runtime.learned_state import Form, Part, UnreadableError
 from ingest.batch import Basis, Floats, Ints
 from ingest.kernels import kernel
 from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange

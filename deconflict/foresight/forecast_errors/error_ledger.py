@@ -14,7 +14,7 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.foresight.forecast_errors.upper_quantiles import BINS, BINS_TEXT, bins, set_upper_quantiles
-from deconflict.runtime.learned_form import Column, count_column, time_column
+from deconflict.runtime.learned_state import Column, count_column, time_column
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.presence.silence_outcomes import SilenceCase
-from deconflict.runtime.learned_form import Form, Seconds
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from ingest.batch import Batch
 
 

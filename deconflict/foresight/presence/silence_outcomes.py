@@ -16,8 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from deconflict.foresight.presence import silence_survival
-from deconflict.runtime.learned_form import Form, count_column
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Form, Part, count_column
 from ingest.batch import Floats, FloorPoint
 
 CELL_M = 2.0

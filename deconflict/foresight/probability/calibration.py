@@ -15,8 +15,7 @@ import numpy as np
 
 from deconflict.foresight.probability.censoring import PARTS, CensoredOutcomes, counts, weights
 from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, slots_of
-from deconflict.runtime.learned_form import Column, count_column
-from deconflict.runtime.learned_state import UnreadableError
+from deconflict.runtime.learned_state import Column, UnreadableError, count_column
 from ingest.batch import Floats, Ints
 from ingest.kernels import kernel
 

@@ -19,12 +19,12 @@ from deconflict.foresight.forecast_errors.self_contradiction import blank_record
 from deconflict.foresight.forecast_errors.track_kernels import Errors
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S
+from deconflict.foresight.learned_estimates import LearnedErrors, LearnedProbabilities
 from deconflict.foresight.losses.loss_finder import LossFinder
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.advice_followers import AdviceFollowers
 from deconflict.foresight.probability.calibration import Calibration, contact_features, log_odds
 from deconflict.foresight.probability.error_band_kernels import Bounds, update_surprise
-from deconflict.foresight.probability.learned_estimates import LearnedErrors, LearnedProbabilities
 from deconflict.foresight.probability.outcome_learning import OutcomeLearning
 from deconflict.foresight.probability.pair_candidates import PairCandidates, SweptConflicts
 from deconflict.foresight.probability.pair_measuring import PairMeasuring

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.runtime.learned_form import count_column
+from deconflict.runtime.learned_state import count_column
 from ingest.batch import Bools, Floats, Ints
 
 STOOD_S: Floats = np.array([0.0, 1.5, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0, 40.0])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
+from deconflict.runtime.learned_state import DAMAGE, Part, UnreadableError, packed, unpacked
 
 PARTS: dict[str, Part] = {
     "ledger": {"counts": default_rng(1).poisson(0.3, (4, 3, 10)).astype(np.float64), "kinds": [["Al.der", "", 1]]},
@@ -34,7 +34,9 @@ def test_a_changed_byte_is_found_or_changes_nothing() -> None:
         except UnreadableError:
             seen += 1
         else:
-            assert read["ledger"]["counts"].tolist() == PARTS["ledger"]["counts"].tolist()
+            seen += DAMAGE in read["ledger"]
+            for name, part in read.items():
+                assert DAMAGE in part or str(part) == str(PARTS[name])
     assert seen > len(whole) / 2
 
 

@@ -15,8 +15,7 @@ from deconflict.foresight.probability.outcome_learning import OutcomeLearning
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.rollout.start_times import COUNTS, STOOD_S, StartTimes
-from deconflict.runtime.learned_form import Column, Form, Seconds
-from deconflict.runtime.learned_state import Part, UnreadableError
+from deconflict.runtime.learned_state import Column, Form, Part, Seconds, UnreadableError
 from ingest.batch import Basis
 
 FOLLOWING, STARTS = "following_", "starts"

@@ -3,7 +3,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deconflict.foresight.forecast_errors.error_ledger import HALF_LIFE_S, Ledger
-from deconflict.foresight.probability.learned_estimates import LearnedErrors
+from deconflict.foresight.learned_estimates import LearnedErrors
 from deconflict.foresight.rollout.start_times import StartTimes
 from ingest.batch import Basis, Floats
 from tests.deconflict.foresight.forecast_errors.made_errors import off
@@ -23,8 +23,9 @@ class Learning:
     def errors(self) -> LearnedErrors:
         return LearnedErrors(self.ledger, self.following, self.start_times)
 
-    def record(self, model: str, errors_m: Floats, at_s: float = NOW_S, following: bool = True) -> int:
+    def record(self, model: str, errors_m: Floats, at_s: float | None = None, following: bool = True) -> int:
         """Add a kind with these errors a second ahead. Returns its row."""
+        at_s = NOW_S + 2.0 * len(self.ledger.kinds) if at_s is None else at_s
         row = self.ledger.row("Alder", model, Basis.PATH, at_s)
         self.following.add_kinds(self.ledger, at_s)
         for ledger in (self.ledger, self.following) if following else (self.ledger,):

@@ -60,7 +60,7 @@ def _json_format(path: Path) -> int | None:
     return found if isinstance(found, int) else None
 
 
-def _learned_format(path: Path) -> int | None:
+def _learned_stateat(path: Path) -> int | None:
     try:
         return learned_state.format_of(path.read_bytes())
     except OSError:
@@ -72,6 +72,6 @@ FILES: dict[str, tuple[Callable[[Path], int | None], int]] = {
     loss_ledger.FILE_NAME: (_database_format, len(ledger_formats.UPGRADES)),
     kept_messages.FILE_NAME: (_database_format, kept_messages.FORMAT),
     owner_file.FILE_NAME: (_json_format, owner_register.FORMAT),
-    learned_file.FILE_NAME: (_learned_format, learned_state.FORMAT),
+    learned_file.FILE_NAME: (_learned_stateat, learned_state.FORMAT),
 }
 """By name, what reads the format, and the newest that this release reads."""

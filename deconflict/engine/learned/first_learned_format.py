@@ -12,15 +12,14 @@ import numpy as np
 from deconflict.contention.ordinary import usual_durations
 from deconflict.contention.queues import dwell_times
 from deconflict.contention.robots import arrival_forecast, battery_use, overdue_times
-from deconflict.engine import map_drift
+from deconflict.engine.learned import map_drift
 from deconflict.foresight.forecast_errors import arrival_errors, degradation
 from deconflict.foresight.forecast_errors.error_ledger import COLUMNS
+from deconflict.foresight.learned_estimates import ERRORS, FOLLOWING, MODELS, PROBABILITIES, STARTS
 from deconflict.foresight.presence import removed_robots, silence_outcomes
 from deconflict.foresight.probability.calibration import Calibration
-from deconflict.foresight.probability.learned_estimates import ERRORS, FOLLOWING, MODELS, PROBABILITIES, STARTS
 from deconflict.foresight.probability.pair_table import slots_of
-from deconflict.runtime.learned_form import FORM, Form
-from deconflict.runtime.learned_state import DAMAGE, Part
+from deconflict.runtime.learned_state import DAMAGE, FORM, Form, Part
 
 Parts = Mapping[str, Part]
 NO_LABELS = "an older release wrote it, and its rows are numbered by a part that may have other rows"

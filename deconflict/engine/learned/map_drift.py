@@ -17,8 +17,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from deconflict.runtime.learned_form import Form
-from deconflict.runtime.learned_state import Part, UnreadableError
+from deconflict.runtime.learned_state import Form, Part, UnreadableError
 from deconflict.settings.shared_places import Resource
 from ingest.batch import Basis, Batch
 from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
