@@ -27,6 +27,7 @@ from deconflict.engine.near_miss_trigger import NearMissTrigger
 from deconflict.engine.place_names import PlaceNames
 from deconflict.engine.robot_sweep import RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
+from deconflict.foresight.learned_estimates import estimator_learners
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
@@ -133,7 +134,7 @@ class Engine:
     @property
     def _learners(self) -> dict[str, Learner]:
         shared = self._shared.contention.learners | self.presence.learners
-        return self.foresight.learners | shared | {"rests": self._map_drift}
+        return estimator_learners(self.foresight) | shared | {"rests": self._map_drift}
 
     def receive(self, batch: Batch) -> None:
         """Add the robots that changed; a batch may hold the whole floor."""

@@ -11,11 +11,10 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.error_ledger import COLUMNS, CONTENT, ForecastKind, Ledger
 from deconflict.foresight.probability.calibration import CONTACT, INTERACTION, Calibration
-from deconflict.foresight.probability.outcome_learning import OutcomeLearning
+from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_table import codes, slots_of
-from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.rollout.start_times import COUNTS, STOOD_S, StartTimes
-from deconflict.runtime.learned_state import Column, Form, Part, Seconds, UnreadableError
+from deconflict.runtime.learned_state import Column, Form, Learner, Part, Seconds, UnreadableError
 from ingest.batch import Basis
 
 FOLLOWING, STARTS = "following_", "starts"
@@ -40,6 +39,15 @@ def _probabilities() -> Form:
 
 
 PROBABILITIES = _probabilities()
+
+
+def estimator_learners(estimator: ProbabilityEstimator) -> dict[str, Learner]:
+    """What an estimator keeps over a restart."""
+    return {
+        "ledger": LearnedErrors(estimator.ledger, estimator.following, estimator.start_times),
+        "calibration": LearnedProbabilities(estimator),
+        "changes": estimator.degradation,
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +85,9 @@ class LearnedProbabilities:
     The weights hold for the clearance and the horizon with which they were learned.
     """
 
-    def __init__(self, learning: OutcomeLearning, robots: TrackedRobots, clearance_m: float, horizon_s: float) -> None:
-        self._learning, self._robots = learning, robots
-        self._bounds = {"clearance_m": clearance_m, "horizon_s": horizon_s}
+    def __init__(self, estimator: ProbabilityEstimator) -> None:
+        self._learning, self._robots, bounds = estimator.learning, estimator.robots, estimator.bounds
+        self._bounds = {"clearance_m": bounds.clearance_m, "horizon_s": bounds.horizon_s}
 
     def learned(self) -> Part:
         """The weights, and the prior from which they were learned."""

@@ -19,7 +19,6 @@ from deconflict.foresight.forecast_errors.self_contradiction import blank_record
 from deconflict.foresight.forecast_errors.track_kernels import Errors
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S
-from deconflict.foresight.learned_estimates import LearnedErrors, LearnedProbabilities
 from deconflict.foresight.losses.loss_finder import LossFinder
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.advice_followers import AdviceFollowers
@@ -46,7 +45,6 @@ from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.probability.waiting_robots import record_starts
 from deconflict.foresight.rollout.rollout import NOBODY
 from deconflict.foresight.rollout.start_times import StartTimes
-from deconflict.runtime.learned_state import Learner
 from deconflict.sweep.crowded_pairs import NO_CROWDS
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
@@ -106,14 +104,14 @@ class ProbabilityEstimator:
         return self.learning.contact
 
     @property
-    def learners(self) -> dict[str, Learner]:
-        """What is kept over a restart."""
-        bounds = self._bounds.clearance_m, self._bounds.horizon_s
-        return {
-            "ledger": LearnedErrors(self.ledger, self.following, self.start_times),
-            "calibration": LearnedProbabilities(self.learning, self._robots, *bounds),
-            "changes": self.degradation,
-        }
+    def robots(self) -> TrackedRobots:
+        """The robots, and the numbers of their vendors."""
+        return self._robots
+
+    @property
+    def bounds(self) -> Bounds:
+        """The clearance and the horizon for which probabilities are learned."""
+        return self._bounds
 
     def receive(self, batch: Batch) -> Batch:
         """Compare earlier forecasts with the new reports, and keep the new forecasts.

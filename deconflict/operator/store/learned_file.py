@@ -44,8 +44,8 @@ class LearnedFile:
         """Keep a copy of a file of which these parts can't be used; the engine goes on with the others."""
         for part, reason in sorted(reasons.items()):
             self._measures.count(PARTS, part)
-            text = f"{reason}; it is learned anew, and the file is kept as {FILE_NAME}{ASIDE}"
-            self._failed("read", f"{self.path}: the part {part!r} is set aside: {text}")
+            log.warning("%s: the part %r is set aside: %s; it is learned anew", self.path, part, reason)
+        self._failed("read", f"{self.path} is kept as {FILE_NAME}{ASIDE}, and the engine goes on with its other parts")
         try:
             replace_file(self.path.with_name(FILE_NAME + ASIDE), self.path.read_bytes())
         except OSError as error:

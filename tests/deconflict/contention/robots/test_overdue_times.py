@@ -75,7 +75,7 @@ def test_arrivals_in_time_are_not_used_for_late_ones() -> None:
     overdue = OverdueTimes()
     for late_s in (0.0, -30.0):
         overdue.record("Alder", late_s, 100.0)
-    assert overdue.learned() == {}
+    assert overdue.learned()["late"] == {}
 
 
 def test_old_arrivals_weigh_less_and_only_so_many_are_kept() -> None:

@@ -225,10 +225,10 @@ def test_a_part_that_is_missing_or_of_another_form_is_named(saved: bytes, part: 
     assert outcome({name: parts[name] for name in others})[2].keys() == ({part} if part else set())
     if part:
         of_another = parts | {part: parts[part] | {FORM: "errors by 64 bins"}}
-        said, probabilities, set_aside = outcome(of_another)
+        published, probabilities, set_aside = outcome(of_another)
         assert set_aside.keys() == {part}
         assert "errors by 64 bins" in set_aside[part]
-        assert (said, probabilities) == expected(saved, part)
+        assert (published, probabilities) == expected(saved, part)
 
 
 def test_a_part_that_only_a_newer_release_has_is_named_and_the_others_are_taken(saved: bytes) -> None:
@@ -237,9 +237,9 @@ def test_a_part_that_only_a_newer_release_has_is_named_and_the_others_are_taken(
 
 
 def test_what_was_saved_is_taken_whole(saved: bytes) -> None:
-    said, probabilities, set_aside = outcome(unpacked(saved))
+    published, probabilities, set_aside = outcome(unpacked(saved))
     assert not set_aside
-    assert (said, probabilities) != outcome(None)[:2]
+    assert (published, probabilities) != outcome(None)[:2]
 
 
 def test_the_file_of_a_release_whose_parts_stated_nothing_ends_no_engine() -> None:
@@ -247,8 +247,8 @@ def test_the_file_of_a_release_whose_parts_stated_nothing_ends_no_engine() -> No
     parts = unpacked(KEPT_OF_A_FIRST_RELEASE.read_bytes())
     assert "following" not in parts
     assert len(parts["ledger"]["kinds"]) > 1
-    said, probabilities, set_aside = outcome(parts)
+    published, probabilities, set_aside = outcome(parts)
     assert {"ledger", "calibration"} <= set_aside.keys()
     assert not {"changes", "arrivals", "lateness", "stays", "rests"} & set_aside.keys()
     taken = {name: part for name, part in parts.items() if name not in set_aside}
-    assert (said, probabilities) == outcome(taken)[:2]
+    assert (published, probabilities) == outcome(taken)[:2]
