@@ -78,5 +78,5 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""
 
-TABLES = ("revisions", "advisories", "encounters", "parties", "positions", "burdens", "removed")
+TABLES = {"revisions", "advisories", "encounters", "parties", "positions", "burdens", "removed"}
 """Of a file of the newest version."""

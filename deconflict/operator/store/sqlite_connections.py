@@ -119,7 +119,8 @@ class SqliteConnections:
         with ExitStack() as opened, self._explained_errors():
             connections = [opened.enter_context(closing(self._connect())) for _ in range(4)]
             self._writer, self._numberer, self._reader, self._long_reader = connections
-            self._upgrade_or_refuse(self._writer)
+            self._check_tables(self._writer)
+            self._upgrade(self._writer)
             for reader in connections[1:]:
                 reader.execute("PRAGMA query_only = ON")
             opened.pop_all()
@@ -134,16 +135,13 @@ class SqliteConnections:
             raise
         return db
 
-    def _upgrade_or_refuse(self, db: sqlite3.Connection) -> None:
+    def _check_tables(self, db: sqlite3.Connection) -> None:
         """Raises `DamagedStoreError` if the tables are not those of the format that the file states."""
-        try:
-            self._upgrade(db)
-            for table in TABLES:
-                db.execute(f"SELECT * FROM {table} LIMIT 1").fetchone()  # noqa: S608 - constants
-        except sqlite3.OperationalError as error:
-            if getattr(error, "sqlite_errorname", "") != "SQLITE_ERROR":
-                raise
-            raise DamagedStoreError(f"{self.path}: {error}: it is set aside, and a new one is begun") from error
+        (version,) = db.execute("PRAGMA user_version").fetchone()
+        tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        lacks_some = version == len(UPGRADES) and not tables >= TABLES
+        if lacks_some or (version == 0 and tables):
+            raise DamagedStoreError(f"{self.path} has other tables: it is set aside, and a new one is begun")
 
     def _upgrade(self, db: sqlite3.Connection) -> None:
         with _begun(db, "BEGIN IMMEDIATE"):
