@@ -25,6 +25,7 @@ from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
 from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
+from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamRecord
@@ -37,7 +38,7 @@ from deconflict.engine.load_shedding import PassPace
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.operator.ledger.loss_ledger import ledger_entries
-from deconflict.runtime.learned_state import Part, UnreadableError, packed, unpacked
+from deconflict.runtime.learned_state import Part, packed
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
@@ -57,7 +58,9 @@ CATCH_UP_TIMEOUT_S = 30.0
 class EngineMember:
     """One engine. Only one thread at a time uses its shard."""
 
-    def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
+    def __init__(self, site: Site, settings: Cluster, runtime: Path, ended_early: str = "") -> None:
+        """With `ended_early`, how the engine before ended, this one starts without the learned state."""
+        self._ended_early = ended_early
         self._site, self._settings, self._current_site = site, settings, CurrentSite(runtime, site)
         self._bus = Bus(settings, site.store.keep_days)
         self.name = f"engine-{uuid4().hex[:12]}"
@@ -76,7 +79,7 @@ class EngineMember:
         self._subscribed: dict[str, Callable[[], Awaitable[None]]] = {}
         """By channel, the function that ends the subscription."""
         self._writer = StreamWriter(self._bus.revisions, self.measures)
-        self._global_engine = GlobalEngine(site, self._bus, self._writer, self._adviser.submit)
+        self._global_engine = GlobalEngine(site, self._bus, self._writer, self._adviser.submit, ended_early)
         self._outbox = Outbox(self._writer)
         self._table = OwnerTable()
         self._document: dict[str, Any] = {"loads": {}}
@@ -125,11 +128,10 @@ class EngineMember:
 
     async def _restore_learned(self) -> None:
         """Resume with the learned state of earlier engines."""
-        try:
-            if kept := await self._bus.state.kept(LEARNED_NAME):
-                self._shard = self._shard_of(self._engine(unpacked(kept)))
-        except UnreadableError as error:
-            log.warning("the learned state of conflicts can't be read, and learning begins anew: %s", error)
+        if parts := kept_parts(LEARNED_NAME, await self._bus.state.kept(LEARNED_NAME), self._ended_early):
+            engine = self._engine(parts)
+            log_set_aside(LEARNED_NAME, engine.set_aside)
+            self._shard = self._shard_of(engine)
 
     async def _keep_learned(self) -> None:
         while True:

@@ -17,7 +17,7 @@ from deconflict.contention.queues.charger_forecast import (
     charger_shortages,
     charging_needs,
 )
-from deconflict.contention.queues.dwell_times import DwellTimes
+from deconflict.contention.queues.dwell_times import DwellTimes, LearnedDwells
 from deconflict.contention.queues.queue_advice import QueueAdvice
 from deconflict.contention.queues.queue_entries import LOOK_S, QueueEntries
 from deconflict.contention.queues.queue_forecast import QueueForecast, forecast_queues
@@ -39,7 +39,7 @@ from deconflict.contention.waiting.wait_graph import (
     place_wants,
     way_wants,
 )
-from deconflict.runtime.learned_state import Part, numbers
+from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
 from deconflict.sweep.geometry.heights import largest_group_at_one_height
 from ingest.batch import Batch
@@ -105,29 +105,18 @@ class Contention:
         """Continue from a revision that another process made."""
         self._lifecycle.adopt(revision)
 
-    def learned(self) -> dict[str, Part]:
+    @property
+    def learners(self) -> dict[str, Learner]:
         """What is worth keeping over a restart: errors of arrival times, dwells, batteries and usual waits."""
         arrivals = self.robots.arrivals
         return {
-            "arrivals": arrivals.learned(),
-            "lateness": arrivals.lateness.learned(),
-            "overdue": arrivals.overdue.learned(),
-            "stays": {resource: dwells.learned() for resource, dwells in self._dwells.items()},
-            "batteries": self.robots.batteries.learned(),
-            **{name: durations.learned() for name, durations in self._usual_durations.items()},
+            "arrivals": arrivals,
+            "lateness": arrivals.lateness,
+            "overdue": arrivals.overdue,
+            "stays": LearnedDwells(self._dwells),
+            "batteries": self.robots.batteries,
+            **self._usual_durations,
         }
-
-    def resume(self, parts: Mapping[str, Part]) -> None:
-        """Continue from what `learned` gave. Raises `UnreadableError`."""
-        self.robots.arrivals.resume(parts.get("arrivals", {}))
-        self.robots.arrivals.lateness.resume(parts.get("lateness", {}))
-        self.robots.arrivals.overdue.resume(parts.get("overdue", {}))
-        self.robots.batteries.resume(parts.get("batteries", {}))
-        for name, durations in self._usual_durations.items():
-            durations.resume(parts.get(name, {}))
-        stays = parts.get("stays", {})
-        for resource in stays.keys() & self._dwells.keys():
-            self._dwells[resource].resume(numbers(stays, resource, (None,)).tolist())
 
     def receive(self, batch: Batch) -> None:
         """Update the robots that changed."""

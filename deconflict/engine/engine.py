@@ -19,13 +19,15 @@ from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
 from deconflict.engine.engine_advice import EngineAdvice
 from deconflict.engine.engine_metrics import EngineMetrics, count_losses
+from deconflict.engine.learned.first_learned_format import upgraded
+from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.engine.live_scene import LiveScene
 from deconflict.engine.load_shedding import Effort
-from deconflict.engine.map_drift import MapDrift
 from deconflict.engine.near_miss_trigger import NearMissTrigger
 from deconflict.engine.place_names import PlaceNames
 from deconflict.engine.robot_sweep import PairClaims, RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
+from deconflict.foresight.learned_estimates import estimator_learners
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
@@ -33,7 +35,7 @@ from deconflict.foresight.presence.presence import MOST_SHOWN, Presence
 from deconflict.foresight.probability.advice_followers import waits_until_s
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Learner, Part, learned_of, resume_all
 from deconflict.settings.site import Site
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import ACCURACY_M
@@ -54,6 +56,9 @@ class Engine:
     """Losses that ended before the last pass. With `conflicts_only` without what was published before: others publish
     too."""
 
+    set_aside: dict[str, str]
+    """The parts of the learned state with which this engine does not go on, each with the reason."""
+
     def __init__(
         self,
         site: Site,
@@ -68,8 +73,8 @@ class Engine:
         """`restored` are advisories that were open before, `ordinals` how many encounters each pair has had.
 
         `submit` has advice worked out, `burdens_s` are the seconds that each vendor has waited so far, `learned` is
-        what `learned()` of an earlier engine gave. With `conflicts_only` there are no advisories on queues, deadlocks,
-        blockages and claims. Raises `UnreadableError` if `learned` has another form.
+        what `learned()` of an earlier engine gave; parts that can't be used are set aside. With `conflicts_only` there
+        are no advisories on queues, deadlocks, blockages and claims.
         """
         self.site, self._conflicts_only = site, conflicts_only
         restored, conflict = tuple(restored), site.conflict
@@ -88,7 +93,7 @@ class Engine:
         shared = site, self.live, self._crowds, self.measures, restored, self._advice.queue_advice
         self._shared = SharedAdvisories(*shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
-        self._resume(learned or {})
+        self.set_aside = resume_all(self._learners, upgraded(learned)) if learned else {}
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._loss_warnings = LossWarnings(restored, self.foresight.last_advised_wait_s)
         self.near_misses, self.losses = [], []
@@ -126,16 +131,12 @@ class Engine:
 
     def learned(self) -> dict[str, Part]:
         """A copy of what is worth keeping over a restart."""
-        shared = self._shared.learned() | self.presence.learned()
-        return self.foresight.learned() | shared | {"rests": self._map_drift.learned()}
+        return learned_of(self._learners)
 
-    def _resume(self, learned: Mapping[str, Part]) -> None:
-        if not learned:
-            return
-        self.foresight.resume(learned)
-        self._shared.resume(learned)
-        self._map_drift.resume(learned.get("rests", {}))
-        self.presence.resume(learned)
+    @property
+    def _learners(self) -> dict[str, Learner]:
+        shared = self._shared.contention.learners | self.presence.learners
+        return estimator_learners(self.foresight) | shared | {"rests": self._map_drift}
 
     def receive(self, batch: Batch) -> None:
         """Add the robots that changed; a batch may hold the whole floor."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from deconflict.advisories.advisory_counts import NEAR_MISSES, count_by_severity, count_revisions, set_open_count
 from deconflict.advisory import AnyAdvisory
-from deconflict.engine.map_drift import MapDrift
+from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.sweep.contact_intervals import PairConflicts

@@ -1,6 +1,6 @@
 """Advisories on what is not of two robots: queues, deadlocks, blockages, claims and crowds."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisory import AnyAdvisory, ConflictAdvisory
@@ -13,7 +13,6 @@ from deconflict.engine.load_shedding import Effort
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.probably_left import PresenceChanges
-from deconflict.runtime.learned_state import Part
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
@@ -48,12 +47,6 @@ class SharedAdvisories:
     def open(self) -> list[FindingAdvisory]:
         """The newest revision of every open advisory."""
         return [*self.contention.open(), *self._claims.open()]
-
-    def learned(self) -> dict[str, Part]:
-        return self.contention.learned()
-
-    def resume(self, learned: Mapping[str, Part]) -> None:
-        self.contention.resume(learned)
 
     def receive(self, batch: Batch) -> None:
         """Add the robots that changed, and the claims that stand."""

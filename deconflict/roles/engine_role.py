@@ -1,5 +1,6 @@
 """The engine's process: requests batches from the receiver, runs the engine, and delivers to the operator face."""
 
+import json
 import logging
 import threading
 import time
@@ -44,9 +45,10 @@ log = logging.getLogger(__name__)
 class EngineRole:
     """Runs the engine. It waits for no network and no disk: a thread of its own delivers the decisions."""
 
-    def __init__(self, site: Site, runtime: Path, *, is_first: bool = False) -> None:
-        """If `is_first`, no engine of this service ran before, and messages that came earlier count for no latency."""
-        self._is_first = is_first
+    def __init__(self, site: Site, runtime: Path, *, is_first: bool = False, ended_early: str = "") -> None:
+        """If `is_first`, no engine of this service ran before, and messages that came earlier count for no latency.
+        `ended_early` is `role_files.early_end` of the engine before: this one starts without the learned state."""
+        self._is_first, self._ended_early = is_first, ended_early
         self._site, self._current_site = site, CurrentSite(runtime, site)
         self._receiver = Caller(runtime, "receiver")
         self._delivery = Delivery(runtime)
@@ -105,17 +107,28 @@ class EngineRole:
         operator = Caller(self._delivery.runtime, "operator")
         while not stop.is_set():
             try:
-                stored, learned = stored_state(operator, self._delivery.set_asides), operator.call("learned")
-                try:
-                    return self._engine(stored, unpacked(learned) if learned else None)
-                except UnreadableError as error:
-                    operator.call("unlearn", str(error).encode())
-                    return self._engine(stored, None)
+                stored = stored_state(operator, self._delivery.set_asides)
+                engine = self._engine(stored, self._learned(operator))
+                if engine.set_aside:
+                    operator.call("unlearn_parts", json.dumps(engine.set_aside).encode())
+                return engine
             except LinkDownError:
                 stop.wait(RETRY_S)
             finally:
                 operator.close()
         return None
+
+    def _learned(self, operator: Caller) -> dict[str, Part] | None:
+        """The learned state; None if there is none or it is set aside. Raises `LinkDownError`."""
+        if not (learned := operator.call("learned")):
+            return None
+        try:
+            if self._ended_early:
+                raise UnreadableError(f"the engine that went on with it {self._ended_early}")
+            return unpacked(learned)
+        except UnreadableError as error:
+            operator.call("unlearn", str(error).encode())
+            return None
 
     def _engine(self, stored: StoredState, learned: dict[str, Part] | None) -> Engine:
         """An engine with the stored advisories and the learned state."""

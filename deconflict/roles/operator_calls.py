@@ -66,6 +66,7 @@ class OperatorCalls:
             "learned": self._learned,
             "learn": self._learn,
             "unlearn": self._unlearn,
+            "unlearn_parts": self._unlearn_parts,
             "publish": self._publish,
             "last_stored": self._last_stored,
             "store_lines": self._store_lines,
@@ -111,8 +112,14 @@ class OperatorCalls:
         return b"kept"
 
     async def _unlearn(self, reason: bytes) -> bytes:
+        """Set the whole learned state aside: the engine starts without it."""
         await asyncio.to_thread(self._learned_file.set_aside, reason.decode())
         await asyncio.to_thread(self._keeper.engine_started, b"")
+        return b"set aside"
+
+    async def _unlearn_parts(self, reasons: bytes) -> bytes:
+        """Set aside the parts of the learned state with which the engine does not go on."""
+        await asyncio.to_thread(self._learned_file.set_parts_aside, json.loads(reasons))
         return b"set aside"
 
     async def _publish(self, payload: bytes) -> bytes:

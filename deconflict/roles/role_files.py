@@ -13,6 +13,8 @@ ROLES_FILE = "roles.json"
 """What the supervisor writes about its processes: `RoleProcess.document` by role."""
 SUPERVISOR_SILENCE_S = 5.0
 """A supervisor that has not touched `ROLES_FILE` for this long is reported; it does so each second."""
+EARLY_S = 60.0
+"""A process that fails before may fail because of what it started with."""
 PREPARATION_FILE = "preparation.json"
 """While the engine compiles its kernels: how many are `done` of the `total`."""
 
@@ -64,6 +66,12 @@ def supervisor_health(runtime: Path) -> dict[str, Any]:
         return {"status": "ok"}
     reason = f"the supervisor has been silent for {age_s:.0f} s; it restarts no role and reads no changed site file"
     return {"status": "degraded", "reason": reason}
+
+
+def early_end(runtime: Path, role: str) -> str:
+    """How the process of a role ended before this one, if it crashed or hung in its first minute; else empty."""
+    after_s = role_processes(runtime).get(role, {}).get("failed_after_s")
+    return "" if after_s is None or after_s >= EARLY_S else f"crashed or hung after {after_s:.0f} s"
 
 
 def restarts(runtime: Path) -> dict[str, int]:

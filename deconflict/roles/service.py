@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.operator.http.api_sources import Exposition
-from deconflict.roles.role_files import PreparationProgress, restarts
+from deconflict.roles.role_files import PreparationProgress, early_end, restarts
 from deconflict.runtime.heartbeat import Heartbeat
 from deconflict.runtime.kernel_preparation import compile_kernels
 from deconflict.settings.cluster_settings import Cluster
@@ -91,7 +91,8 @@ def _site(runtime: Path) -> Site:
 
 
 def _engine_role(site: Site, runtime: Path) -> "EngineRole":
-    return _engine_class(runtime)(site, runtime, is_first=restarts(runtime).get("engine") == 0)
+    is_first, ended_early = restarts(runtime).get("engine") == 0, early_end(runtime, "engine")
+    return _engine_class(runtime)(site, runtime, is_first=is_first, ended_early=ended_early)
 
 
 def _engine_class(runtime: Path, beat: Callable[[], object] = lambda: None) -> type["EngineRole"]:
@@ -126,10 +127,12 @@ async def _report_port_open(ready: asyncio.Event, heartbeat: Heartbeat) -> None:
 
 
 def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> "Role":
-    arguments: dict[str, tuple[object, ...]] = {"receiver": (data / "log",), "operator": (data, exposition)}
-    if role in arguments:
-        return _async_class(role)(site, runtime, *arguments[role])
-    return _async_class(role)(site, site.cluster, runtime)
+    arguments: dict[str, tuple[object, ...]] = {
+        "receiver": (runtime, data / "log"),
+        "operator": (runtime, data, exposition),
+        "engine": (site.cluster, runtime, early_end(runtime, "engine")),
+    }
+    return _async_class(role)(site, *arguments.get(role, (site.cluster, runtime)))
 
 
 def _async_class(role: str) -> Callable[..., "Role"]:

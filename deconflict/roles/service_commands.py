@@ -12,6 +12,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from deconflict.roles.processes.data_formats import refuse_newer
 from deconflict.roles.processes.supervisor import PARTS, Supervisor
 from deconflict.roles.service import cluster_problems, runtime_directory
 from deconflict.runtime.command_parsers import Commands, add_command
@@ -119,6 +120,7 @@ def _serve(args: argparse.Namespace) -> int:
         signal.signal(number, lambda *_: stop.set())
     parts, manager = args.part or tuple(PARTS), Notifier(os.environ)
     with locked(data, parts), runtime_directory() as name:
+        refuse_newer(data)
         supervisor = Supervisor(settings, data, Path(name), lambda: _checked_settings(args), parts, manager)
         signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.request())
         supervisor.run(stop)

@@ -7,7 +7,7 @@ a day becomes the usual level.
 """
 
 from dataclasses import dataclass, field
-from math import sqrt
+from math import inf, sqrt
 from statistics import median
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -30,6 +30,8 @@ CALM, CALM_WITHIN = 5, 1.5
 ADOPTED_S = 86_400.0
 """A change that lasts this long becomes the usual level."""
 UP, DOWN = 0, 1
+MOST_SEEN = 10**15
+"""A state with more values is damaged."""
 
 
 Sides = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -62,7 +64,7 @@ class ChangeDetector:
 
     __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False)
     limits: ChangeLimits
-    seen: int = 0
+    seen: Annotated[int, Field(ge=0, le=MOST_SEEN)] = 0
     """Values so far."""
     usual: float = 0.0
     """The usual level."""
@@ -78,7 +80,7 @@ class ChangeDetector:
     """The newest values with their times."""
     change: LevelChange | None = None
     """The change that stands; None if there is none."""
-    calm: int = 0
+    calm: Annotated[int, Field(ge=0, le=CALM)] = 0
     """Usual values in a row since the change."""
 
     @property
@@ -102,9 +104,13 @@ class ChangeDetector:
         return _STATE.dump_python(self, mode="json")
 
     @classmethod
-    def resumed(cls, limits: ChangeLimits, state: object) -> "ChangeDetector":
-        """The detector with a state that `learned` returned. Raises `ValueError`."""
+    def resumed(cls, limits: ChangeLimits, state: object, most: float = inf) -> "ChangeDetector":
+        """The detector with a state that `learned` returned. No value is beyond `most`. Raises `ValueError`."""
         detector = _STATE.validate_python(state)
+        by = detector.change.by if detector.change else 0.0
+        values = (detector.usual, sqrt(detector.variance), by, *(value for _, value in detector.newest))
+        if max(map(abs, values)) > most:
+            raise ValueError(f"a value is beyond {most:g}")
         detector.limits = limits
         return detector
 

@@ -255,6 +255,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_owners_forgotten_total": counter(
         "Robots that the register of owners forgot because their vendor has too many.", "vendor"
     ),
+    "deconflict_learned_parts_set_aside_total": counter(
+        "Parts of what was learned that can't be used and are learned anew. `all` is the whole file.", "part"
+    ),
     "deconflict_learning_failures_total": counter(
         "Failed attempts to read or write what was learned about vendors. Learning continues without it.", "what"
     ),

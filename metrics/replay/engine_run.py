@@ -1,5 +1,6 @@
 """The engine of one clearance, driven through the passes of a recorded log."""
 
+import logging
 from math import floor
 
 from deconflict.engine.engine import Engine
@@ -10,6 +11,8 @@ from ingest.batch import Batch, Floats
 from metrics.replay.engine_output import EngineOutput, PairProbabilities
 from metrics.replay.recorded_passes import EnginePass
 from metrics.scoring.place_scores import EVERY_S, PlaceForecast, forecast_of
+
+log = logging.getLogger(__name__)
 
 
 class EngineRun:
@@ -25,6 +28,9 @@ class EngineRun:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
+        for part, reason in sorted(self.engine.set_aside.items()):
+            text = "the part %r of what the engine had learned is left out, so the replay may differ: %s"
+            log.warning(text, part, reason)
         self._second = -1
         """The newest second whose probabilities were read."""
         self._place_slot = -1

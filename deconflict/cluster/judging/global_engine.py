@@ -22,11 +22,12 @@ from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.stream_situations import StreamSituations
 from deconflict.cluster.judging.stream_writer import StreamWriter
+from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import EVERY
-from deconflict.runtime.learned_state import UnreadableError, packed, unpacked
+from deconflict.runtime.learned_state import packed
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 
@@ -40,8 +41,9 @@ LEARNED_NAME = "commons"
 class GlobalEngine:
     """Only one thread at a time uses the judge."""
 
-    def __init__(self, site: Site, bus: Bus, writer: StreamWriter, submit: Submit) -> None:
-        self.site, self._bus, self._writer, self._submit = site, bus, writer, submit
+    def __init__(self, site: Site, bus: Bus, writer: StreamWriter, submit: Submit, ended_early: str = "") -> None:
+        """With `ended_early`, how the engine before ended, judges start without the learned state."""
+        self.site, self._bus, self._writer, self._submit, self._ended_early = site, bus, writer, submit, ended_early
         self._judge: GlobalJudge | None = None
         """None while this engine is not the active one."""
         self._situations: StreamSituations | None = None
@@ -102,11 +104,9 @@ class GlobalEngine:
 
     def _restored_judge(self, findings: Sequence[FindingAdvisory], kept: bytes | None) -> GlobalJudge:
         """A judge with the open advisories, and with the learned state of the one before."""
-        try:
-            return GlobalJudge(self.site, findings, self._submit, unpacked(kept) if kept else None)
-        except UnreadableError as error:
-            log.warning("the learned state of queues can't be read, and learning begins anew: %s", error)
-            return GlobalJudge(self.site, findings, self._submit)
+        judge = GlobalJudge(self.site, findings, self._submit, kept_parts(LEARNED_NAME, kept, self._ended_early))
+        log_set_aside(LEARNED_NAME, judge.set_aside)
+        return judge
 
     async def keep_learned(self) -> None:
         """Keep the learned state for the engine that takes over."""

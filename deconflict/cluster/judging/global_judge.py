@@ -17,10 +17,11 @@ from deconflict.contention.contention import Contention
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.queue_advice import queue_advice
 from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
+from deconflict.engine.learned.first_learned_format import upgraded
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.presence_batches import contention_batches
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Learner, Part, learned_of, resume_all
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.frames.floor_numbers import FloorNumbers
@@ -40,7 +41,7 @@ class GlobalJudge:
         submit: Submit = answer_at_once,
         learned: Mapping[str, Part] | None = None,
     ) -> None:
-        """`learned` is what `learned()` of an earlier judge returned. Raises `UnreadableError`."""
+        """`learned` is what `learned()` of an earlier judge returned; parts that can't be used are set aside."""
         self.site, self.measures = site, Measures()
         self._live, self._floors = LiveRobots(), FloorNumbers(self.measures)
         self._presence = Presence(self._live, self.measures)
@@ -56,16 +57,19 @@ class GlobalJudge:
         self._cross_ingest_claims = CrossIngestClaims()
         self._revisions = OrderedDict((advisory.id, advisory.revision) for advisory in restored)
         """The last published revision of each advisory."""
-        if learned:
-            self._contention.resume(learned)
-            self._presence.resume(learned)
+        self.set_aside = resume_all(self._learners, upgraded(learned)) if learned else {}
+        """The parts of the learned state with which this judge does not go on, each with the reason."""
 
     def open(self) -> list[FindingAdvisory]:
         return [*self._contention.open(), *self._claims.open()]
 
     def learned(self) -> dict[str, Part]:
         """The learned state, for the engine that takes over."""
-        return self._contention.learned() | self._presence.learned()
+        return learned_of(self._learners)
+
+    @property
+    def _learners(self) -> dict[str, Learner]:
+        return self._contention.learners | self._presence.learners
 
     def presence(self, now_s: float) -> dict[str, Any]:
         """Which silent robots are still there, for people."""

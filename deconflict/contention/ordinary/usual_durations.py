@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 
-from deconflict.runtime.learned_state import Part, UnreadableError, numbers
+from deconflict.runtime.learned_state import Form, Part, count_column, time_column
 from ingest.batch import Floats
 
 BINS, STEP = 40, 1.25
@@ -27,6 +27,11 @@ WEIGHT = 5.0
 HALF_LIFE_S = 14 * DAY_S
 MOST_PLACES = 1000
 """At more places, those without a duration for longest are forgotten."""
+FORM = Form(
+    f"durations by {PARTS} parts of a day and {BINS} bins from 1 s on by {STEP:g}, all places first",
+    {"places": list[str]},
+    {"at_s": time_column("places+1"), "counts": count_column("places+1", PARTS, BINS)},
+)
 
 
 @dataclass(slots=True, eq=False)
@@ -84,23 +89,15 @@ class UsualDurations:
     def learned(self) -> Part:
         """The counts of every place as they were when they were last added to, the sums of all places first."""
         rows = [self._everywhere, *self._places.values()]
-        return {
-            "places": list(self._places),
-            "at_s": np.array([row.at_s for row in rows]),
-            "counts": np.array([row.counts for row in rows]),
-        }
+        at_s, counts = np.array([row.at_s for row in rows]), np.array([row.counts for row in rows])
+        return FORM.part({"places": list(self._places), "at_s": at_s, "counts": counts})
 
     def resume(self, part: Part) -> None:
         """Continue from what `learned` gave. Raises `UnreadableError`."""
-        if not part:
-            return
-        names, at_s = part.get("places"), numbers(part, "at_s", (None,))
-        counts = numbers(part, "counts", (None, PARTS, BINS))
-        if not isinstance(names, list) or not len(at_s) == len(counts) == len(names) + 1 or (counts < 0).any():
-            raise UnreadableError(f"counts are not of {PARTS} parts of a day at each place")
-        rows = [_PlaceDurations(float(t_s), row.copy()) for t_s, row in zip(at_s, counts, strict=True)]
+        state = FORM.checked(part)
+        rows = [_PlaceDurations(t_s, row) for t_s, row in zip(state["at_s"].tolist(), state["counts"], strict=True)]
         self._everywhere = rows[0]
-        self._places = OrderedDict(zip(map(str, names), rows[1:], strict=True))
+        self._places = OrderedDict(zip(state["places"], rows[1:], strict=True))
         self._forget_beyond_limit()
 
     def _shares(self, place: str, now_s: float) -> Floats:

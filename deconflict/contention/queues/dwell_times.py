@@ -1,8 +1,10 @@
 """How long robots stay at each resource, learned from past dwells and a prior."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource
 
 MOST_DWELLS = 50
@@ -11,6 +13,7 @@ SHORTEST_S = 3.0
 """A robot that is inside for less than this only passes through."""
 PRIOR_WEIGHT = 3
 """The prior counts as this many dwells."""
+FORM = Form("dwells in seconds by resource, the oldest first", {"dwells_s": dict[str, list[Seconds]]})
 
 
 class DwellTimes:
@@ -53,3 +56,20 @@ class DwellTimes:
         if self._given_s is not None:
             return [self._given_s]
         return sorted([*self._seen_s, *(self._prior_s,) * PRIOR_WEIGHT])
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedDwells:
+    """The dwells at all resources, as they are kept over a restart."""
+
+    dwells: Mapping[str, DwellTimes]
+    """By resource."""
+
+    def learned(self) -> Part:
+        return FORM.part({"dwells_s": {resource: dwells.learned() for resource, dwells in self.dwells.items()}})
+
+    def resume(self, part: Part) -> None:
+        """Continue from what `learned` gave, but for resources that are no more. Raises `UnreadableError`."""
+        seen_s = FORM.checked(part)["dwells_s"]
+        for resource in seen_s.keys() & self.dwells.keys():
+            self.dwells[resource].resume(seen_s[resource])

@@ -9,14 +9,15 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, Announcement, DatumPoint, FloorPoints
 from deconflict.contention.robots.overdue_times import OverdueTimes
 from deconflict.foresight.forecast_errors.arrival_errors import ArrivalErrors
-from deconflict.runtime.learned_state import Part, numbers
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from ingest.batch import Batch, Floats, Ints
 
 SHORTEST_S = 5.0
@@ -29,6 +30,10 @@ HALF_LIFE_S = 86400.0
 PRIOR_RATIOS = (0.9, 1.0, 1.0, 1.0, 1.3)
 """The prior for every vendor; each ratio has the weight of one new arrival."""
 RATIO_BOUNDS = (0.2, 10.0)
+_Ratio = Annotated[float, Field(ge=RATIO_BOUNDS[0], le=RATIO_BOUNDS[1])]
+FORM = Form(
+    "when arrivals were, and time taken over time announced", {"ratios": dict[str, list[tuple[Seconds, _Ratio]]]}
+)
 
 Quantiles = tuple[float, float, float]
 """Quantiles of ratios, at `SHARES`."""
@@ -120,13 +125,13 @@ class ArrivalForecast:
 
     def learned(self) -> Part:
         """By vendor, when arrivals were, and their ratios."""
-        return {vendor: list(ratios.seen) for vendor, ratios in self._ratios.items() if ratios.seen}
+        ratios = {vendor: list(ratios.seen) for vendor, ratios in self._ratios.items() if ratios.seen}
+        return FORM.part({"ratios": ratios})
 
     def resume(self, part: Part) -> None:
         """Continue from what `learned` gave. Raises `UnreadableError`."""
-        for vendor in part:
-            seen = numbers(part, vendor, (None, 2)).tolist()
-            self._ratios[vendor] = VendorRatios(deque(((at_s, ratio) for at_s, ratio in seen), maxlen=MOST_RATIOS))
+        for vendor, seen in FORM.checked(part)["ratios"].items():
+            self._ratios[vendor] = VendorRatios(deque(seen, maxlen=MOST_RATIOS))
 
     def _record_arrival(self, vendor: str, now_s: float, announcements: list[Announcement]) -> None:
         """Record that a robot has arrived, after these announcements of it."""

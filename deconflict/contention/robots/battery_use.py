@@ -6,13 +6,14 @@ which a robot came to a charger that then charged it.
 
 from collections import deque
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from deconflict.runtime.learned_state import Part, UnreadableError
+from deconflict.runtime.learned_state import Count, Form, Part
 from ingest.batch import Floats, Ints
 from ingest.kernels import kernel, ready
 
@@ -34,6 +35,15 @@ LEVEL_STEP_PCT = 0.5
 LEVELS_PCT: Floats = np.arange(0.0, 100.0 + LEVEL_STEP_PCT, LEVEL_STEP_PCT)
 ROUNDING = 1e-9
 """Shares that differ by less are equal."""
+_Percent = Annotated[float, Field(ge=0.0, le=100.0)]
+FORM = Form(
+    "levels in per cent at which robots come to chargers, drains in per cent a second, and how often each charger",
+    {
+        "levels_pct": dict[str, list[_Percent]],
+        "drains": dict[str, list[_Percent]],
+        "used": dict[str, dict[str, Count]],
+    },
+)
 
 BATTERY = np.dtype(
     [
@@ -165,21 +175,17 @@ class BatteryUse:
     def learned(self) -> Part:
         """By vendor, the newest values last."""
         vendors = sorted(self._levels_pct.keys() | self._drains.keys())
-        return {
-            "vendors": vendors,
-            "levels_pct": [list(self._levels_pct.get(vendor, ())) for vendor in vendors],
-            "drains": [list(self._drains.get(vendor, ())) for vendor in vendors],
-            "used": [self._used.get(vendor, {}) for vendor in vendors],
-        }
+        levels_pct = {vendor: list(self._levels_pct.get(vendor, ())) for vendor in vendors}
+        drains = {vendor: list(self._drains.get(vendor, ())) for vendor in vendors}
+        used = {vendor: dict(self._used.get(vendor, {})) for vendor in vendors}
+        return FORM.part({"levels_pct": levels_pct, "drains": drains, "used": used})
 
     def resume(self, part: Part) -> None:
         """Continue from what `learned` gave. Raises `UnreadableError`."""
-        try:
-            rows = zip(*(part.get(name, ()) for name in ("vendors", "levels_pct", "drains", "used")), strict=True)
-            for vendor, levels_pct, drains, used in rows:
-                self._levels_pct[str(vendor)] = deque(map(float, levels_pct), maxlen=MOST_LEVELS)
-                self._drains[str(vendor)] = deque(map(float, drains), maxlen=MOST_DRAINS)
-                self._used[str(vendor)] = {str(charger): int(times) for charger, times in used.items()}
-        except (TypeError, ValueError, AttributeError) as error:
-            raise UnreadableError(f"cannot read what was learned of batteries: {error}") from error
+        state = FORM.checked(part)
+        for vendor, levels_pct in state["levels_pct"].items():
+            self._levels_pct[vendor] = deque(levels_pct, maxlen=MOST_LEVELS)
+        for vendor, drains in state["drains"].items():
+            self._drains[vendor] = deque(drains, maxlen=MOST_DRAINS)
+        self._used |= state["used"]
         self._shares.clear()

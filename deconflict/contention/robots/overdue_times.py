@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from deconflict.runtime.learned_state import Part, numbers
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from ingest.batch import Floats
 
 MOST_ARRIVALS = 200
@@ -29,6 +29,7 @@ OVERDUE_S: Floats = np.concatenate([[0.0], 2.5 * 2.0 ** np.arange(12)])
 """Rows of the table: up to an hour and a half, in steps that double."""
 _LEAST_GROWN, _ROUNDS = 1e-300, 6
 """In place of 0; and the number of Newton's steps, after which the last digits stand."""
+FORM = Form("when late arrivals were, and by how many seconds", {"late": dict[str, list[tuple[Seconds, Seconds]]]})
 
 
 class OverdueTimes:
@@ -56,13 +57,12 @@ class OverdueTimes:
 
     def learned(self) -> Part:
         """By vendor, when late arrivals were, and how late they were."""
-        return {vendor: list(seen) for vendor, seen in self._seen.items()}
+        return FORM.part({"late": {vendor: list(seen) for vendor, seen in self._seen.items()}})
 
     def resume(self, part: Part) -> None:
         """Continue from what `learned` gave. Raises `UnreadableError`."""
-        for vendor in part:
-            rows = numbers(part, vendor, (None, 2)).tolist()
-            self._seen[vendor] = deque(((at_s, late_s) for at_s, late_s in rows), maxlen=MOST_ARRIVALS)
+        for vendor, late in FORM.checked(part)["late"].items():
+            self._seen[vendor] = deque(late, maxlen=MOST_ARRIVALS)
         self._tables.clear()
 
 

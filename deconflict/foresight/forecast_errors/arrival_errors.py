@@ -6,8 +6,8 @@ Errors are counted by size, so that memory is bounded. Old errors fade as in the
 import numpy as np
 
 from deconflict.foresight.forecast_errors.error_ledger import HALF_LIFE_S
-from deconflict.foresight.forecast_errors.upper_quantiles import BINS, bins, upper_quantiles
-from deconflict.runtime.learned_state import Part, UnreadableError, numbers
+from deconflict.foresight.forecast_errors.upper_quantiles import BINS, BINS_TEXT, bins, upper_quantiles
+from deconflict.runtime.learned_state import Form, Part, count_column, time_column
 from ingest.batch import Floats
 from ingest.measures.measures import Labels, Measures
 
@@ -20,6 +20,11 @@ UNIT_S = 10.0
 FEWEST_CASES = 5.0
 """With fewer cases, no quantile is shown."""
 EARLY, LATE = range(2)
+FORM = Form(
+    f"early and late arrivals announced up to {AHEAD_S} s ahead, by {BINS_TEXT} of {UNIT_S} s",
+    {"vendors": list[str]},
+    {"as_of_s": time_column("vendors"), "counts": count_column("vendors", 2, len(AHEAD_S), BINS)},
+)
 
 
 class ArrivalErrors:
@@ -43,18 +48,16 @@ class ArrivalErrors:
 
     def learned(self) -> Part:
         """What is kept over a restart."""
-        vendors = [[vendor, self._as_of_s[vendor]] for vendor in self._counts]
-        return {"vendors": vendors, "counts": np.array(list(self._counts.values()))}
+        vendors, shape = list(self._counts), (len(self._counts), 2, len(AHEAD_S), BINS)
+        counts = np.array(list(self._counts.values())).reshape(shape)
+        as_of_s = np.array([self._as_of_s[vendor] for vendor in vendors], np.float64)
+        return FORM.part({"vendors": vendors, "as_of_s": as_of_s, "counts": counts})
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` returned. Raises `UnreadableError`."""
-        try:
-            as_of_s = {str(vendor): float(at_s) for vendor, at_s in part.get("vendors", ())}
-        except (TypeError, ValueError) as error:
-            raise UnreadableError(f"the vendors of arrivals are unreadable: {error}") from error
-        if as_of_s:
-            counts = numbers(part, "counts", (len(as_of_s), 2, len(AHEAD_S), BINS))
-            self._counts, self._as_of_s = dict(zip(as_of_s, counts, strict=True)), as_of_s
+        state = FORM.checked(part)
+        self._counts = dict(zip(state["vendors"], state["counts"], strict=True))
+        self._as_of_s = dict(zip(state["vendors"], state["as_of_s"].tolist(), strict=True))
 
     def measure(self, measures: Measures) -> None:
         """Update the metrics of every vendor's arrivals."""

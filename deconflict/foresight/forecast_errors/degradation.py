@@ -6,6 +6,7 @@ is one value for the test of `ingest.measures.change_detection`, so that a vendo
 
 from collections.abc import Iterable, Mapping
 from math import exp, inf, log
+from typing import Any
 
 import numba
 import numpy as np
@@ -14,7 +15,7 @@ from deconflict.foresight.forecast_errors.error_ledger import ForecastKind
 from deconflict.foresight.forecast_errors.forecast_grades import GRADED_S
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.foresight.forecast_errors.upper_quantiles import BINS, upper_quantiles
-from deconflict.runtime.learned_state import Part, UnreadableError
+from deconflict.runtime.learned_state import Form, Part, UnreadableError
 from ingest.batch import Basis, Floats, Ints
 from ingest.kernels import kernel
 from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
@@ -27,6 +28,12 @@ FINE_M = 0.2
 """Added to the quantile before the logarithm: smaller errors hardly differ."""
 LIMITS = ChangeLimits(least_spread=0.15, least_change=0.4, rises_only=True)
 """In logarithms: the errors must grow by about a half to count as a change."""
+MOST_LOGARITHM = 20.0
+"""Logarithms beyond are damage."""
+FORM = Form(
+    f"logarithms of {FINE_M} m and the {SHARE[0]} quantile of errors {GRADED_S} s ahead, in {GATHERED_S} s",
+    {"levels": dict[str, dict[str, Any]]},
+)
 
 
 @kernel(
@@ -104,12 +111,15 @@ class DegradationDetector:
 
     def learned(self) -> Part:
         """What is kept over a restart."""
-        return {vendor: level.learned() for vendor, level in self._levels.items()}
+        return FORM.part({"levels": {vendor: level.learned() for vendor, level in self._levels.items()}})
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` returned. Raises `UnreadableError`."""
+        levels = FORM.checked(part)["levels"]
         try:
-            self._levels = {vendor: ChangeDetector.resumed(LIMITS, level) for vendor, level in part.items()}
+            self._levels = {
+                vendor: ChangeDetector.resumed(LIMITS, level, MOST_LOGARITHM) for vendor, level in levels.items()
+            }
         except ValueError as error:
             raise UnreadableError(str(error)) from error
         self._vendor_of = np.zeros(0, np.int64)

@@ -13,8 +13,8 @@ import numba
 import numpy as np
 
 from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
-from deconflict.foresight.forecast_errors.upper_quantiles import BINS, bins, set_upper_quantiles
-from deconflict.runtime.learned_state import Part, UnreadableError, numbers
+from deconflict.foresight.forecast_errors.upper_quantiles import BINS, BINS_TEXT, bins, set_upper_quantiles
+from deconflict.runtime.learned_state import Column, count_column, time_column
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
@@ -39,7 +39,17 @@ MOST_CLASSES = 100
 """From this many kinds on, new models of a vendor share one kind."""
 FEWEST_KEPT = 1.0
 """A kind with fewer faded cases is not kept over a restart."""
-LEARNED = ("counts", "bias_m", "level", "covered", "cases", "as_of_s")
+COLUMNS = {
+    "counts": count_column("kinds", 3, HORIZONS, BINS),
+    "bias_m": Column(("kinds", HORIZONS, 2), -1e15, 1e15),
+    "level": Column(("kinds", HORIZONS, len(SHARES)), 0.0, 1.0),
+    "covered": count_column("kinds", HORIZONS, len(SHARES)),
+    "cases": count_column("kinds", HORIZONS),
+    "as_of_s": time_column("kinds"),
+}
+"""What is kept over a restart."""
+CONTENT = f"radial, along and across errors of forecasts each second, by {BINS_TEXT} m, in bands of {SHARES.tolist()}"
+"""What the columns mean."""
 REFRESH_S = 1.0
 """Shortest time between two readings of the bands."""
 RADIAL = 0
@@ -181,6 +191,11 @@ class Ledger:
         kinds = zip(vendors, models, map(Basis, bases), strict=True)
         return [self.row(*kind, now_s) for kind in kinds]
 
+    def add_kinds(self, other: "Ledger", now_s: float) -> None:
+        """Add the kinds that another ledger has got since the last call, so that they have the same rows here."""
+        for kind in list(other.kinds)[len(self.kinds) :]:
+            self.row(*kind, now_s)
+
     def record(self, errors: Errors, now_s: float) -> None:
         """Count errors. The bands follow at most once in `REFRESH_S`."""
         if len(errors):
@@ -192,21 +207,17 @@ class Ledger:
             self._read_bands(np.flatnonzero(self._stale))
             self._stale[:] = False
 
-    def learned(self) -> Part:
-        """What is kept over a restart: all kinds that have cases left at the time of the newest one."""
+    def rows_with_cases(self) -> Ints:
+        """(n,) the rows of all kinds that have cases left at the time of the newest one."""
         aged = 0.5 ** ((self.as_of_s.max(initial=0.0) - self.as_of_s) / HALF_LIFE_S)
-        rows = np.flatnonzero(self.cases.sum(axis=1) * aged >= FEWEST_KEPT)
-        kinds = list(self.kinds)
-        columns: Part = {name: getattr(self, name)[rows] for name in LEARNED}
-        return columns | {"kinds": [list(kinds[row]) for row in rows.tolist()]}
+        return np.flatnonzero(self.cases.sum(axis=1) * aged >= FEWEST_KEPT)
 
-    def resume(self, part: Part) -> None:
-        """Go on with what `learned` returned. Raises `UnreadableError`, and then changes nothing."""
-        try:
-            kinds = [ForecastKind(str(vendor), str(model), Basis(basis)) for vendor, model, basis in part["kinds"]]
-        except (KeyError, TypeError, ValueError) as error:
-            raise UnreadableError(f"the kinds of forecasts are unreadable: {error}") from error
-        columns = {name: numbers(part, name, (len(kinds), *getattr(self, name).shape[1:])) for name in LEARNED}
+    def columns(self, rows: Ints) -> dict[str, Floats]:
+        """A copy of what is kept over a restart of these kinds (n,)."""
+        return {name: getattr(self, name)[rows] for name in COLUMNS}
+
+    def restore(self, kinds: Sequence[ForecastKind], columns: Mapping[str, Floats]) -> None:
+        """Begin with these kinds, and with the columns that `columns` gave of them."""
         self.kinds = {kind: row for row, kind in enumerate(kinds)}
         for name, column in columns.items():
             setattr(self, name, column)

@@ -15,6 +15,7 @@ SMALLEST_M, STEP, BINS = 1e-3, 1.1, 128
 """The first bin holds all distances up to `SMALLEST_M`, the last all beyond 180 m."""
 EDGES_M: Floats = SMALLEST_M * np.power(STEP, np.arange(BINS, dtype=np.float64))
 """(BINS,) upper edge of each bin."""
+BINS_TEXT = f"{BINS} bins up to {SMALLEST_M:g} and from there by {STEP:g}"
 LIMITS_M: Floats = EDGES_M[:-1] * STEP**1e-9
 """(BINS - 1,) the largest distance of each bin but the last. It is a little above the edge, so that a distance that is
 beyond the edge by rounding alone stays in the bin."""

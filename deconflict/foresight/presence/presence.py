@@ -6,7 +6,7 @@ grown by a fifth, so that never all robots are checked at once. If another robot
 there: it is removed until it reports again. Pure: the same calls give the same results.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from math import inf
@@ -32,7 +32,7 @@ from deconflict.foresight.presence.silence_outcomes import (
     SilenceOutcomes,
     UsualExit,
 )
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Learner
 from deconflict.sweep.geometry.pose import pose_at
 from ingest.batch import Basis, Batch, Floats, FloorPoint
 from ingest.measures.measures import Measures
@@ -141,14 +141,10 @@ class Presence:
             "exits": [exit_._asdict() for exit_ in self.exits(now_s)[:MOST_SHOWN]],
         }
 
-    def learned(self) -> dict[str, Part]:
+    @property
+    def learners(self) -> dict[str, Learner]:
         """What is kept over a restart: the outcomes of silences, and the removed robots."""
-        return {"silences": self._outcomes.learned(), "taken_off": self._removed.learned()}
-
-    def resume(self, parts: Mapping[str, Part]) -> None:
-        """Go on with what `learned` returned. Raises `UnreadableError`."""
-        self._outcomes.resume(parts.get("silences", {}))
-        self._removed.resume(parts.get("taken_off", {}))
+        return {"silences": self._outcomes, "taken_off": self._removed}
 
     def _back(self, batch: Batch, legs: Legs) -> list[int]:
         """The rows of robots that report again, whose silences end."""

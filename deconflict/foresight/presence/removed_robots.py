@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.foresight.presence.silence_outcomes import SilenceCase
-from deconflict.runtime.learned_state import Part, UnreadableError
+from deconflict.runtime.learned_state import Form, Part, Seconds
 from ingest.batch import Batch
 
 
@@ -20,6 +20,11 @@ class RemovedRobot(NamedTuple):
     """When it was removed."""
     by: str
     """The name of the robot that drove through its place."""
+
+
+FORM = Form(
+    "vendor, name, when heard, when removed, by which", {"robots": dict[str, tuple[str, str, Seconds, Seconds, str]]}
+)
 
 
 class RemovedRobots:
@@ -52,12 +57,9 @@ class RemovedRobots:
 
     def learned(self) -> Part:
         """All removed robots: they stay removed over a restart."""
-        return {"robots": {uuid: list(robot) for uuid, robot in self.robots.items()}}
+        return FORM.part({"robots": {uuid: list(robot) for uuid, robot in self.robots.items()}})
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` returned. Raises `UnreadableError`."""
-        try:
-            for uuid, (vendor, name, heard_s, at_s, by) in part.get("robots", {}).items():
-                self.robots[uuid] = RemovedRobot(str(vendor), str(name), float(heard_s), float(at_s), str(by))
-        except (TypeError, ValueError, AttributeError) as error:
-            raise UnreadableError(f"the removed robots are unreadable: {error}") from error
+        for uuid, robot in FORM.checked(part)["robots"].items():
+            self.robots[uuid] = RemovedRobot(*robot)

@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import product
 from math import floor
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from deconflict.foresight.presence import silence_survival
-from deconflict.runtime.learned_state import Part, UnreadableError, numbers
+from deconflict.runtime.learned_state import Form, Part, count_column
 from ingest.batch import Floats, FloorPoint
 
 CELL_M = 2.0
@@ -61,6 +62,19 @@ AS_WELL = {
 }
 """By how a robot was last seen: the silences of which robots say something of its own silence at the same place. Many
 robots arrive at the exit by which they leave."""
+
+
+_Index = Annotated[int, Field(ge=-(10**9), le=10**9)]
+FORM = Form(
+    f"robots there, elsewhere and left, by {CELL_M} m cells; silences by {silence_survival.BINS} bins from "
+    f"{silence_survival.FIRST_EDGE_S} s on by the root of 2; last seen as {', '.join(LastSeen.__members__)}",
+    {"cells": list[tuple[str, _Index, _Index, LastSeen]], "vendors": list[tuple[str, LastSeen]]},
+    {
+        "cell_tallies": count_column("cells", 3),
+        "vendor_tallies": count_column("vendors", 3),
+        "lasted": count_column("vendors", len(silence_survival.EDGES_S)),
+    },
+)
 
 
 class Cell(NamedTuple):
@@ -168,33 +182,24 @@ class SilenceOutcomes:
         """What is kept over a restart: the known outcomes."""
         cells = {cell: tally[KNOWN] for cell, tally in self._cells.items() if tally[KNOWN].sum() > 0.01}
         vendors = self._vendors
-        return {
-            "cells": [list(cell) for cell in cells],
-            "cell_tallies": np.array(list(cells.values())).reshape(-1, 3),
-            "vendors": [list(key) for key in vendors],
-            "vendor_tallies": np.array([silences.tally[KNOWN] for silences in vendors.values()]).reshape(-1, 3),
-            "lasted": np.array([silences.lasted for silences in vendors.values()]).reshape(
-                -1, len(silence_survival.EDGES_S)
-            ),
-        }
+        lasted = np.array([silences.lasted for silences in vendors.values()])
+        return FORM.part(
+            {
+                "cells": [list(cell) for cell in cells],
+                "cell_tallies": np.array(list(cells.values())).reshape(-1, 3),
+                "vendors": [list(key) for key in vendors],
+                "vendor_tallies": np.array([silences.tally[KNOWN] for silences in vendors.values()]).reshape(-1, 3),
+                "lasted": lasted.reshape(-1, len(silence_survival.EDGES_S)),
+            }
+        )
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` returned. Raises `UnreadableError`."""
-        if not part:
-            return
-        try:
-            cells = [Cell(str(datum), int(x), int(y), LastSeen(last)) for datum, x, y, last in part["cells"]]
-            vendors = [(str(vendor), LastSeen(last)) for vendor, last in part["vendors"]]
-        except (KeyError, TypeError, ValueError) as error:
-            raise UnreadableError(f"the outcomes of silences are unreadable: {error}") from error
-        of_cells = numbers(part, "cell_tallies", (len(cells), 3))
-        of_vendors = numbers(part, "vendor_tallies", (len(vendors), 3))
-        lasted = numbers(part, "lasted", (len(vendors), len(silence_survival.EDGES_S)))
-        self._cells = {cell: _tally_of(tally) for cell, tally in zip(cells, of_cells, strict=True)}
-        self._vendors = {
-            key: VendorSilences(_tally_of(tally), counts)
-            for key, tally, counts in zip(vendors, of_vendors, lasted, strict=True)
-        }
+        state = FORM.checked(part)
+        tallies = map(_tally_of, state["cell_tallies"])
+        self._cells = {Cell(*cell): tally for cell, tally in zip(state["cells"], tallies, strict=True)}
+        silences = map(VendorSilences, map(_tally_of, state["vendor_tallies"]), state["lasted"])
+        self._vendors = dict(zip(state["vendors"], silences, strict=True))
 
     def _local(self, case: SilenceCase) -> tuple[float, float]:
         """The cases around a place after which a robot was gone, and all cases there; without `case` itself. A case at

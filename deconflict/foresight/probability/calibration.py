@@ -6,6 +6,7 @@ a site that changes. Each pair of vendors has weights of its own, which are adde
 evidence they are near 0. They are needed because robots of one vendor keep an order among themselves.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from deconflict.foresight.probability.censoring import PARTS, CensoredOutcomes, counts, weights
 from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, slots_of
-from deconflict.runtime.learned_state import Part, UnreadableError, numbers
+from deconflict.runtime.learned_state import Column, UnreadableError, count_column
 from ingest.batch import Floats, Ints
 from ingest.kernels import kernel
 
@@ -48,6 +49,8 @@ CERTAIN = 0.01
 """Shares nearer than about this to 0 or 1 count as much the same as 0 or 1."""
 CAUTION = 0.5
 """Alerts are decided by the score plus this many of its standard deviations."""
+MOST_WEIGHT, MOST_INFORMATION = 1e4, 1e12
+"""Learned numbers beyond are damage."""
 NINETY = 1.645
 """90 % of a normal distribution is within this many standard deviations."""
 
@@ -146,17 +149,16 @@ class Posterior:
         self._covariance = None
         self.weights = self.weights + np.linalg.solve(self.information, features.T @ (weight * (happened - expected)))
 
-    def learned(self) -> Part:
-        """What is kept over a restart."""
-        return {"weights": self.weights, "information": self.information, "as_of_s": self.as_of_s}
-
-    def resume(self, part: Part) -> None:
-        """Go on with what `learned` returned. Raises `UnreadableError`."""
-        features = len(self.prior.mean)
+    def restore(self, weights: Floats, information: Floats, as_of_s: float | None) -> None:
+        """Go on with what was learned before. Raises `UnreadableError` if it is not what anything can have learned."""
+        try:
+            np.linalg.cholesky(information)
+        except np.linalg.LinAlgError as error:
+            raise UnreadableError(f"the information of weights has no inverse: {error}") from error
+        if not np.allclose(information, information.T):
+            raise UnreadableError("the information of weights is not symmetric")
+        self.weights, self.information, self.as_of_s = weights, information, as_of_s
         self._covariance = None
-        self.weights = numbers(part, "weights", (features,))
-        self.information = numbers(part, "information", (features, features))
-        self.as_of_s = None if part.get("as_of_s") is None else float(numbers(part, "as_of_s", ()))
 
 
 def _kept(as_of_s: float | None, now_s: float) -> float:
@@ -231,35 +233,43 @@ class Calibration:
             np.array([of_all.covariance + posterior.covariance for posterior in own]).reshape(-1, features, features),
         )
 
-    def learned(self) -> Part:
-        """The weights, and the prior from which they were learned."""
-        codes = sorted(self.by_vendors)
-        own = [self.by_vendors[code] for code in codes]
+    def columns(self, pairs: str) -> dict[str, Column]:
+        """What `learned` gives. `pairs` is the name of the list of pairs of vendors."""
         features = len(self.prior.mean)
         return {
-            "prior": self.prior.mean,
-            **self.of_all.learned(),
-            "ended": self.ended,
-            "vendors": np.array(codes, np.float64),
+            "weights": Column((features,), -MOST_WEIGHT, MOST_WEIGHT),
+            "information": Column((features, features), -MOST_INFORMATION, MOST_INFORMATION),
+            "ended": count_column(2, PARTS + 1),
+            "own_weights": Column((pairs, features), -MOST_WEIGHT, MOST_WEIGHT),
+            "own_information": Column((pairs, features, features), -MOST_INFORMATION, MOST_INFORMATION),
+        }
+
+    def learned(self) -> dict[str, Floats]:
+        """A copy of the weights."""
+        own, features = [self.by_vendors[code] for code in self.pair_codes().tolist()], len(self.prior.mean)
+        return {
+            "weights": self.of_all.weights.copy(),
+            "information": self.of_all.information.copy(),
+            "ended": self.ended.copy(),
             "own_weights": np.array([posterior.weights for posterior in own]).reshape(-1, features),
             "own_information": np.array([posterior.information for posterior in own]).reshape(-1, features, features),
         }
 
-    def resume(self, part: Part) -> None:
-        """Go on with what `learned` returned, unless its prior is another one. Raises `UnreadableError`."""
-        if not np.array_equal(part.get("prior", ()), self.prior.mean):
-            return
-        features = len(self.prior.mean)
-        self.of_all.resume(part)
-        self.ended, self.as_of_s = numbers(part, "ended", self.ended.shape), self.of_all.as_of_s
-        codes, own_weights = numbers(part, "vendors", (None,)), numbers(part, "own_weights", (None, features))
-        information = numbers(part, "own_information", (None, features, features))
-        if not len(codes) == len(own_weights) == len(information):
-            raise UnreadableError("the weights of pairs of vendors are not as many as the pairs")
-        for code, own, matrix in zip(codes.astype(np.int64).tolist(), own_weights, information, strict=True):
-            posterior = self._own(code)
-            posterior.weights, posterior.information, posterior.as_of_s = own, matrix, self.as_of_s
-        self._models = None
+    def pair_codes(self) -> Ints:
+        """(v,) the pairs of vendors that have weights of their own, ascending."""
+        return np.array(sorted(self.by_vendors), np.int64)
+
+    @classmethod
+    def restored(
+        cls, prior: Prior, codes: Sequence[int], columns: Mapping[str, Floats], as_of_s: float | None
+    ) -> "Calibration":
+        """The model with the weights that `learned` gave, for these pairs of vendors. Raises `UnreadableError`."""
+        model = cls(prior)
+        model.of_all.restore(columns["weights"], columns["information"], as_of_s)
+        for code, own, information in zip(codes, columns["own_weights"], columns["own_information"], strict=True):
+            model._own(code).restore(own, information, as_of_s)
+        model.ended, model.as_of_s = columns["ended"], as_of_s
+        return model
 
 
 def _share(score: Floats) -> Floats:

@@ -45,7 +45,6 @@ from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.probability.waiting_robots import record_starts
 from deconflict.foresight.rollout.rollout import NOBODY
 from deconflict.foresight.rollout.start_times import StartTimes
-from deconflict.runtime.learned_state import Part
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from deconflict.sweep.pair_choice import NO_CROWDS, Claims
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
@@ -105,36 +104,15 @@ class ProbabilityEstimator:
         """The model of coming within the clearance alone."""
         return self.learning.contact
 
-    def learned(self) -> dict[str, Part]:
-        """What is kept over a restart. Probabilities hold for the clearance and horizon they were learned with."""
-        bounds = {"clearance_m": self._bounds.clearance_m, "horizon_s": self._bounds.horizon_s}
-        vendors = {"vendor_names": list(self._robots.vendor_numbers)}
-        return {
-            "ledger": self.ledger.learned(),
-            "following": self.following.learned(),
-            "starts": self.start_times.learned(),
-            "calibration": self.calibration.learned() | bounds | vendors,
-            "contact": self.contact.learned() | bounds,
-            "changes": self.degradation.learned(),
-        }
+    @property
+    def robots(self) -> TrackedRobots:
+        """The robots, and the numbers of their vendors."""
+        return self._robots
 
-    def resume(self, parts: Mapping[str, Part]) -> None:
-        """Go on with what `learned` returned. Raises `UnreadableError`."""
-        self.ledger.resume(parts.get("ledger", {}))
-        self.degradation.resume(parts.get("changes", {}))
-        if "following" in parts:
-            self.following.resume(parts["following"])
-            self.start_times.resume(parts.get("starts", {}))
-        known = parts.get("calibration", {})
-        if "vendor_names" in known and self._has_same_bounds(known):
-            self._robots.vendor_numbers = {str(name): number for number, name in enumerate(known["vendor_names"])}
-            self.calibration.resume(known)
-        if self._has_same_bounds(parts.get("contact", {})):
-            self.contact.resume(parts["contact"])
-
-    def _has_same_bounds(self, part: Part) -> bool:
-        """Whether a part was learned with this clearance and horizon."""
-        return (part.get("clearance_m"), part.get("horizon_s")) == (self._bounds.clearance_m, self._bounds.horizon_s)
+    @property
+    def bounds(self) -> Bounds:
+        """The clearance and the horizon for which probabilities are learned."""
+        return self._bounds
 
     def receive(self, batch: Batch) -> Batch:
         """Compare earlier forecasts with the new reports, and keep the new forecasts.
@@ -151,7 +129,7 @@ class ProbabilityEstimator:
         batch = self._believed(batch, slots)
         kinds = (batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
         ledger_rows = np.array(self.ledger.rows(*kinds))
-        self.following.rows(*kinds)
+        self.following.add_kinds(self.ledger, batch.now_s)
         self._robots.update(slots, batch)
         reports = ReportedTracks.of(batch, slots, ledger_rows)
         self._record_errors(self._compare(reports, batch.now_s), batch.now_s)

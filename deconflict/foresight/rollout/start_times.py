@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deconflict.runtime.learned_state import Part, numbers
+from deconflict.runtime.learned_state import count_column
 from ingest.batch import Bools, Floats, Ints
 
 STOOD_S: Floats = np.array([0.0, 1.5, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0, 40.0])
@@ -31,6 +31,7 @@ _UNTIL_S: Floats = np.array([0.0, 0.5, 1.5, 3.0, 5.5, 10.0])
 _LASTS_S: Floats = np.diff(STOOD_S)
 """Lengths of all bins of `STOOD_S` but the last."""
 HALF_LIFE_S = 6 * 3600.0
+COUNTS = count_column("kinds", 2, len(STOOD_S), 2)
 
 
 @dataclass(slots=True, eq=False)
@@ -84,15 +85,10 @@ class StartTimes:
         bins = (wanted[:, :, None] >= before[:, 1:]).sum(axis=2)
         return STOOD_S[bins] + (wanted - before[rows, bins]) / per_s[rows, bins] - stood_s
 
-    def learned(self) -> Part:
-        """What is kept over a restart."""
-        return {"by_blocked": self.counts, "as_of_s": self.as_of_s}
-
-    def resume(self, part: Part) -> None:
-        """Go on with what `learned` returned. Raises `UnreadableError`."""
-        if "by_blocked" in part:
-            self.counts = numbers(part, "by_blocked", (None, 2, len(STOOD_S), 2))
-            self.as_of_s = None if part.get("as_of_s") is None else float(numbers(part, "as_of_s", ()))
+    def of_kinds(self, kind: Ints) -> Floats:
+        """(n, 2, bins, 2) the counts of these kinds (n,)."""
+        self._make_room(int(kind.max(initial=-1)) + 1)
+        return self.counts[kind]
 
     def _make_room(self, kinds: int) -> None:
         more = kinds - len(self.counts)

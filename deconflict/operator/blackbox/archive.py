@@ -9,7 +9,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from deconflict.operator.blackbox.hash_chain import FIRST_HASH
+from ingest.recording.replaced_file import set_file_aside
 
 log = logging.getLogger(__name__)
 
@@ -17,6 +20,26 @@ FOLDER = "blackbox"
 """Beside the log and the advisory database."""
 REGISTER = "register.jsonl"
 NAME = re.compile(r"blackbox-\d{8}T\d{9}Z\.jsonl\.zst")
+
+LOGGED_LINES = 3
+"""Of one reading."""
+
+
+class _NearMiss(msgspec.Struct):
+    vendors: list[str] = []
+
+
+class _Line(msgspec.Struct):
+    """What is needed of a line of the register."""
+
+    file: str
+    bytes: int
+    sha256: str
+    until: str
+    near_misses: list[_NearMiss]
+
+
+_LINE = msgspec.json.Decoder(_Line)
 
 VendorPair = tuple[str, ...]
 """The vendors of two robots, sorted."""
@@ -86,20 +109,30 @@ class Archive:
         ]
 
     def _registered(self) -> list[Box]:
+        return self._read()[0]
+
+    def _read(self) -> tuple[list[Box], list[str]]:
+        """The boxes of the register, and why other lines of it are left out."""
         path = self.directory / REGISTER
-        if not path.exists():
-            return []
-        boxes = []
-        for line in path.read_text(encoding="utf-8").splitlines():
+        boxes: list[Box] = []
+        problems: list[str] = []
+        for line in path.read_bytes().splitlines() if path.exists() else ():
             try:
-                box = json.loads(line)
-                boxes.append({"file": str(box["file"]), "bytes": int(box["bytes"]), "sha256": str(box["sha256"])} | box)
-            except (ValueError, KeyError, TypeError) as error:
-                log.warning("a line of %s is left out: %s", path, error)
-        return boxes
+                _LINE.decode(line)
+                boxes.append(json.loads(line))
+            except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+                problems.append(str(error).replace("\n", " ")[:200])
+        for problem in problems[:LOGGED_LINES]:
+            log.warning("a line of %s is left out: %s", path, problem)
+        return boxes, problems
 
     def _write(self, boxes: Iterable[Box]) -> None:
-        """Replaces the register in one step, so that a crash leaves the old one or the new one."""
+        """Replaces the register in one step, so that a crash leaves the old one or the new one.
+
+        One with lines that can't be read is kept beside it.
+        """
+        if self._read()[1]:
+            set_file_aside(self.directory / REGISTER)
         new = self.directory / (REGISTER + ".new")
         with new.open("w", encoding="utf-8") as file:
             file.writelines(json.dumps(box) + "\n" for box in boxes)
@@ -129,4 +162,4 @@ def _oldest_of_largest_pair(boxes: Sequence[Box], size: Callable[[Box], int]) ->
 
 
 def _vendor_pairs(box: Box) -> set[VendorPair]:
-    return {tuple(sorted(map(str, near_miss["vendors"]))) for near_miss in box["near_misses"]} or {()}
+    return {tuple(sorted(map(str, near_miss.get("vendors", ())))) for near_miss in box["near_misses"]} or {()}

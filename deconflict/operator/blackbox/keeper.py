@@ -6,9 +6,11 @@ import logging
 import time
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 from deconflict.operator.blackbox.archive import FOLDER, Archive, Box
 from deconflict.operator.blackbox.blackbox_request import WARM_UP_S, BlackBoxRequest, BoxSpan, LearnedSnapshot, NearPair
@@ -19,6 +21,7 @@ from deconflict.settings.site import Site
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import ends_s
+from ingest.recording.replaced_file import set_file_aside
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +39,8 @@ SNAPSHOTS = 6
 """Number of snapshots of the learned state that are kept; one comes each minute."""
 MOST_LOGGED = 3
 """Most near misses of one box that the service's log describes."""
+LATEST_AT_S = 1e11
+"""No near miss is later."""
 PENDING = "pending.json"
 BLACKBOXES = "deconflict_blackboxes_total"
 
@@ -176,12 +181,20 @@ class Keeper:
         """Resume with the pairs that were pending when the service ended."""
         path = self.archive.directory / PENDING
         try:
-            rows: list[list[Any]] = json.loads(path.read_text()) if path.exists() else []
-            pairs = [NearPair.from_json(*row) for row in rows]
-        except (OSError, ValueError, TypeError) as error:
+            pairs = _PAIRS.decode(path.read_bytes()) if path.exists() else []
+            if not all(0.0 <= pair.at_s <= LATEST_AT_S for pair in pairs):
+                raise ValueError("a time in it is no time")
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+            with suppress(OSError):
+                path = set_file_aside(path)
+            log.warning("near misses that waited for their black box can't be read and are kept as %s: %s", path, error)
+        except OSError as error:
             log.warning("%s can't be read: %s", path, error)
         else:
             self.note(pairs)
+
+
+_PAIRS = msgspec.json.Decoder(list[NearPair])
 
 
 def _newest_of_largest_pair(pairs: Sequence[NearPair]) -> int:

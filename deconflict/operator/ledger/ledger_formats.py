@@ -29,9 +29,24 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
 ledgers have version 0."""
 
 
+TABLES = ("losses", "parcels", "begun")
+"""Of a file of the newest version."""
+
+
 def upgrade(db: sqlite3.Connection) -> None:
     """Create the tables, or bring them to the newest format. Raises `sqlite3.OperationalError` if a newer release wrote
-    the file."""
+    the file, and `sqlite3.DatabaseError` if the tables are not those of the format that it states."""
+    try:
+        _upgrade(db)
+        for table in TABLES:
+            db.execute(f"SELECT * FROM {table} LIMIT 1").fetchone()  # noqa: S608 - constants
+    except sqlite3.OperationalError as error:
+        if getattr(error, "sqlite_errorname", "") == "SQLITE_ERROR":
+            raise sqlite3.DatabaseError(f"its tables are not those of its format: {error}") from error
+        raise
+
+
+def _upgrade(db: sqlite3.Connection) -> None:
     with db:
         db.execute("BEGIN IMMEDIATE")
         (version,) = db.execute("PRAGMA user_version").fetchone()

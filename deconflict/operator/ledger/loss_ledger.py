@@ -100,7 +100,9 @@ class LossLedger:
             if self._path is None or isinstance(error, sqlite3.OperationalError):
                 raise
             aside = self._path.with_name(f"losses-{datetime.now(UTC):%Y%m%dT%H%M%S}.db")
-            self._path.replace(aside)
+            for suffix in ("-wal", "-shm", ""):  # what a new file would take for its own
+                if (part := self._path.with_name(self._path.name + suffix)).exists():
+                    part.replace(aside.with_name(aside.name + suffix))
             log.error("%s: %s: it is kept as %s, and a new one is begun", self._path, error, aside.name)
             self._db = self._opened()
         self._reader = self._connected() if directory else self._db

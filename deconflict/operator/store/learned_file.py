@@ -1,6 +1,7 @@
 """The file of the engine's learned state, beside the advisories. A write replaces it as a whole."""
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 
 from ingest.measures.measures import Measures
@@ -10,6 +11,9 @@ log = logging.getLogger(__name__)
 
 FILE_NAME = "learned.npz"
 FAILURES = "deconflict_learning_failures_total"
+PARTS = "deconflict_learned_parts_set_aside_total"
+WHOLE = "all"
+"""The label of a file of which no part is used."""
 
 
 class LearnedFile:
@@ -19,6 +23,7 @@ class LearnedFile:
         self.path, self._measures = directory / FILE_NAME, measures
         for operation in ("read", "write"):
             measures.count(FAILURES, operation, by=0)
+        measures.count(PARTS, WHOLE, by=0)
 
     def read(self) -> bytes:
         """The bytes written last; empty if there is no file, or it can't be read."""
@@ -35,8 +40,20 @@ class LearnedFile:
         except OSError as error:
             self._failed("write", f"can't keep the learned state: {error}; free some space, or check the owner")
 
+    def set_parts_aside(self, reasons: Mapping[str, str]) -> None:
+        """Keep a copy of a file of which these parts can't be used; the engine goes on with the others."""
+        for part, reason in sorted(reasons.items()):
+            self._measures.count(PARTS, part)
+            log.warning("%s: the part %r is set aside: %s; it is learned anew", self.path, part, reason)
+        self._failed("read", f"{self.path} is kept as {FILE_NAME}{ASIDE}, and the engine goes on with its other parts")
+        try:
+            replace_file(self.path.with_name(FILE_NAME + ASIDE), self.path.read_bytes())
+        except OSError as error:
+            log.warning("%s can't be kept: %s", self.path, error)
+
     def set_aside(self, reason: str) -> None:
         """Rename an unreadable file, so that a person can look at it. Replaces one that was set aside before."""
+        self._measures.count(PARTS, WHOLE)
         self._failed("read", f"{self.path}: {reason}; it is set aside as {FILE_NAME}{ASIDE}, and learning begins anew")
         try:
             set_file_aside(self.path)

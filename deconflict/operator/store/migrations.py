@@ -77,3 +77,6 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
     ("CREATE TABLE removed (kind TEXT PRIMARY KEY, seq INTEGER NOT NULL) WITHOUT ROWID",),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1."""
+
+TABLES = {"revisions", "advisories", "encounters", "parties", "positions", "burdens", "removed"}
+"""Of a file of the newest version."""

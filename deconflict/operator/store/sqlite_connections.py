@@ -13,7 +13,7 @@ from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
 
-from deconflict.operator.store.migrations import UPGRADES
+from deconflict.operator.store.migrations import TABLES, UPGRADES
 from deconflict.operator.store.reserved_numbers import ReservedNumbers
 from deconflict.operator.store.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
@@ -119,6 +119,7 @@ class SqliteConnections:
         with ExitStack() as opened, self._explained_errors():
             connections = [opened.enter_context(closing(self._connect())) for _ in range(4)]
             self._writer, self._numberer, self._reader, self._long_reader = connections
+            self._check_tables(self._writer)
             self._upgrade(self._writer)
             for reader in connections[1:]:
                 reader.execute("PRAGMA query_only = ON")
@@ -133,6 +134,14 @@ class SqliteConnections:
             db.close()
             raise
         return db
+
+    def _check_tables(self, db: sqlite3.Connection) -> None:
+        """Raises `DamagedStoreError` if the tables are not those of the format that the file states."""
+        (version,) = db.execute("PRAGMA user_version").fetchone()
+        tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        lacks_some = version == len(UPGRADES) and not tables >= TABLES
+        if lacks_some or (version == 0 and tables):
+            raise DamagedStoreError(f"{self.path} has other tables: it is set aside, and a new one is begun")
 
     def _upgrade(self, db: sqlite3.Connection) -> None:
         with _begun(db, "BEGIN IMMEDIATE"):

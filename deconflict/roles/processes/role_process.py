@@ -2,6 +2,7 @@
 
 import logging
 import os
+import signal
 import socket
 import subprocess
 from collections.abc import Callable, Sequence
@@ -13,6 +14,8 @@ from deconflict.runtime.heartbeat import HeartbeatMonitor
 log = logging.getLogger(__name__)
 
 STOP_TIMEOUT_S = 10.0
+CRASHES = tuple(-number for number in (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE))
+"""Exit codes of processes that their own code has ended. So do positive ones."""
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a role that ends repeatedly is restarted. The first restart is at once."""
 STEADY_S = 10.0
@@ -68,17 +71,20 @@ class RoleProcess:
     """How long the next restart waits."""
     due_s: float = float("-inf")
     """No start before this time."""
+    failed_after_s: float | None = None
+    """How long the last process ran, if it crashed or hung; None if it ended in another way."""
+    hung: bool = False
+    """Whether the process was killed because it hung."""
 
     def ensure(self, now_s: float) -> bool:
         """Start the process if it does not run and is due; kill it if it hangs. Returns whether it ended or started."""
         if self.process and self.heartbeats and self.process.poll() is None:
             if self.heartbeats.hangs(now_s):
                 log.error("the %s hangs and is killed", self.role)
+                self.hung = True
                 self.process.kill()
             return False
-        ended = self.process is not None
-        if self.process:
-            self._note_end(now_s, self.process)
+        ended = self.note_end(now_s)
         if now_s < self.due_s:
             return ended
         heartbeats = HeartbeatMonitor(now_s)
@@ -90,7 +96,17 @@ class RoleProcess:
         self.heartbeats, self.started_s = heartbeats, now_s
         return True
 
+    def note_end(self, now_s: float) -> bool:
+        """Take note of it if the process has ended. Returns whether it has."""
+        if self.process is None or self.process.poll() is None:
+            return False
+        self._note_end(now_s, self.process)
+        return True
+
     def _note_end(self, now_s: float, process: ChildProcess) -> None:
+        crashed = process.returncode in CRASHES or (process.returncode or 0) > 0
+        self.failed_after_s = now_s - self.started_s if crashed or self.hung else None
+        self.hung = False
         if now_s - self.started_s > STEADY_S:
             self.backoff_s = 0.0
         log.warning(
@@ -109,8 +125,9 @@ class RoleProcess:
         return self.process.pid if self.process else None
 
     def document(self) -> dict[str, float | None]:
-        """The number of restarts, and since when the process runs; None if it does not run."""
-        return {"restarts": self.restarts, "since_s": self.started_s if self.process else None}
+        """The number of restarts, since when the process runs, None if it does not run, and `failed_after_s`."""
+        since_s = self.started_s if self.process else None
+        return {"restarts": self.restarts, "since_s": since_s, "failed_after_s": self.failed_after_s}
 
     def stop(self) -> None:
         if self.process is None:

@@ -55,6 +55,8 @@ class Supervisor:
         try:
             while not stop.is_set():
                 self.fork_server.ensure(time.monotonic())
+                if [role for role in self.roles if role.note_end(time.monotonic())]:
+                    self._write_roles()  # a process that starts reads how the one before ended
                 changed = [role.role for role in self.roles if role.ensure(time.monotonic())]
                 if changed or time.monotonic() - self._written_s >= WRITE_EVERY_S:
                     self._write_roles()

@@ -13,9 +13,11 @@ import logging
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import NamedTuple
+
+import msgspec
 
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.robot import Robot
@@ -40,6 +42,8 @@ TABLE = (
     "CREATE TABLE IF NOT EXISTS messages (kind TEXT, uuid TEXT, arrival_s REAL, raw BLOB, peer TEXT, vendor TEXT, "
     "language TEXT, topic TEXT, heard_s REAL, PRIMARY KEY (kind, uuid))"
 )
+SECOND_FORMAT = ("ALTER TABLE messages ADD COLUMN heard_s REAL", "UPDATE messages SET heard_s = arrival_s")
+"""Makes it of the first. The write that does so knows better of identities, and writes them all."""
 
 log = logging.getLogger(__name__)
 
@@ -108,14 +112,18 @@ class KeptMessages:
         self._since_s = now_s - self._fleet.reading.silent_after_s
         heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
         try:
-            rows = [row for row in _rows(self._path) if row.heard_s >= heard_since_s]
+            rows, unreadable = _rows(self._path)
+            rows = [row for row in rows if row.heard_s >= heard_since_s]
+            if unreadable:
+                self._fail("read", f"{unreadable} rows of {FILE_NAME} are not as this service writes them; left out")
             self._heard_s = {row.uuid: row.heard_s for row in rows if row.kind == IDENTITY}
             return [self._settled(row, now_s) for row in rows]
-        except sqlite3.OperationalError as error:
-            self._lacks_none = True
-            self._fail("read", f"{error}; check the owner of {FILE_NAME}")
         except sqlite3.DatabaseError as error:
-            self._set_aside("read", error)
+            if _is_damage(error):
+                self._set_aside("read", error)
+            else:
+                self._lacks_none = True
+                self._fail("read", f"{error}; check the owner of {FILE_NAME}")
         return []
 
     def _settled(self, row: Row, now_s: float) -> Received:
@@ -190,16 +198,18 @@ class KeptMessages:
         """Write the changes. Returns whether the file is new; None if it can't be written. For any thread."""
         try:
             with closing(sqlite3.connect(self._path, timeout=BUSY_TIMEOUT_S)) as db, db:
-                is_new = _is_new(db)
-                if is_new:
-                    db.execute(TABLE)
+                version = _version(db)
+                if version < FORMAT:
+                    for statement in SECOND_FORMAT if version else (TABLE,):
+                        db.execute(statement)
                     db.execute(f"PRAGMA user_version = {FORMAT}")
                 _replace(db, changes)
-                return is_new
-        except sqlite3.OperationalError as error:
-            self._fail("write", f"{error}; free some space, or check the owner of the directory")
+                return not version
         except sqlite3.DatabaseError as error:
-            self._set_aside("write", error)
+            if _is_damage(error):
+                self._set_aside("write", error)
+            else:
+                self._fail("write", f"{error}; free some space, or check the owner of the directory")
         return None
 
     def _note_written(self, changes: _Changes, is_new: bool | None) -> None:
@@ -227,21 +237,36 @@ class KeptMessages:
             log.warning("identity reports can't be kept for a restart: %s", message)
 
 
-def _rows(path: Path) -> list[Row]:
-    """The rows of a file, the oldest first, without those of languages that are not read. Raises `sqlite3.Error`."""
+def _rows(path: Path) -> tuple[list[Row], int]:
+    """The rows of a file, the oldest first, without those of languages that are not read; and how many rows can't be
+    read. Raises `sqlite3.Error`.
+
+    The first format does not say when robots were heard; it counts as when the file was last written.
+    """
     if not path.exists():
-        return []
+        return [], 0
     with closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as db:
-        if _is_new(db):
-            return []
-        rows = [Row(*values) for values in db.execute("SELECT * FROM messages ORDER BY arrival_s, kind")]
-    return [row for row in rows if row.language in FRONT_ENDS]
+        if not (version := _version(db)):
+            return [], 0
+        heard_s = "heard_s" if version == FORMAT else repr(path.stat().st_mtime)
+        columns = ", ".join([*Row._fields[:-1], heard_s])
+        found = db.execute(f"SELECT {columns} FROM messages ORDER BY arrival_s, kind").fetchall()  # noqa: S608 - names
+    rows = [row for values in found if (row := _row(values))]
+    return [row for row in rows if row.language in FRONT_ENDS], len(found) - len(rows)
+
+
+def _row(values: tuple[object, ...]) -> Row | None:
+    """The row with these values; None if they are of other types, which SQLite does not prevent."""
+    with suppress(msgspec.ValidationError):
+        row = msgspec.convert(values, Row, builtin_types=(bytes,))
+        return row if isfinite(row.arrival_s) and isfinite(row.heard_s) else None
+    return None
 
 
 def kept_identities(log_directory: Path) -> list[Received]:
     """The identity reports that are kept beside a log, the oldest first. Empty if they can't be read."""
     try:
-        return [_received(row) for row in _rows(log_directory.parent / FILE_NAME) if row.kind == IDENTITY]
+        return [_received(row) for row in _rows(log_directory.parent / FILE_NAME)[0] if row.kind == IDENTITY]
     except sqlite3.Error as error:
         log.warning("the identity reports of %s can't be read: %s", FILE_NAME, error)
         return []
@@ -264,12 +289,18 @@ def _status_row(robot: Robot, connection: Connection) -> Row:
     return Row(STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender, robot.arrival_s)
 
 
-def _is_new(db: sqlite3.Connection) -> bool:
-    """Whether a file has no table yet. Raises `DatabaseError` for another format."""
+def _version(db: sqlite3.Connection) -> int:
+    """The format of a file; 0 if it has no table yet. Raises `DatabaseError` for a format that this release does not
+    read."""
     (found,) = db.execute("PRAGMA user_version").fetchone()
-    if found not in (0, FORMAT):
-        raise sqlite3.DatabaseError(f"format {found} is not {FORMAT}")
-    return not found
+    if found not in range(FORMAT + 1):
+        raise sqlite3.DatabaseError(f"it has format {found} and this release reads up to {FORMAT}")
+    return int(found)
+
+
+def _is_damage(error: sqlite3.DatabaseError) -> bool:
+    """Whether the file is at fault, not its disk or another program: its pages, or its tables."""
+    return not isinstance(error, sqlite3.OperationalError) or getattr(error, "sqlite_errorname", "") == "SQLITE_ERROR"
 
 
 def _replace(db: sqlite3.Connection, changes: _Changes) -> None:

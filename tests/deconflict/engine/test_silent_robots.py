@@ -8,7 +8,7 @@ from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.engine.engine import Engine
 from deconflict.foresight.presence.probably_left import PresenceChanges
-from deconflict.runtime.learned_state import Part
+from deconflict.runtime.learned_state import Part, learned_of
 from deconflict.settings.site import Conflict, Site
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
@@ -53,7 +53,7 @@ def door() -> Mapping[str, Part]:
     watch = Watch()
     leave(watch, 12)
     watch.wait(60.0)
-    return watch.presence.learned()
+    return learned_of(watch.presence.learners)
 
 
 def at_the_door(learned: Mapping[str, Part] | None) -> Judged:

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from deconflict.engine.engine import Engine
+from deconflict.foresight.learned_estimates import estimator_learners
 from deconflict.operator.store.learned_file import FILE_NAME
-from deconflict.runtime.learned_state import packed, unpacked
+from deconflict.runtime.learned_state import learned_of, packed, resume_all, unpacked
 from deconflict.settings.site import Site
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.deconflict.roles.made_service import drive, running
@@ -23,7 +24,8 @@ def test_a_resumed_engine_predicts_like_one_that_never_stopped() -> None:
     for staged in (steady, stopped):
         staged.run(15)
     resumed = stage()
-    resumed.foresight.resume(unpacked(packed(stopped.foresight.learned())))
+    kept = packed(learned_of(estimator_learners(stopped.foresight)))
+    assert not resume_all(estimator_learners(resumed.foresight), unpacked(kept))
     assert resumed.foresight.ledger.kinds == steady.foresight.ledger.kinds
     assert np.allclose(resumed.foresight.ledger.bands_m, steady.foresight.ledger.bands_m)
     assert resumed.foresight.calibration.of_all.weights.tolist() == steady.foresight.calibration.of_all.weights.tolist()
@@ -32,7 +34,7 @@ def test_a_resumed_engine_predicts_like_one_that_never_stopped() -> None:
 def test_probabilities_learned_at_another_clearance_are_not_used() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 0.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
     stage.run(30)
-    learned = stage.foresight.learned()
+    learned = learned_of(estimator_learners(stage.foresight))
     wider = Engine(Site.model_validate({"conflict": {"clearance_m": 0.5}}), learned=learned)
     assert wider.foresight.calibration.of_all.weights.tolist() != stage.foresight.calibration.of_all.weights.tolist()
     assert wider.foresight.ledger.kinds

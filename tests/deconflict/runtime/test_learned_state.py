@@ -5,12 +5,16 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.runtime.learned_state import Part, UnreadableError, numbers, packed, unpacked
+from deconflict.runtime.learned_state import DAMAGE, Part, UnreadableError, packed, unpacked
 
 PARTS: dict[str, Part] = {
     "ledger": {"counts": default_rng(1).poisson(0.3, (4, 3, 10)).astype(np.float64), "kinds": [["Al.der", "", 1]]},
     "rests": {"marks": []},
 }
+
+
+def values(part: Part) -> Part:
+    return {name: np.asarray(value).tolist() for name, value in part.items()}
 
 
 def test_what_was_packed_is_read_again() -> None:
@@ -34,7 +38,9 @@ def test_a_changed_byte_is_found_or_changes_nothing() -> None:
         except UnreadableError:
             seen += 1
         else:
-            assert read["ledger"]["counts"].tolist() == PARTS["ledger"]["counts"].tolist()
+            seen += DAMAGE in read["ledger"]
+            for name, part in read.items():
+                assert DAMAGE in part or values(part) == values(PARTS[name])
     assert seen > len(whole) / 2
 
 
@@ -52,10 +58,3 @@ def test_a_file_of_another_format_says_which(monkeypatch: pytest.MonkeyPatch) ->
         data = packed(PARTS)
     with pytest.raises(UnreadableError, match="format 99"):
         unpacked(data)
-
-
-@pytest.mark.parametrize("expected", [None, "three", [1.0, float("nan")], [[1.0], [2.0, 3.0]], [1.0, 2.0, 3.0]])
-def test_only_finite_numbers_of_the_right_shape_are_taken(expected: object) -> None:
-    assert numbers({"a": [1, 2]}, "a", (2,)).tolist() == [1.0, 2.0]
-    with pytest.raises(UnreadableError, match="a is not"):
-        numbers({"a": expected}, "a", (2,))

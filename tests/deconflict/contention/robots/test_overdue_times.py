@@ -75,7 +75,7 @@ def test_arrivals_in_time_are_not_used_for_late_ones() -> None:
     overdue = OverdueTimes()
     for late_s in (0.0, -30.0):
         overdue.record("Alder", late_s, 100.0)
-    assert overdue.learned() == {}
+    assert overdue.learned()["late"] == {}
 
 
 def test_old_arrivals_weigh_less_and_only_so_many_are_kept() -> None:
@@ -85,7 +85,7 @@ def test_old_arrivals_weigh_less_and_only_so_many_are_kept() -> None:
     for number in range(20):
         overdue.record("Alder", 100.0, 10 * 86400.0 + number)
     assert left_s(overdue, 40.0)[1] == pytest.approx(60.0)
-    assert len(overdue.learned()["Alder"]) == MOST_ARRIVALS
+    assert len(overdue.learned()["late"]["Alder"]) == MOST_ARRIVALS
 
 
 def test_what_was_learned_goes_on_after_a_restart() -> None:
@@ -102,7 +102,7 @@ def test_an_arrival_is_late_by_its_last_announcement() -> None:
     arrivals.add("r", "Alder", 0.0, away, [dock], [60.0])
     arrivals.add("r", "Alder", 40.0, away, [dock], [90.0])
     arrivals.add("r", "Alder", 150.0, dock, [dock], [90.0])
-    assert arrivals.overdue.learned() == {"Alder": [(150.0, 60.0)]}
+    assert arrivals.overdue.learned()["late"] == {"Alder": [(150.0, 60.0)]}
 
 
 def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> tuple[list[float], list[float]]:

@@ -3,10 +3,10 @@ import pytest
 from numpy.random import default_rng
 
 from deconflict.foresight.forecast_errors.error_ledger import (
+    COLUMNS,
     HALF_LIFE_S,
     HIGHEST_LEVEL,
     HORIZONS,
-    LEARNED,
     LEVEL_GAIN,
     LOWEST_LEVEL,
     MOST_CLASSES,
@@ -17,7 +17,6 @@ from deconflict.foresight.forecast_errors.error_ledger import (
 from deconflict.foresight.forecast_errors.track_kernels import ROBOT, Errors
 from deconflict.foresight.forecast_errors.upper_quantiles import bins, upper_quantiles
 from deconflict.foresight.probability.error_band_kernels import reach_m
-from deconflict.runtime.learned_state import UnreadableError
 from ingest.batch import Basis, Floats
 from tests.deconflict.foresight.forecast_errors.made_errors import off
 
@@ -54,7 +53,7 @@ def test_counting_many_errors_equals_counting_them_one_by_one() -> None:
     for model in ("A-7", "A-8", "A-9"):
         ledger.row("Alder", model, Basis.PATH, NOW_S)
     now_s = NOW_S + HALF_LIFE_S
-    before = {name: getattr(ledger, name).copy() for name in LEARNED}
+    before = {name: getattr(ledger, name).copy() for name in COLUMNS}
     along_m, across_m = rng.normal(0, 0.2, (2, n))
     now = off(0, 1, along_m, across_m, np.sort(rng.uniform(0, 0.5, (n, 3)), axis=1))
     now["kind"], now["horizon_s"] = rng.integers(0, 2, n), rng.integers(1, HORIZONS + 1, n)
@@ -117,35 +116,6 @@ def test_kinds_are_bounded_and_the_rest_share_one() -> None:
     rows = {ledger.row("Alder", f"model-{n}", Basis.PATH, NOW_S) for n in range(MOST_CLASSES + 50)}
     assert len(rows) == MOST_CLASSES + 1
     assert ledger.bands_m.shape == (MOST_CLASSES + 1, HORIZONS, 3)
-
-
-def test_kept_errors_fade_by_their_time_stamps_over_a_restart() -> None:
-    ledger, resumed = Ledger(), Ledger()
-    row = ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
-    ledger.record(errors(ledger, row, 1, np.ones(8)), NOW_S)
-    resumed.resume(ledger.learned())
-    resumed.record(errors(resumed, row, 2, np.ones(1)), NOW_S + HALF_LIFE_S)
-    assert resumed.cases[row, :2].tolist() == pytest.approx([4.0, 1.0])
-
-
-def test_a_kind_of_which_nothing_is_left_is_not_kept() -> None:
-    ledger, resumed = Ledger(), Ledger()
-    for model, at_s in (("A-7", NOW_S), ("A-8", NOW_S + 20 * HALF_LIFE_S)):
-        row = ledger.row("Alder", model, Basis.PATH, at_s)
-        ledger.record(errors(ledger, row, 1, np.ones(100)), at_s)
-    resumed.resume(ledger.learned())
-    assert [kind.model for kind in resumed.kinds] == ["A-8"]
-    assert resumed.bands_m[0].tolist() == ledger.bands_m[1].tolist()
-
-
-def test_learning_of_another_shape_is_refused_and_changes_nothing() -> None:
-    ledger = Ledger()
-    ledger.row("Alder", "A-7", Basis.PATH, NOW_S)
-    document = ledger.learned()
-    for wrong in ({}, document | {"counts": np.zeros((1, 2))}, document | {"kinds": [["Alder", "", 77]]}):
-        with pytest.raises(UnreadableError):
-            ledger.resume(wrong)
-    assert len(ledger.kinds) == 1
 
 
 def test_bands_follow_errors_after_the_clock_was_set_back() -> None:

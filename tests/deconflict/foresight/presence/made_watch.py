@@ -6,6 +6,7 @@ from typing import Any
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.probably_left import PresenceChanges
+from deconflict.runtime.learned_state import resume_all
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
@@ -38,7 +39,7 @@ class Watch:
         self.live = LiveRobots()
         self.presence = Presence(self.live, self.measures)
         if self.learned:
-            self.presence.resume(self.learned)
+            assert not resume_all(self.presence.learners, self.learned)
 
     def identify(self, name: str, **fields: Any) -> None:
         self.fleet.receive(identity(name, NOW_S + self.now_s, **fields), NOW_S + self.now_s, LINE)

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from deconflict.runtime.learned_state import packed, unpacked
+from deconflict.runtime.learned_state import learned_of, packed, unpacked
 from tests.deconflict.foresight.presence.made_watch import LINE, NOW_S, Watch
 from tests.helpers.saying import LOFT, identity, robot
 
@@ -156,7 +156,7 @@ def test_a_removed_robot_returns_when_it_reports_and_counts_as_found_elsewhere()
 def test_a_removed_robot_stays_removed_over_a_restart() -> None:
     watch = with_silent()
     watch.drive("other", 5.0, seconds=10)
-    after = Watch(learned=unpacked(packed(watch.presence.learned())))
+    after = Watch(learned=unpacked(packed(learned_of(watch.presence.learners))))
     after.fleet, after.now_s = watch.fleet, watch.now_s + 1.0
     after.tick(everything=True)
     assert robot("other") in after.live.robots

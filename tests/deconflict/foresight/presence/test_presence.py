@@ -5,7 +5,7 @@ import pytest
 from deconflict.foresight.presence.live_robots import LiveRobot
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.probably_left import LastingSilence
-from deconflict.runtime.learned_state import packed, unpacked
+from deconflict.runtime.learned_state import learned_of, packed, unpacked
 from tests.deconflict.foresight.presence.made_watch import DOOR_M, LINE, NOW_S, Watch, leave
 from tests.helpers.saying import LOFT, identity, robot
 
@@ -147,7 +147,7 @@ def test_what_is_learned_outlives_a_restart() -> None:
     watch = Watch()
     leave(watch, 10)
     watch.wait(30.0)
-    after = Watch(learned=unpacked(packed(watch.presence.learned())))
+    after = Watch(learned=unpacked(packed(learned_of(watch.presence.learners))))
     after.drive("next", DOOR_M - 6.0, seconds=6)
     after.wait(5.25)
     assert after.there("next") < 0.25

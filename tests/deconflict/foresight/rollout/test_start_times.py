@@ -55,10 +55,3 @@ def test_each_kind_is_learned_apart_and_drawn_towards_all_kinds() -> None:
     waited(start_times, 1, 15, 60)
     quick, slow, unknown = (float(weights(start_times, kind, 1.0) @ LATE_S) for kind in (0, 1, 2))
     assert quick < unknown < slow
-
-
-def test_what_was_learned_is_kept() -> None:
-    start_times, resumed = StartTimes(), StartTimes()
-    waited(start_times, 0, 3, 50)
-    resumed.resume(start_times.learned())
-    assert weights(resumed, 0, 1.0).tolist() == weights(start_times, 0, 1.0).tolist()

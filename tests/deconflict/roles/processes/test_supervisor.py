@@ -181,3 +181,19 @@ async def test_roles_outlive_a_killed_fork_server_and_restart_from_the_next_one(
         os.kill(engine, signal.SIGKILL)
         await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1 and healthy(health))
         assert children(pid).keys() == {"engine"}
+
+
+async def test_after_a_crash_in_its_first_minute_an_engine_starts_without_the_learned_state(tmp_path: Path) -> None:
+    service, learned = Served(tmp_path), tmp_path / "learned.npz"
+    with service.running():
+        await service.until("/healthz", healthy)
+    kept = learned.read_bytes()
+    for number in (signal.SIGKILL, signal.SIGSEGV):
+        with service.running() as pid:
+            await service.until("/healthz", healthy)
+            os.kill(children(pid)["engine"], number)
+            await service.until("/healthz", lambda health: health["restarts"].get("engine") == 1 and healthy(health))
+            aside = learned.with_name("learned.npz.unreadable")
+            assert (aside.exists() and aside.read_bytes() == kept) == (number is signal.SIGSEGV)
+            kept = learned.read_bytes() if learned.exists() else b""
+        kept = learned.read_bytes()

@@ -274,3 +274,20 @@ def test_an_unreadable_file_is_set_aside_at_the_start_and_counted(
     assert of.measures.values[FAILURES]["read",] == 1
     assert "set aside" in caplog.text
     assert [path.name for path in tmp_path.iterdir()] == [f"{FILE_NAME}.unreadable"]
+
+
+def test_a_file_of_the_first_format_is_read_and_upgraded(tmp_path: Path) -> None:
+    of = fleet(ALDER)
+    kept = kept_of(of, tmp_path)
+    of.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept.write(-inf, NOW_S)
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as db:
+        db.execute("ALTER TABLE messages DROP COLUMN heard_s")
+        db.execute("PRAGMA user_version = 1")
+    again = fleet(ALDER)
+    kept = kept_of(again, tmp_path)
+    recover(again, [], NOW_S + 1, kept=kept.read(NOW_S + 1))
+    assert again.robots.keys() == of.robots.keys()
+    kept.write(-inf, NOW_S + 1)
+    assert rows(tmp_path).keys() == of.robots.keys()
+    assert again.measures.values[FAILURES]["read",] == 0

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 from itertools import compress
 from math import hypot
 from statistics import median
+from typing import Any
 
 import numpy as np
 import shapely
 from shapely import Polygon
 
-from deconflict.runtime.learned_state import Part, UnreadableError
+from deconflict.runtime.learned_state import Form, Part, UnreadableError
 from deconflict.settings.shared_places import Resource
 from ingest.batch import Basis, Batch
 from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
@@ -35,6 +36,16 @@ Point = tuple[float, float]
 """x and y in metres, or an offset."""
 Bounds = tuple[float, float, float, float]
 """West, south, east and north in metres."""
+MOST_OFFSET_M = 1e7
+"""Offsets beyond are damage."""
+FORM = Form(
+    f"the first {MARK_RESTS} rests, then offsets from their median, in metres",
+    {
+        "marks": list[tuple[str, str, list[Point]]],
+        "offsets": dict[str, list[Point]],
+        "levels": dict[str, tuple[dict[str, Any], dict[str, Any]]],
+    },
+)
 
 
 @dataclass(slots=True, eq=False)
@@ -112,25 +123,30 @@ class MapDrift:
     def learned(self) -> Part:
         """The marks, and the newest offsets from them."""
         marks = [[vendor, resource, list(points)] for (vendor, resource), points in self._first_rests.items()]
-        return {
-            "marks": marks,
-            "offsets": {vendor: list(offsets) for vendor, offsets in self._offsets.items()},
-            "levels": {vendor: [level.learned() for level in levels] for vendor, levels in self._levels.items()},
-        }
+        offsets = {vendor: list(offsets) for vendor, offsets in self._offsets.items()}
+        levels = {vendor: [level.learned() for level in levels] for vendor, levels in self._levels.items()}
+        return FORM.part({"marks": marks, "offsets": offsets, "levels": levels})
 
     def resume(self, part: Part) -> None:
         """Continue from what `learned` gave, but for resources that are no more. Raises `UnreadableError`."""
-        known = {resource for places in self._places.values() for resource, *_ in places}
+        state = FORM.checked(part)
         try:
-            for vendor, resource, points in part.get("marks", ()):
-                if resource in known:
-                    self._first_rests[vendor, resource] = [(float(x), float(y)) for x, y in points[:MARK_RESTS]]
-            for vendor, offsets in part.get("offsets", {}).items():
-                self._offsets[vendor] = deque(((float(x), float(y)) for x, y in offsets), maxlen=NEWEST_RESTS)
-            for vendor, (x, y) in part.get("levels", {}).items():
-                self._levels[vendor] = (ChangeDetector.resumed(LIMITS, x), ChangeDetector.resumed(LIMITS, y))
-        except (TypeError, ValueError, AttributeError) as error:
-            raise UnreadableError(f"cannot read the marks of docks and chargers: {error}") from error
+            levels = {
+                vendor: (
+                    ChangeDetector.resumed(LIMITS, x, MOST_OFFSET_M),
+                    ChangeDetector.resumed(LIMITS, y, MOST_OFFSET_M),
+                )
+                for vendor, (x, y) in state["levels"].items()
+            }
+        except ValueError as error:
+            raise UnreadableError(f"levels are not as they are written here: {error}") from error
+        known = {resource for places in self._places.values() for resource, *_ in places}
+        for vendor, resource, points in state["marks"]:
+            if resource in known:
+                self._first_rests[vendor, resource] = points[:MARK_RESTS]
+        for vendor, offsets in state["offsets"].items():
+            self._offsets[vendor] = deque(offsets, maxlen=NEWEST_RESTS)
+        self._levels |= levels
 
     def _add_rest(self, vendor: str, resource: str, point: Point, at_s: float) -> None:
         first_rests = self._first_rests.setdefault((vendor, resource), [])

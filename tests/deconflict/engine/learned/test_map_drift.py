@@ -3,7 +3,7 @@ from random import Random
 import pytest
 
 from deconflict.engine.engine import Engine
-from deconflict.engine.map_drift import FEWEST_RESTS, MARK_RESTS, MapDrift
+from deconflict.engine.learned.map_drift import FEWEST_RESTS, MARK_RESTS, MapDrift
 from deconflict.settings.shared_places import Resource
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
