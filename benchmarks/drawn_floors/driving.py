@@ -17,7 +17,8 @@ from deconflict.engine.engine import Engine
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import DEFAULT
-from deconflict.sweep.contact_intervals import PairConflicts, Sweeper
+from deconflict.sweep.contact_intervals import PairConflicts
+from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Floats, Pair
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
