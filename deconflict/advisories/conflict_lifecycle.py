@@ -231,7 +231,7 @@ class ConflictLifecycle:
     ) -> list[ConflictAdvisory]:
         """The revisions of those candidates that are new or differ enough from their advisories, within the budget."""
         news, budget = [], self.budget
-        budget.begin_pass(now_s, scene.vendor)
+        budget.begin_pass(now_s, scene.account)
         is_bounded = budget.may_exceed(len(candidates))
         for candidate in sorted(candidates, key=attrgetter("urgency")) if is_bounded else candidates:
             watched = candidate.watched

@@ -37,8 +37,8 @@ class ConflictScene(Protocol):
         """Why a robot is not on the floor, in words that follow its name; None if it is, as far as is known."""
         ...
 
-    def vendor(self, uuid: str) -> str:
-        """The vendor of a robot that is on the floor."""
+    def account(self, uuid: str) -> str:
+        """Whose revisions are counted together with those of a robot that is on the floor: its vendor, as a rule."""
         ...
 
     def party(self, uuid: str, now_s: float) -> Party:

@@ -1,6 +1,7 @@
 """How many revisions of conflicts are made for two vendors, so that no fleet delays the warnings of others.
 
-Only a fleet whose reports are wrong reaches the budget. What is beyond it waits for the next reports of its robots.
+Robots of vendors that a source may have invented share one account, see `ConflictScene.account`. Only a fleet whose
+reports are wrong reaches the budget. What is beyond it waits for the next reports of its robots.
 """
 
 from collections import Counter, defaultdict
@@ -48,7 +49,7 @@ class RevisionBudget:
         """By vendor, how many conflicts the newest pass lets wait."""
 
     def begin_pass(self, now_s: float, vendor: Callable[[str], str]) -> None:
-        """`vendor` gives the vendor of a robot."""
+        """`vendor` gives the vendor of a robot, or the account that it shares with others."""
         more = (now_s - self._filled_s) * REVISIONS_PER_S
         for vendors, left in list(self._left.items()):
             self._left[vendors] = left + more

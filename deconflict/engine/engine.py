@@ -4,9 +4,12 @@ Pure: `receive` takes a batch, `step` the time of a pass. The live service, test
 the same calls give the same advisories.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from typing import Any
+
+import numpy as np
 
 from deconflict.advice.deferred_answers import Submit, answer_at_once
 from deconflict.advisories.conflict_lifecycle import CROWDED, DORMANT, ConflictLifecycle
@@ -76,22 +79,21 @@ class Engine:
         what `learned()` of an earlier engine gave; parts that can't be used are set aside. With `conflicts_only` there
         are no advisories on queues, deadlocks, blockages and claims.
         """
-        self.site, self._conflicts_only = site, conflicts_only
+        self.site, self._conflicts_only, self.measures = site, conflicts_only, Measures()
         restored, conflict = tuple(restored), site.conflict
-        self.measures = Measures()
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence, self._crowds = Presence(self.live, self.measures), Crowds(self.live)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
-        crowds, claims = self._crowds.numbers, PairClaims(self.live, self._conflicts)
-        bounds = conflict.clearance_m, conflict.apart_m, conflict.horizon_s
-        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, claims)
-        self._sweep = RobotSweep(site, self.live, self.measures, crowds, claims)
+        crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
+        self._claims = PairClaims(self.live, self._conflicts, crowds)
+        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self._claims)
+        self._sweep = RobotSweep(site, self.live, self.measures, crowds, self._claims)
         self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, PlaceNames.of(site))
         self._conflicts.restore(advisory for advisory in restored if isinstance(advisory, ConflictAdvisory))
         asking = self._sweep.sweeper, self.measures, submit, burdens_s, crowds, self.foresight.last_advised_wait_s
         self._advice = EngineAdvice(site, self.live, *asking)
-        shared = site, self.live, self._crowds, self.measures, restored, self._advice.queue_advice
-        self._shared = SharedAdvisories(*shared, enabled=not conflicts_only)
+        shared = self._crowds, self.measures, restored, self._advice.queue_advice
+        self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
         self.set_aside = resume_all(self._learners, upgraded(learned)) if learned else {}
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
@@ -99,11 +101,14 @@ class Engine:
         self.near_misses, self.losses = [], []
         self._updated: set[str] = set()
         """Robots with a new forecast since the last pass, and those that have left since."""
-        self._metrics = EngineMetrics(self.measures, self.open, self.foresight, self._map_drift)
+        self._metrics = EngineMetrics(self.measures, self.open, self.foresight, self._map_drift, self._partly_examined)
 
     def presence_document(self, now_s: float) -> dict[str, Any]:
-        """The JSON document for people: silent robots, exits, and robots whose motion contradicts their forecasts."""
-        return self.presence.document(now_s) | {"distrusted": self.foresight.distrusted()[:MOST_SHOWN]}
+        """The JSON document for people: silent robots, exits, robots whose motion contradicts their forecasts, and
+        those that are compared with some others only."""
+        partly_examined = self._claims.partly_examined()[:MOST_SHOWN]
+        distrusted = self.foresight.distrusted()[:MOST_SHOWN]
+        return self.presence.document(now_s) | {"distrusted": distrusted, "partly_examined": partly_examined}
 
     def renewed(self, site: Site) -> "Engine":
         """An engine for a changed site that continues what is open and learned; it has to receive all robots again."""
@@ -139,7 +144,8 @@ class Engine:
         return estimator_learners(self.foresight) | shared | {"rests": self._map_drift}
 
     def receive(self, batch: Batch) -> None:
-        """Add the robots that changed; a batch may hold the whole floor."""
+        """Add the robots that changed, without those that are not `examined`. A batch may hold the whole floor."""
+        batch = batch if batch.examined.all() else batch.take(np.flatnonzero(batch.examined), batch.gone)
         batch = self.presence.receive(self.floors.renumbered(batch))
         self.foresight.resolve_absent(self.presence.passed)
         self._shared.receive(self._add(batch))
@@ -177,7 +183,7 @@ class Engine:
         self.live.set_aside(dormant)
         self.foresight.let_sleep(dormant, now_s)
         accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
-        conflicts = self._sweep.sweeper.find_conflicts(now_s, reach_s, accuracy_m)
+        conflicts = self._sweep.find_conflicts(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._moves(pair)]
         predictions = self._predictions(now_s, conflicts).until(now_s + reach_s)
         revisions: list[AnyAdvisory] = []
@@ -213,6 +219,10 @@ class Engine:
             self._add(presence_batches.stopped_batch(self.live, changes.stopped, now_s))
         self._shared.update_presence(changes, now_s)
         return changes.silent
+
+    def _partly_examined(self) -> Counter[str]:
+        """By vendor, how many robots are compared with some others only."""
+        return Counter(self.live.robots[uuid].vendor for uuid in self._claims.partly_examined())
 
     def _moves(self, pair: Pair) -> bool:
         return not all(map(self._scene.stands, pair))

@@ -2,13 +2,20 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from deconflict.advisories.advisory_counts import NEAR_MISSES, count_by_severity, count_revisions, set_open_count
+from deconflict.advisories.advisory_counts import (
+    NEAR_MISSES,
+    PARTLY_EXAMINED,
+    count_by_severity,
+    count_revisions,
+    set_open_count,
+)
 from deconflict.advisory import AnyAdvisory
 from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.sweep.contact_intervals import PairConflicts
 from ingest.batch import Pair
+from ingest.fleet.owners.admission import PARTLY_EXAMINED
 from ingest.measures import clock_changes
 from ingest.measures.measures import Measures
 
@@ -30,9 +37,11 @@ class EngineMetrics:
         open_advisories: Callable[[], Iterable[AnyAdvisory]],
         foresight: ProbabilityEstimator,
         map_drift: MapDrift,
+        partly_examined: Callable[[], Mapping[str, int]],
     ) -> None:
+        """`partly_examined` gives by vendor how many robots are compared with some others only."""
         self._measures, self._open_advisories = measures, open_advisories
-        self._foresight, self._map_drift = foresight, map_drift
+        self._foresight, self._map_drift, self._partly_examined = foresight, map_drift, partly_examined
         self._conflicts = 0
         """Pairs in predicted conflict at the last pass."""
         measures.call_before_reading(self._set_levels)
@@ -50,6 +59,7 @@ class EngineMetrics:
         count_revisions(self._measures, revisions)
         for vendor, conflicts_left in sorted(deferred.items()):
             self._measures.count("deconflict_revisions_deferred_total", vendor, by=conflicts_left)
+        self._measures.count("deconflict_pairs_left_out_total", by=conflicts.left_out)
         self._measures.count("deconflict_sweep_segment_pairs_total", by=conflicts.segment_pairs)
         self._measures.count("deconflict_sweep_fcl_calls_total", by=conflicts.fcl_calls)
 
@@ -59,3 +69,4 @@ class EngineMetrics:
         changes = {"forecast": self._foresight.degradation.changed(), "datum": self._map_drift.changed()}
         clock_changes.publish(self._measures, changes)
         self._measures.level("deconflict_conflicts", {(): self._conflicts})
+        self._measures.level(PARTLY_EXAMINED, {(vendor,): robots for vendor, robots in self._partly_examined().items()})

@@ -12,7 +12,9 @@ from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.shapes.shape_encounters import encounter, separation_m
 from ingest.batch import Basis, Floats, FloorPoint, Pair
+from ingest.fleet.owners.vendor_registry import OTHER
 
+MOST_VENDORS = 8
 LEFT_IN_SILENCE = "is silent and has probably left"
 _BASIS_NAMES = {basis: basis.name.lower() for basis in Basis}
 
@@ -30,6 +32,8 @@ class LiveScene:
     ) -> None:
         self._live, self._presence, self._foresight = live, presence, foresight
         self._sweeper, self._place_names = sweeper, place_names
+        self._vendors_of: dict[str, list[str]] = {}
+        """By source, its first vendors."""
 
     def is_present(self, uuid: str) -> bool:
         return uuid in self._live.robots
@@ -40,8 +44,13 @@ class LiveScene:
         removed = self._presence.removal_of(uuid)
         return f"is not there: {removed.by} has driven through its place" if removed else LEFT
 
-    def vendor(self, uuid: str) -> str:
-        return self._live.robots[uuid].vendor
+    def account(self, uuid: str) -> str:
+        """Its vendor; `OTHER` for all vendors of a source but its first `MOST_VENDORS`, since it can invent some."""
+        robot = self._live.robots[uuid]
+        vendors = self._vendors_of.setdefault(robot.source, [])
+        if robot.vendor not in vendors and len(vendors) < MOST_VENDORS:
+            vendors.append(robot.vendor)
+        return robot.vendor if robot.vendor in vendors else OTHER
 
     def party(self, uuid: str, now_s: float) -> Party:
         robot = self._live.robots[uuid]

@@ -13,8 +13,8 @@ import numpy as np
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict.settings.site import Site
+from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import Sweeper
-from deconflict.sweep.pair_choice import Claims
 from ingest.batch import Batch, Bools, Floats, Forecasts, Ints, Pair
 from ingest.measures.measures import Measures
 
@@ -25,14 +25,27 @@ NEW_S = 300.0
 """A robot came lately if it did so within this time."""
 TOGETHER_S = 10.0
 """Robots that come within this time of the first came with it."""
+LATELY_S = 10.0
+"""A robot is partly examined for so long after a pair of it was left out."""
 
 
 class PairClaims:
     """Which claims robots and pairs have to be examined, see `pair_choice.Claims`: the sources of live robots, and the
     pairs that may have a conflict advisory."""
 
-    def __init__(self, live: LiveRobots, conflicts: ConflictLifecycle) -> None:
-        self._live, self._conflicts = live, conflicts
+    def __init__(self, live: LiveRobots, conflicts: ConflictLifecycle, crowds: Mapping[str, int]) -> None:
+        self._live, self._conflicts, self._crowds = live, conflicts, crowds
+        self._left_out_s: dict[str, float] = {}
+        """By robot, when a pair of it was last left out."""
+
+    def note_left_out(self, now_s: float, robots: Iterable[str]) -> None:
+        """Pairs of these robots were left out in the pass at `now_s`."""
+        lately = {uuid: at_s for uuid, at_s in self._left_out_s.items() if now_s - at_s <= LATELY_S}
+        self._left_out_s = lately | dict.fromkeys(robots, now_s)
+
+    def partly_examined(self) -> list[str]:
+        """The robots on the floor of which pairs were left out lately, or that are in a crowd; in ascending order."""
+        return sorted((self._left_out_s.keys() | self._crowds.keys()) & self._live.robots.keys())
 
     def sources(self, robots: Sequence[str]) -> tuple[Ints, Bools]:
         live = self._live
@@ -53,10 +66,10 @@ class RobotSweep:
     """Keeps the sweep up to date with the live robots."""
 
     def __init__(
-        self, site: Site, live: LiveRobots, measures: Measures, crowds: Mapping[str, int], claims: Claims
+        self, site: Site, live: LiveRobots, measures: Measures, crowds: Mapping[str, int], claims: PairClaims
     ) -> None:
         self._conflict, self._reading = site.conflict, site.reading
-        self._live, self._measures = live, measures
+        self._live, self._measures, self._claims = live, measures, claims
         bounds = {"clearance_m": site.conflict.clearance_m, "horizon_s": site.conflict.horizon_s}
         self.sweeper = Sweeper(**bounds, crowds=crowds, claims=claims)
         self._quiet: list[tuple[float, str]] = []
@@ -74,6 +87,12 @@ class RobotSweep:
     def discard(self, robots: Iterable[str]) -> None:
         self.dormant.difference_update(robots)
         self.sweeper.discard(robots)
+
+    def find_conflicts(self, now_s: float, reach_s: float, accuracy_m: float) -> PairConflicts:
+        """See `Sweeper.find_conflicts`. Notes the robots of which pairs were left out."""
+        conflicts = self.sweeper.find_conflicts(now_s, reach_s, accuracy_m)
+        self._claims.note_left_out(now_s, self.sweeper.cut_robots())
+        return conflicts
 
     def grow_quiet(self, now_s: float) -> set[str]:
         """Grow the robots whose next step of growth is due. Returns those that are dormant from now on."""

@@ -18,7 +18,7 @@ from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.operator.store.store import StoreError
 from deconflict.operator.vendor_health import vendor_health
-from deconflict.roles.health.admission_health import admission_document
+from deconflict.roles.health.admission_health import admission_document, pairs_document
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
 from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
 from deconflict.roles.health.recording_health import RecordingHealth
@@ -113,6 +113,7 @@ class OperatorSources:
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "recording": self._recording.document(time.monotonic()),
             "admission": admission_document(receiver or []),
+            "pairs": pairs_document(self._engine.measures),
             "supervisor": supervisor_health(self._runtime),
         }
         if not self._is_cluster:

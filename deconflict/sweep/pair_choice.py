@@ -43,6 +43,9 @@ class Claims(Protocol):
     def watched(self) -> Iterable[Pair]:
         """The pairs of robots that are watched."""
 
+    def partly_examined(self) -> Iterable[str]:
+        """The robots of which pairs were left out lately, or that are in a crowd."""
+
 
 class Sharers(NamedTuple):
     """Of each robot by slot: who shares the budget."""

@@ -146,6 +146,14 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "number of them for any two vendors.",
         "vendor",
     ),
+    "deconflict_pairs_left_out_total": counter(
+        "Pairs of robots that a pass did not compare, because more came near each other than a floor can hold."
+    ),
+    "deconflict_robots_partly_examined": gauge(
+        "Robots that are compared with some others only, by vendor: they are in a crowd, or more robots come near them "
+        "than have room there.",
+        "vendor",
+    ),
     "deconflict_forecast_error_metres": gauge(
         "Forecast error at this horizon that is not exceeded in this share of cases. Old cases lose weight over days.",
         "vendor",

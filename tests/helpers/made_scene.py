@@ -19,7 +19,7 @@ class MadeScene(ConflictScene):
     def absence(self, uuid: str) -> str | None:
         return None
 
-    def vendor(self, uuid: str) -> str:
+    def account(self, uuid: str) -> str:
         return "Alder"
 
     def party(self, uuid: str, now_s: float) -> Party:

@@ -206,7 +206,7 @@ class ProbabilityEstimator:
         self.learning.learn(now_s, pairs, self._own_until_s, self._robots.pair_vendors)
         self._set_probabilities(now_s)
         if self.learning.is_due(now_s):
-            asked = pairs[open_rows(pairs, self._pending.newest, now_s - JOINED_S)]
+            asked = self._candidates.without_doubted(pairs[open_rows(pairs, self._pending.newest, now_s - JOINED_S)])
             self.learning.ask(now_s, asked["code"], asked["features"])
         rows, other_codes = rows_to_report(pairs, swept_rows, likely)
         columns = {name: pairs[name][rows] for name in PairEstimates._fields if name in PAIR_FIELDS}

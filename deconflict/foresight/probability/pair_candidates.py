@@ -7,7 +7,7 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.probability.error_band_kernels import reach_m
-from deconflict.foresight.probability.pair_table import Pairs, codes, slots_of
+from deconflict.foresight.probability.pair_table import Pairs, codes, has_robot_of, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.pair_choice import Claims, PairNeeds, Sharers, budget, chosen_pairs
@@ -45,6 +45,12 @@ class PairCandidates:
         known = [(slots_of[a], slots_of[b]) for a, b in pairs if a in slots_of and b in slots_of]
         slots = np.array(known, np.int64).reshape(-1, 2)
         return codes(slots[:, 0], slots[:, 1])
+
+    def without_doubted(self, pairs: Pairs) -> Pairs:
+        """Those of `pairs` (p,) of which no robot is partly examined: such robots report what can't be true, or are
+        beside those that do, and nothing is learned from what becomes of them."""
+        doubted = self._robots.slots_of(self._claims.partly_examined() if self._claims else ())
+        return pairs[~has_robot_of(pairs["code"], doubted)] if len(doubted) else pairs
 
     def nearby_codes(
         self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float, table: Pairs

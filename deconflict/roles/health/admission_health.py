@@ -1,10 +1,13 @@
-"""Whether all robots are examined, as the operator face sees it."""
+"""Whether all robots, and all their pairs, are examined, as the operator face sees it."""
 
 from collections.abc import Sequence
 from typing import Any
 
-from ingest.fleet.owners.admission import REMEDY, UNEXAMINED
+from ingest.fleet.owners.admission import PARTLY_EXAMINED, REMEDY, UNEXAMINED
 from ingest.measures.measures import joined_values
+
+MOST_NAMED = 5
+"""Vendors that a reason names."""
 
 
 def admission_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -19,3 +22,17 @@ def admission_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
         f"a few are each minute; for all at once, {REMEDY}"
     )
     return {"status": "degraded", "reason": reason, "waiting": waiting}
+
+
+def pairs_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The part `pairs` of the health. `documents` are the measures of all engines."""
+    by_vendor = {vendor: int(count) for (vendor,), count in joined_values(documents).get(PARTLY_EXAMINED, {}).items()}
+    robots = sum(by_vendor.values())
+    if not robots:
+        return {"status": "ok", "robots": 0}
+    named = ", ".join(f"{count} of {vendor}" for vendor, count in sorted(by_vendor.items())[:MOST_NAMED])
+    reason = (
+        f"{robots} robots are compared with some others only: {named}; they report from one place, or more robots come "
+        "near them than have room there; check their places and sizes (partly_examined in GET /presence)"
+    )
+    return {"status": "degraded", "reason": reason, "robots": robots}

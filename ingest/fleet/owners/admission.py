@@ -22,7 +22,7 @@ from ingest.fleet.robot import Robot
 from ingest.languages.model import Rejection
 from ingest.port.connection import Connection
 
-UNEXAMINED = "deconflict_robots_unexamined"
+UNEXAMINED, PARTLY_EXAMINED = "deconflict_robots_unexamined", "deconflict_robots_partly_examined"
 MOST_NAMED, OTHERS = 10, "other sources"
 REMEDY = (
     "give its vendor a token or a certificate, or name its manufacturer or its robots in the vendors of the site file"
