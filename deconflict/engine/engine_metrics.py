@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from deconflict.advisories.advisory_counts import (
     NEAR_MISSES,
-    PARTLY_EXAMINED,
     count_by_severity,
     count_revisions,
     set_open_count,
