@@ -38,8 +38,8 @@ MOST_FOUND = 256
 room beside it."""
 EVERY = 1 << 40
 """No limit."""
-MOST_CROWDED = 8
-"""The same for others that are in a crowd, whose pairs with each other are left out."""
+MOST_CROWDED = 4
+"""The same for pairs of which one is in a crowd. Pairs of two that are in a crowd are left out."""
 
 _SIDES = [(side, np.float64) for side in ("west", "east", "south", "north")]
 BOX = np.dtype(
@@ -273,9 +273,10 @@ def _pairs_by_cells(
             slot = wide[wide_own] if is_wide else slots[own]
             box, begin = row[slot], 0 if is_wide else first * (own + 1)
             of = (box, slot, own, wide_own, begin, cells, wides, stills, share, is_changed)
-            found, most = _with_room(found, n + min(most_found, len(row)) + MOST_CROWDED), n + most_found
+            found = _with_room(found, n + min(most_found, len(row)) + MOST_CROWDED)
+            most = n + (MOST_CROWDED if is_crowded[slot] else most_found)
             n = _add_overlaps_of(*of, is_crowded, found, n, most)
-            is_cut[slot] |= n == most
+            is_cut[slot] |= n == most and not is_crowded[slot]
             if some_crowded and not is_crowded[slot]:
                 n = _add_overlaps_of(*of, is_alone, found, n, n + MOST_CROWDED)
         for at in range(before, n):
@@ -301,9 +302,10 @@ def _pairs_one_by_one(
         for other in range(len(reaches)):
             if not _near(reaches[slot], reaches[other]) or other == slot or (other < slot and is_changed[other]):
                 continue
-            if is_crowded[other] and (is_crowded[slot] or crowded == MOST_CROWDED):
+            mixed = is_crowded[other] or is_crowded[slot]
+            if mixed and ((is_crowded[slot] and is_crowded[other]) or crowded == MOST_CROWDED):
                 continue
-            if not is_crowded[other] and others == most_found:
+            if not mixed and others == most_found:
                 is_cut[slot] = True
                 continue
             found, before = _with_room(found, n + len(rings)), n
@@ -313,7 +315,7 @@ def _pairs_one_by_one(
                     found[n].ring, found[n].a, found[n].b = ring, slot, other
                     n += 1
             if n > before:
-                crowded, others = crowded + is_crowded[other], others + (not is_crowded[other])
+                crowded, others = crowded + mixed, others + (not mixed)
     return found[:n].copy()
 
 

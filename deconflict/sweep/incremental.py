@@ -29,7 +29,7 @@ from deconflict.sweep.narrowphase import (
     smallest_separation,
     start_distances,
 )
-from deconflict.sweep.pair_choice import NO_CROWDS, Claims, CrowdedPairs, PairChoice, budget
+from deconflict.sweep.pair_choice import BOXES, NO_CROWDS, Claims, CrowdedPairs, PairChoice
 from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import FloorState, Limits, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_places import set_places
@@ -194,7 +194,7 @@ class Sweeper:
         new_pairs = [(self._cover_changed(changed, first_slab, slabs), len(changed), len(self._intervals))]
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
         for pairs, robots, held in new_pairs:
-            intervals = self._intervals_of(pairs, budget(robots, len(self._slot_table.slots), held), fcl_check)
+            intervals = self._intervals_of(pairs, BOXES.of_pass(robots, len(self._slot_table.slots), held), fcl_check)
             self._intervals = merged(self._intervals, intervals, self._slot_table.ranks())
         return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 

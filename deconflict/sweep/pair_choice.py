@@ -4,10 +4,10 @@ Around a body there is room for few others. So robots that are where they report
 one robot on 25 m2, and no more than the budget at three times that density. More pairs come of reports that can't be
 true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
 
-1. Pairs that are watched come first.
-2. Then pairs of two robots that came before the others.
-3. Each robot is compared with the most urgent of each source first, then with the second, and so on.
-4. A source that needs little gets all that it needs. What is left is shared equally by the others (max-min fairness).
+1. Pairs that are watched, and the most urgent ones of each robot, are examined in any case.
+2. Robots that were there before the others come first, then newcomers.
+3. A source that needs little gets all that it needs. What is left is shared equally by the others (max-min fairness).
+4. Within a source, each robot is compared with the most urgent one of each source first, then with the second one.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,10 +23,8 @@ from ingest.batch import Bools, Floats, Ints, Pair
 
 MOST_OF_SOURCE = 24
 """A robot is compared with so many others of one source."""
-ALWAYS, USUAL, SPARE = 4, 12, 500
-"""Pairs for each robot that changed: always, and usually; and a pass may have so many more."""
-HELD, HELD_SPARE = 6, 1000
-"""Pairs that are held for each robot of the floor, and in all besides."""
+ALWAYS = 2
+"""The most urgent pairs of each robot are examined whatever the budget."""
 NO_CROWDS: Mapping[str, int] = {}
 MOST_OF_CROWD = 3
 """Pairs of one robot with those of one crowd."""
@@ -45,6 +43,30 @@ class Claims(Protocol):
 
     def partly_examined(self) -> Iterable[str]:
         """The robots of which pairs were left out lately, or that are in a crowd."""
+
+
+class Budget(NamedTuple):
+    """How much may be examined: about three times what robots need at one on 25 m2, and a little more, so that a few
+    robots may be as near to each other as they like."""
+
+    changed: int
+    """For each robot that changed,"""
+    spare: int
+    """and so much more in a pass."""
+    held: int
+    """In all passes, for each robot of the floor,"""
+    held_spare: int
+    """and so much more."""
+
+    def of_pass(self, changed: int, robots: int, held: int) -> int:
+        """What may be examined in a pass in which so many of `robots` robots changed, while so much of other robots is
+        held."""
+        room = self.held * robots + self.held_spare - held
+        return max(ALWAYS * changed, min(self.changed * changed + self.spare, room))
+
+
+BOXES, PAIRS = Budget(20, 200, 6, 500), Budget(12, 100, 7, 200)
+"""Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 
 class Sharers(NamedTuple):
@@ -68,30 +90,39 @@ class PairNeeds(NamedTuple):
     gap_m: Floats
     """How far they are apart then, about."""
     is_watched: Bools
+    costs: Ints
+    """What each takes of the budget."""
 
-
-def budget(changed: int, robots: int, held: int) -> int:
-    """How many pairs may be examined in a pass in which so many robots of `robots` changed, while so many pairs of
-    other robots are held."""
-    room = HELD * robots + HELD_SPARE - held
-    return max(ALWAYS * changed, min(MOST_OF_SOURCE * changed, USUAL * changed + SPARE, room))
+    def of(self, rows: Ints) -> "PairNeeds":
+        """The needs of the pairs in `rows`."""
+        return PairNeeds(*(column[rows] for column in self))
 
 
 def chosen_pairs(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:
-    """(p,) which pairs to examine: not many more than `most`, by the rules of this module.
+    """(p,) which pairs to examine: such that cost not much more than `most`, by the rules of this module.
 
     Pairs that are watched, and the first `ALWAYS` of each robot, are chosen whatever their number.
     """
     ranks, places = _ranks(needs, sharers)
     always = needs.is_watched | (places < ALWAYS)
-    payer = _payers(needs, sharers.source)
     is_new = sharers.is_new[needs.a] | sharers.is_new[needs.b]
-    order = np.lexsort((ranks, is_new, ~always, payer))
-    counts = np.bincount(payer)
-    place = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-    is_within = np.zeros(len(order), np.bool_)
-    is_within[order] = place < _shares(counts, most)[payer[order]]
+    is_within = np.zeros(len(always), np.bool_)
+    for rows in (np.flatnonzero(~is_new), np.flatnonzero(is_new)):
+        is_within[rows] = _within_shares(needs.of(rows), ranks[rows], ~always[rows], sharers.source, most)
+        most -= int(needs.costs[rows][is_within[rows]].sum())
     return always | (is_within & (ranks < MOST_OF_SOURCE))
+
+
+def _within_shares(needs: PairNeeds, ranks: Ints, is_later: Bools, source: Ints, most: int) -> Bools:
+    """(p,) which pairs are within the shares of their sources, of `most` in all: those that are not `is_later` (p,)
+    first, then in the order of `ranks` (p,)."""
+    payer = _payers(needs, source)
+    order, needed = np.lexsort((ranks, is_later, payer)), np.bincount(payer, needs.costs).astype(np.int64)
+    costs, payers = needs.costs[order], payer[order]
+    before = np.cumsum(costs) - costs - (np.cumsum(needed) - needed)[payers]
+    is_within = np.empty(len(order), np.bool_)
+    is_within[order] = before < _shares(needed, most)[payers]
+    return is_within
 
 
 def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
@@ -123,19 +154,19 @@ def _places(groups: Ints, keys: Ints) -> Ints:
 
 
 def _payers(needs: PairNeeds, source: Ints) -> Ints:
-    """(p,) the source of each pair that pays for it: that of its two which has more pairs in all."""
+    """(p,) the source of each pair that pays for it: that of its two which needs more in all."""
     a, b = source[needs.a], source[needs.b]
-    counts = np.bincount(np.concatenate([a, b]))
-    return np.where(counts[a] > counts[b], a, b)
+    needed = np.bincount(np.concatenate([a, b]), np.tile(needs.costs, 2))
+    return np.where(needed[a] > needed[b], a, b)
 
 
-def _shares(counts: Ints, most: int) -> Ints:
-    """(sources,) how many pairs each source may have, of `most` in all, if it needs `counts` (sources,): all, or as
-    many as any other (Bertsekas and Gallager 1992, "max-min flow control")."""
-    order, left = np.argsort(counts, kind="stable"), most
-    shares = np.zeros(len(counts), np.int64)
+def _shares(needed: Ints, most: int) -> Ints:
+    """(sources,) how much each source may have, of `most` in all, if it needs `needed` (sources,): all, or as much as
+    any other (Bertsekas and Gallager 1992, "max-min flow control")."""
+    order, left = np.argsort(needed, kind="stable"), max(most, 0)
+    shares = np.zeros(len(needed), np.int64)
     for place, source in enumerate(order.tolist()):
-        shares[source] = min(counts[source], left // (len(order) - place))
+        shares[source] = min(needed[source], left // (len(order) - place))
         left -= shares[source]
     return shares
 
@@ -154,8 +185,7 @@ class PairChoice:
     def examined(
         self, pairs: Pairs, most: int, table: SlotTable, boxes: NDArray[Any], marks: tuple[Bools, Bools]
     ) -> Pairs:
-        """Those of `pairs`, which are sorted by their bodies and then by time, that are examined: `most` pairs of
-        bodies or few more.
+        """Those of `pairs`, which are sorted by their bodies and then by time, that are examined: `most` or few more.
 
         `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body is of a robot in a crowd,
         and whether a pair of it was left out, which is set.
@@ -165,25 +195,24 @@ class PairChoice:
         begins = np.flatnonzero(
             np.append(True, (pairs["a"][1:] != pairs["a"][:-1]) | (pairs["b"][1:] != pairs["b"][:-1]))
         )
-        if len(begins) <= most:
-            return pairs
         first, (is_crowded, is_cut) = pairs[begins], marks
-        needs = _needs(first, boxes, _are_watched(first, table, self._claims))
+        costs = np.diff(np.append(begins, len(pairs)))
+        needs = _needs(first, costs, boxes, _are_watched(first, table, self._claims))
         is_chosen = chosen_pairs(needs, _sharers(table, self._claims, is_crowded), most)
         left_out = first[~is_chosen]
         is_cut[left_out["a"]] = is_cut[left_out["b"]] = True
         self.left_out += len(left_out)
-        return pairs[np.repeat(is_chosen, np.diff(np.append(begins, len(pairs))))]
+        return pairs[np.repeat(is_chosen, costs)]
 
 
-def _needs(pairs: Pairs, boxes: NDArray[Any], are_watched: Bools) -> PairNeeds:
+def _needs(pairs: Pairs, costs: Ints, boxes: NDArray[Any], are_watched: Bools) -> PairNeeds:
     """The needs of `pairs`, one row for each two bodies, at the first time at which their `boxes` overlap."""
     a, b = pairs["a"].astype(np.int64), pairs["b"].astype(np.int64)
     box, other = boxes[pairs["ring"], a], boxes[pairs["ring"], b]
     sides = (("west", "east"), ("south", "north"))
     between_m = [(box[low] + box[high] - other[low] - other[high]) / 2 for low, high in sides]
     moment = box["slab"] - box["slab"].min(initial=1 << 62)
-    return PairNeeds(a, b, moment, np.hypot(*between_m), are_watched)
+    return PairNeeds(a, b, moment, np.hypot(*between_m), are_watched, costs)
 
 
 def _are_watched(pairs: Pairs, table: SlotTable, claims: Claims) -> Bools:

@@ -10,7 +10,7 @@ from deconflict.foresight.probability.error_band_kernels import reach_m
 from deconflict.foresight.probability.pair_table import Pairs, codes, has_robot_of, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.sweep.geometry.heights import heights_overlap
-from deconflict.sweep.pair_choice import Claims, PairNeeds, Sharers, budget, chosen_pairs
+from deconflict.sweep.pair_choice import PAIRS, Claims, PairNeeds, Sharers, chosen_pairs
 from ingest.batch import Bools, Floats, Ints, Pair
 
 MOST_GROWN_M = 0.75
@@ -73,7 +73,7 @@ class PairCandidates:
         found = pending.candidate_pairs(*marks, slots, robots.rank, near_m, now_s, self._horizon_s)
         a, b = found[:, 0], found[:, 1]
         found = found[heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])]
-        most = budget(int(has_news.sum()), len(slots), _held(table, has_news))
+        most = PAIRS.of_pass(int(has_news.sum()), len(slots), _held(table, has_news))
         if self._claims and len(found) > most:
             found = self._chosen(found, pending, most, self._claims)
         return codes(found[:, 0], found[:, 1])
@@ -84,7 +84,7 @@ class PairCandidates:
         a, b, moment = (np.ascontiguousarray(column) for column in found.T)
         watched = self._codes_of(claims.watched())
         between_m = pending.newest[a, 1:3] - pending.newest[b, 1:3]
-        needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched))
+        needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched), np.ones_like(a))
         source, is_new = claims.sources([name or "" for name in robots.names.tolist()])
         return found[chosen_pairs(needs, Sharers(source, is_new, robots.is_crowded()), most)]
 

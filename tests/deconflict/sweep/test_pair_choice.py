@@ -5,12 +5,10 @@ import pytest
 
 from deconflict.sweep.pair_choice import (
     ALWAYS,
-    HELD,
-    HELD_SPARE,
+    BOXES,
     MOST_OF_SOURCE,
     PairNeeds,
     Sharers,
-    budget,
     chosen_pairs,
 )
 from ingest.batch import Bools, Floats, Ints
@@ -32,7 +30,7 @@ def needs(a: Ints, b: Ints, moment: Ints | None = None, is_watched: Bools | None
     gap_m: Floats = np.abs(a - b) * 0.1
     at_once, unwatched = np.zeros_like(a), np.zeros(len(a), bool)
     return PairNeeds(
-        a, b, at_once if moment is None else moment, gap_m, unwatched if is_watched is None else is_watched
+        a, b, at_once if moment is None else moment, gap_m, unwatched if is_watched is None else is_watched, at_once + 1
     )
 
 
@@ -51,7 +49,7 @@ def honest(a: Ints, b: Ints) -> Bools:
 def test_a_source_with_few_pairs_gets_them_all_however_many_others_ask_for(sources: int) -> None:
     a, b = all_pairs()
     moment = np.where(honest(a, b), 9, 0)  # theirs come latest of all
-    chosen = chosen_pairs(needs(a, b, moment), sharers(sources), MOST)
+    chosen = chosen_pairs(needs(a, b, moment), sharers(sources, is_new=sources > 9), MOST)
     assert chosen[honest(a, b)].all()
     assert chosen.sum() < MOST + ALWAYS * SLOTS
 
@@ -96,8 +94,15 @@ def test_the_order_of_the_pairs_decides_nothing() -> None:
     assert (chosen & honest(a, b))[order].tolist() == (again & honest(a[order], b[order])).tolist()
 
 
+def test_pairs_cost_what_they_take() -> None:
+    others = np.arange(HONEST, SLOTS)
+    a, costs = np.zeros(len(others), np.int64), np.full(len(others), 5)
+    chosen = chosen_pairs(needs(a, others)._replace(costs=costs), sharers(1, is_crowded=True), 50)
+    assert chosen.sum() == 10
+
+
 def test_a_pass_examines_no_more_than_its_robots_can_have() -> None:
-    assert budget(1, 1000, 0) == MOST_OF_SOURCE
-    assert budget(100, 1000, 0) == 12 * 100 + 500
-    assert budget(100, 1000, HELD * 1000 + HELD_SPARE) == ALWAYS * 100
-    assert budget(1000, 1000, 0) == HELD * 1000 + HELD_SPARE
+    assert BOXES.of_pass(1, 1000, 0) == BOXES.changed + BOXES.spare
+    assert BOXES.of_pass(100, 1000, 0) == BOXES.changed * 100 + BOXES.spare
+    assert BOXES.of_pass(100, 1000, BOXES.held * 1000 + BOXES.held_spare) == ALWAYS * 100
+    assert BOXES.of_pass(1000, 1000, 0) == BOXES.held * 1000 + BOXES.held_spare
