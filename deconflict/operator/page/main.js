@@ -122,8 +122,8 @@ function draw(at) {
   requestAnimationFrame(draw);
   if (at - drawn < FRAME_MS) return;
   drawn = at;
-  if (at - listedAt > LIST_MS) list();
   const [name, text] = shown.status;
+  if (name !== root.dataset.state || at - listedAt > LIST_MS) list(); // the page never says "Live" over a list made before
   if (root.dataset.state !== name) root.dataset.state = name;
   setText($("status"), text);
   setText($("notice"), live.health.notice ?? "");

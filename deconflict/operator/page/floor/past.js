@@ -1,9 +1,12 @@
 // The time slider: which moment is chosen. Recorded floors are read one at a time.
 
+import { pageS } from "./page_clock.js";
 import { read } from "./reading.js";
 
 const SPAN_MS = 10_000;
 const STEP_S = 10;
+const LONG_S = 5; // an answer that takes longer is given up if another moment is chosen, one that takes much longer is lost
+const LOST_MS = 60_000;
 
 export class Past {
   // `changed` is called when another time is shown.
@@ -31,6 +34,7 @@ export class Past {
     if (atS >= this.shown.live.nowS() - 1) return this.goLive();
     this.shown.choose(Math.max(atS, Number(this.moment.min)));
     this.moment.value = this.shown.chosenS;
+    if (pageS() - this.askedS > LONG_S) this.reading?.abort();
     this.say();
     return this.readMoments();
   }
@@ -47,9 +51,9 @@ export class Past {
     if (this.reading) return;
     while (this.shown.isReading) {
       const { turn, chosenS } = this.shown;
-      this.reading = new AbortController();
+      [this.reading, this.askedS] = [new AbortController(), pageS()];
       try {
-        this.shown.take(turn, await read(`past?at_s=${chosenS}`, this.reading.signal));
+        this.shown.take(turn, await read(`past?at_s=${chosenS}`, AbortSignal.any([this.reading.signal, AbortSignal.timeout(LOST_MS)])));
       } catch (error) {
         this.shown.fail(turn, error.message);
       }

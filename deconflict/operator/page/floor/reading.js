@@ -1,10 +1,10 @@
 // Reads answers of the service, and tells which of them nobody waits for any more.
 
-const LONGEST_MS = 30_000; // an answer that has not come by then is lost
+const LONGEST_MS = 20_000; // an answer that has not come by then is lost
 
 // An answer as it is now: no cache keeps one. Throws if there is none.
-export async function read(address, signal = null) {
-  const lost = AbortSignal.timeout(LONGEST_MS), answer = await fetch(address, { cache: "no-store", signal: signal ? AbortSignal.any([lost, signal]) : lost });
+export async function read(address, signal = AbortSignal.timeout(LONGEST_MS)) {
+  const answer = await fetch(address, { cache: "no-store", signal });
   if (!answer.ok) throw new Error((await answer.json().catch(() => ({}))).detail ?? answer.statusText);
   return answer.json();
 }
