@@ -40,6 +40,8 @@ TELLER = "A-0"
 """The robot whose place tells the time."""
 M_PER_S = 0.5
 TICK_S, REVISION_S = 0.2, 0.5
+HEAT_S = 180.0
+"""A heat map of an hour is of now for so long."""
 WITHIN_S = 3.0
 """How far what the page says may be from the truth."""
 FRAME_S = 0.5
@@ -54,7 +56,8 @@ WATCH = """async (uuid) => {
         const counted = draw.call(this, scene), teller = scene.robots.find((robot) => robot.uuid === uuid);
         const card = document.querySelector("#situations > li .what");
         looks.push({ at_s: trueNow() / 1000, x_m: teller ? teller.x : null, card: card ? card.textContent : null,
-                     status: text("status"), clock: text("clock"), beside_slider: text("shown") });
+                     status: text("status"), clock: text("clock"), beside_slider: text("shown"),
+                     heat_s: scene.heat ? scene.heat.until_s : null });
         return counted;
     };
 }"""
@@ -125,6 +128,9 @@ class Floor:
             return f"the clock says {look['clock']} over a floor {at_s - floor_s:.1f} s old"
         if look["beside_slider"] == "live" and "Live" not in said:
             return "the slider says live"
+        of_s, may_be_s = (floor_s, WITHIN_S) if "Showing" in said else (at_s, HEAT_S)
+        if look["heat_s"] is not None and abs(look["heat_s"] - of_s) > may_be_s:
+            return f"the heat map is of {of_s - look['heat_s']:.1f} s before"
         return self._untrue_card(look, floor_s)
 
     def _untrue_card(self, look: dict[str, Any], floor_s: float) -> str | None:
@@ -252,6 +258,23 @@ async def test_answers_of_the_past_in_any_order_are_shown_as_what_they_are(brows
         await seen.for_s(0.5)
 
 
+async def test_the_heat_map_is_of_the_moment_that_is_shown_in_whatever_order_answers_come(
+    browser: "Browser", tmp_path: Path
+) -> None:
+    async with watched(browser, tmp_path) as seen:
+        await seen.until_said("^Live")
+        seen.network.hold("heat")
+        await seen.page.click("#heat")
+        await seen.until_held("heat")
+        await seen.go(15)
+        await seen.until_said("^Showing")
+        await seen.until_held("heat", 2)
+        seen.network.release("heat", lambda answers: answers.reverse())
+        await seen.until("looks.some((look) => look.heat_s !== null)")
+        await seen.press_live()
+        await seen.until("looks.some((look) => look.status.startsWith('Live') && look.heat_s !== null)")
+
+
 async def test_a_lost_answer_of_the_past_keeps_no_later_one_away(browser: "Browser", tmp_path: Path) -> None:
     async with watched(browser, tmp_path) as seen:
         await seen.until_said("^Live")
@@ -326,6 +349,7 @@ async def through_storms(browser: "Browser", directory: Path, random: Random) ->
     directory.mkdir()
     async with watched(browser, directory) as seen:
         await seen.until_said("^Live")
+        await seen.page.click("#heat")
         for _ in range(10):
             seen.network.storm(random)
             await seen.for_s(random.uniform(0.3, 1.5))

@@ -53,6 +53,26 @@ async def test_a_page_that_is_late_never_calls_its_floor_live(browser: "Browser"
     assert fell.count(0) == pytest.approx(20, abs=3), "it begins anew after ten seconds in which it was not in time"
 
 
+async def test_the_clock_of_the_page_counts_sleep_and_never_runs_back(browser: "Browser", face: Served) -> None:
+    """In sleep some browsers' running time stands still, and only the machine's clock goes on."""
+    script = """async () => {
+        const { pageS } = await import(new URL("page/floor/page_clock.js", location));
+        const { now } = Date, beganS = pageS(), passed = [];
+        try {
+            for (const jumpMs of [60_000, -480_000, 60_000]) {
+                Date.now = () => now() + jumpMs;
+                passed.push(pageS() - beganS);
+            }
+        } finally { Date.now = now; }
+        return passed;
+    }"""
+    async with opened(browser, face) as page:
+        slept_s, back_s, forth_s = await page.evaluate(script)
+    assert slept_s == pytest.approx(60, abs=2)
+    assert slept_s <= back_s < slept_s + 2, "a clock that is set back changes nothing"
+    assert forth_s == pytest.approx(back_s + 540, abs=2), "one that is set forth may have slept"
+
+
 async def test_a_page_that_fell_behind_lists_what_is_open_now(browser: "Browser", face: Served) -> None:
     ends, stays, critical = shown(1, 0, 1), shown(2, 4, 5), shown(3, 8, 9, severity=Severity.CRITICAL)
     await face.publish(ends, stays)

@@ -63,9 +63,8 @@ export class Past {
   }
 
   say() {
-    const { time, chosenS } = this.shown;
-    if (this.time.textContent !== time) this.time.textContent = time;
-    this.moment.setAttribute("aria-valuetext", time);
-    this.now.setAttribute("aria-pressed", String(chosenS === null));
+    const { time, chosenS } = this.shown, isPressed = String(chosenS === null);
+    if (this.now.ariaPressed !== isPressed) this.now.ariaPressed = isPressed;
+    if (this.time.textContent !== time) this.time.textContent = this.moment.ariaValueText = time;
   }
 }

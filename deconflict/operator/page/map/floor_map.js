@@ -203,7 +203,7 @@ export class FloorMap {
   // A robot's label beside it, where it covers nothing. An arrow leads from what it should do to the robot.
   name(robot, scene, rank) {
     const { pen, ink, unit } = this, isBold = rank > LABEL.other, size = isBold ? 13 : 11, action = scene.advised.get(robot.uuid);
-    const heardS = scene.nowS - robot.arrivalS, silence = robot.away === "silent" ? ` silent ${span(heardS)}${likely(robot)}` : isAged(robot) ? ` ${ago(heardS)}` : "";
+    const heardS = scene.nowS - robot.arrivalS, silence = robot.away === "silent" ? ` silent ${span(heardS)}${likely(robot)}` : isAged(robot) ? `, heard ${ago(heardS)}` : "";
     const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${action ? `: ${order(action)}` : ""}`;
     pen.font = `${isBold ? "600 " : ""}${size * unit}px system-ui, sans-serif`;
     const [wide, high] = [pen.measureText(name).width + 4 * unit, (size + 3) * unit], thing = this.boxOf(robot);
