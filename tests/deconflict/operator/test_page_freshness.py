@@ -118,17 +118,17 @@ class Floor:
         """What of a picture is not as the page says; None if everything is."""
         if look["x_m"] is None:
             return None if "Live" not in look["status"] else "nothing is drawn"
-        said, at_s = look["status"], look["at_s"]
+        sentence, at_s = look["status"], look["at_s"]
         floor_s = self.began_s + look["x_m"] / M_PER_S
-        claim = CLAIM.search(said)
-        said_s = at_s if "Live" in said else self.clock_s(claim[1], at_s) if claim else None
-        if said_s is not None and abs(said_s - floor_s) > WITHIN_S + FRAME_S:
-            return f"the floor is {at_s - floor_s:.1f} s old, and is said to be {at_s - said_s:.1f}"
-        if said_s is not None and abs(self.clock_s(look["clock"], at_s) - floor_s) > WITHIN_S + FRAME_S + 1:
+        claim = CLAIM.search(sentence)
+        claimed_s = at_s if "Live" in sentence else self.clock_s(claim[1], at_s) if claim else None
+        if claimed_s is not None and abs(claimed_s - floor_s) > WITHIN_S + FRAME_S:
+            return f"the floor is {at_s - floor_s:.1f} s old, and is said to be {at_s - claimed_s:.1f}"
+        if claimed_s is not None and abs(self.clock_s(look["clock"], at_s) - floor_s) > WITHIN_S + FRAME_S + 1:
             return f"the clock says {look['clock']} over a floor {at_s - floor_s:.1f} s old"
-        if look["beside_slider"] == "live" and "Live" not in said:
+        if look["beside_slider"] == "live" and "Live" not in sentence:
             return "the slider says live"
-        of_s, may_be_s = (floor_s, WITHIN_S) if "Showing" in said else (at_s, HEAT_S)
+        of_s, may_be_s = (floor_s, WITHIN_S) if "Showing" in sentence else (at_s, HEAT_S)
         if look["heat_s"] is not None and abs(look["heat_s"] - of_s) > may_be_s:
             return f"the heat map is of {of_s - look['heat_s']:.1f} s before"
         return self._untrue_card(look, floor_s)
@@ -136,19 +136,19 @@ class Floor:
     def _untrue_card(self, look: dict[str, Any], floor_s: float) -> str | None:
         if look["card"] is None:
             return None
-        card_s, at_s, said = self.began_s + float(look["card"].split()[-1]), look["at_s"], look["status"]
+        card_s, at_s, sentence = self.began_s + float(look["card"].split()[-1]), look["at_s"], look["status"]
         newer = bisect_right(self.revisions_s, card_s + 0.02)
         true_until_s = self.revisions_s[newer] if newer < len(self.revisions_s) else float("inf")
-        claim = CARDS_CLAIM.search(said)
-        if "Showing" in said:
+        claim = CARDS_CLAIM.search(sentence)
+        if "Showing" in sentence:
             of_s = floor_s
         elif claim:
             of_s = self.clock_s(claim[1], at_s)
         else:
-            of_s = at_s if "Live" in said else floor_s
+            of_s = at_s if "Live" in sentence else floor_s
         if true_until_s < of_s - WITHIN_S - FRAME_S:
             return f"the card is {of_s - true_until_s:.1f} s older than it is said to be"
-        if "Showing" in said and card_s > floor_s + WITHIN_S:
+        if "Showing" in sentence and card_s > floor_s + WITHIN_S:
             return f"the card is {card_s - floor_s:.1f} s newer than the floor"
         return None
 
