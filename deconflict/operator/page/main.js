@@ -352,7 +352,10 @@ $("heat").onclick = () => {
 async function readHeat() {
   const { turn } = shown;
   if ($("heat").ariaPressed !== "true" || !shown.isOf(turn)) return;
-  try { heat = { turn, ...await read(shown.isPast ? `heat?until_s=${shown.atS}` : "heat") }; } catch { /* the live stream says that the service is lost */ }
+  try {
+    const answer = await read(shown.isPast ? `heat?until_s=${shown.atS}` : "heat");
+    if (shown.isOf(turn)) heat = { turn, ...answer };
+  } catch { /* the live stream says that the service is lost */ }
 }
 
 async function readExits() {
