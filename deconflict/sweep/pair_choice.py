@@ -95,7 +95,8 @@ class PairNeeds(NamedTuple):
 
     def of(self, rows: Ints) -> "PairNeeds":
         """The needs of the pairs in `rows`."""
-        return PairNeeds(*(column[rows] for column in self))
+        a, b, moment, gap_m, is_watched, costs = self
+        return PairNeeds(a[rows], b[rows], moment[rows], gap_m[rows], is_watched[rows], costs[rows])
 
 
 def chosen_pairs(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:

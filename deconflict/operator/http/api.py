@@ -150,7 +150,7 @@ def _add_sockets(app: FastAPI, publisher: Publisher, store: Store, sources: Sour
     async def follow(websocket: WebSocket) -> None:
         await stream.serve(websocket)
 
-    add_page_routes(app, store, sources, send_timeout_s)
+    add_page_routes(app, publisher, store, sources, send_timeout_s)
 
 
 def _add_descriptions(app: FastAPI) -> None:

@@ -17,6 +17,7 @@ from deconflict.advisories.situations.situation import advisories_of, situations
 from deconflict.operator.http.api_models import Heat, PastFloor, Recorded, Shift, StillThere
 from deconflict.operator.http.api_sources import FloorSource
 from deconflict.operator.live.live_socket import LiveSocket
+from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.floor_plan import IMAGES, image_matrix
 from deconflict.settings.shared_places import FloorPart, Resource, Zone, outlines
@@ -116,10 +117,12 @@ class PageRoutes:
         return Response(content, headers=HEADERS, media_type=f"{kind}; charset=utf-8")
 
 
-def add_page_routes(app: FastAPI, store: Store, source: FloorSource, send_timeout_s: Callable[[], float]) -> None:
+def add_page_routes(
+    app: FastAPI, publisher: Publisher, store: Store, source: FloorSource, send_timeout_s: Callable[[], float]
+) -> None:
     """Serve the page and the routes that it uses."""
-    routes = PageRoutes(app, store, source)
-    live_socket = LiveSocket(source.follow, source.live_status, app.state.measures, send_timeout_s)
+    routes, measures = PageRoutes(app, store, source), app.state.measures
+    live_socket = LiveSocket(source.follow, source.live_status, lambda: publisher.last_seq, measures, send_timeout_s)
     app.get("/", include_in_schema=False)(routes.page)
     app.get("/page/{name:path}", include_in_schema=False)(routes.file)
     app.get("/site", response_model=dict[str, Any])(routes.site)

@@ -103,13 +103,24 @@ def kinds_of(choices: str | None) -> Set[str]:
     return chosen_kinds(names)
 
 
+def _ignore(_: str) -> None:
+    """Do nothing about a message of a subscriber."""
+
+
 async def send_while_read(
-    websocket: WebSocket, sending: Coroutine[Any, Any, None], count: Callable[[int], None], measures: Measures
+    websocket: WebSocket,
+    sending: Coroutine[Any, Any, None],
+    count: Callable[[int], None],
+    measures: Measures,
+    hear: Callable[[str], None] = _ignore,
 ) -> None:
-    """Send until the subscriber leaves or a send takes longer than the time limit. It counts as present meanwhile."""
+    """Send until the subscriber leaves or a send takes longer than the time limit. It counts as present meanwhile.
+
+    `hear` is called with each text that the subscriber sends.
+    """
     count(+1)
     try:
-        await until_either(sending, _disconnected(websocket))
+        await until_either(sending, _disconnected(websocket, hear))
     except TimeoutError:
         measures.count("deconflict_stream_dropped_total")
     except WebSocketDisconnect:
@@ -118,7 +129,7 @@ async def send_while_read(
         count(-1)
 
 
-async def _disconnected(websocket: WebSocket) -> None:
-    """Wait until the subscriber disconnects. Its messages are ignored."""
-    while (await websocket.receive())["type"] != "websocket.disconnect":
-        pass
+async def _disconnected(websocket: WebSocket, hear: Callable[[str], None]) -> None:
+    """Wait until the subscriber disconnects."""
+    while (message := await websocket.receive())["type"] != "websocket.disconnect":
+        hear(message.get("text") or "")

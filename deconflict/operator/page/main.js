@@ -1,4 +1,4 @@
-// Puts the page together: shows the live floor, or the recorded floor if the slider is at a time in the past.
+// Puts the page together: the floor and the warnings of the time that is shown.
 
 import { acknowledge, remember, remembered } from "./list/acknowledge.js";
 import { Alarm } from "./list/alarm.js";
@@ -11,7 +11,8 @@ import { Live } from "./floor/live.js";
 import { FloorMap, swatch } from "./map/floor_map.js";
 import { Past } from "./floor/past.js";
 import { involvedIn } from "./map/involved.js";
-import { statusOf } from "./floor/status.js";
+import { read } from "./floor/reading.js";
+import { Shown } from "./floor/shown.js";
 import { Shift } from "./dialogs/shift.js";
 import { RobotBox, fillTable } from "./list/robots.js";
 import { Vendors } from "./list/vendors.js";
@@ -19,7 +20,9 @@ import { KINDS, clock, isOver, mostUrgentFirst, needsSomebody, plural, seconds, 
 
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
+const RECENT_S = 150;
 const FRAME_MS = 30;
+const LIST_MS = 250;
 const FLASH_MS = 3000;
 const LEAST_SHOWN_M = 5;
 const EXTENT_STEP_M = 2;
@@ -29,8 +32,9 @@ const root = document.documentElement;
 
 const vendors = new Vendors();
 const feed = new Feed(announce);
-const live = new Live(() => feed.renew());
-const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), live: $("live"), shown: $("shown") }, () => live.nowS(), () => list());
+const live = new Live(() => feed.renew(), (seq, atS) => feed.hasPublished(seq, atS));
+const shown = new Shown(live, feed);
+const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), now: $("live"), time: $("shown") }, shown, () => { list(); readHeat(); });
 let viewBefore = null; // what the map showed before it went to `of`, a situation or robot that somebody chose
 let moved = false; // whether somebody chose what the map shows; else it shows the whole floor
 const views = new Map(); // by floor, what it showed when somebody left it
@@ -40,9 +44,10 @@ const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRo
 const camera = new Camera($("map"), (byHand) => { if (byHand === true) [moved, viewBefore] = [true, null]; }, press);
 const box = new RobotBox($("detail"), () => { robotShown = null; lookBack(); });
 const map = new FloorMap($("map"), camera, vendors);
-const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(allOpen().find((each) => each.id === id)), point, showRobot, changed: () => list() });
+const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(shown.situations.find((each) => each.id === id)), point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], areas: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
-let floor = null, chosen = null, robotShown = null, heat = null, exits = [], framesDrawn = 0, drawn = 0;
+let floor = null, chosen = null, robotShown = null, heat = null, exits = { exits: [], atS: 0 }, framesDrawn = 0, drawn = 0;
+let listedAt = -Infinity; // when the list was made, as frames are counted
 let listedS = 0; // the time of what the list shows: the map shows the same waits and countdowns
 let pointed = { situation: null, robot: null }; // what the pointer or the focus is on in the list
 const flashed = new Set(); // situations that others became part of just now
@@ -50,17 +55,12 @@ const flashed = new Set(); // situations that others became part of just now
 // The site's floors, then any others with robots.
 function floors() {
   const known = site.floors.map((siteFloor) => siteFloor.id);
-  const others = new Set([...robots().values()].map((robot) => robot.floor).filter((id) => id !== null && !known.includes(id)));
+  const others = new Set([...shown.robots.values()].map((robot) => robot.floor).filter((id) => id !== null && !known.includes(id)));
   return [...site.floors, ...[...others].sort().map((id) => ({ id, name: nameOf(id), marks: [] }))];
 }
 
-function robots() { return past.floor ? past.floor.robots : live.robots; }
-function allOpen() { return past.atS === null ? [...feed.situations.values()] : past.floor?.situations ?? []; }
-function open() { return allOpen().filter((situation) => filters.matches(situation)); }
-function ended() { return past.atS === null ? [...feed.ended.values()].filter((situation) => filters.matches(situation)) : []; }
-function advisories() { return past.atS === null ? [...feed.advisories.values()] : past.floor?.advisories ?? []; }
-function nowS() { return past.floor ? past.floor.atS : frozenS() ?? live.nowS(); }
-function frozenS() { return root.dataset.state === "lost" || root.dataset.state === "stale" ? live.tickS : null; }
+function open() { return shown.situations.filter((situation) => filters.matches(situation)); }
+function ended() { return shown.ended.filter((situation) => filters.matches(situation)); }
 function centre({ id, name, polygon }) { return { name: name || id, x: mean(polygon, 0), y: mean(polygon, 1), polygon }; }
 function mean(points, axis) { return points.reduce((total, each) => total + each[axis], 0) / points.length; }
 function floorName(id) { return site.floors.find((known) => known.id === id)?.name ?? nameOf(id); }
@@ -68,25 +68,25 @@ function nameOf(id) { return id ? `Floor ${id.slice(0, 8)}` : "no floor"; } // o
 
 // The open advisories by the id of their situation; null for those that are part of none.
 function advisoriesBySituation() {
-  const ids = new Set(allOpen().map(({ id }) => id)), partOf = new Map(allOpen().flatMap((situation) => situation.advisories.map((id) => [id, situation.id])));
-  return Map.groupBy(advisories(), ({ id, situation_id: named }) => partOf.get(id) ?? (ids.has(named) ? named : null));
+  const { situations, advisories } = shown, ids = new Set(situations.map(({ id }) => id)), partOf = new Map(situations.flatMap((situation) => situation.advisories.map((id) => [id, situation.id])));
+  return Map.groupBy(advisories, ({ id, situation_id: named }) => partOf.get(id) ?? (ids.has(named) ? named : null));
 }
 
 // Whether another robot has driven through its place since its last report. Such a robot is not drawn until it reports again.
-function isTakenOff(robot) { return !past.floor && robot.arrivalS <= (live.health.taken_off?.[robot.uuid] ?? -1) + 0.01; }
+function isTakenOff(robot) { return robot.arrivalS <= (shown.health.taken_off?.[robot.uuid] ?? -1) + 0.01; }
 
-function onFloor() { return [...robots().values()].filter((robot) => robot.floor === floor); }
+function onFloor() { return [...shown.robots.values()].filter((robot) => robot.floor === floor); }
 
 // Sets how a robot is drawn: `there` is the probability that it is still there, `away` why it is drawn differently.
 function setPresence(robot, atS, unidentified) {
   const silence = atS - robot.arrivalS;
-  robot.there = past.floor ? 1 : live.health.fading?.[robot.uuid] ?? 1;
+  robot.there = shown.health.fading?.[robot.uuid] ?? 1;
   robot.away = robot.there < 1 || silence > site.silent_after_s ? "silent" : silence > site.quiet_after_s ? "quiet" : unidentified.has(robot.uuid) ? "unidentified" : "";
   robot.unidentified = unidentified.has(robot.uuid);
 }
 
 function scene() {
-  const atS = nowS(), unidentified = new Set(past.floor ? [] : live.health.unidentified ?? []);
+  const { atS } = shown, unidentified = new Set(shown.health.unidentified ?? []);
   const here = onFloor().filter((robot) => !isTakenOff(robot));
   for (const robot of here) setPresence(robot, atS, unidentified);
   const situations = [...mostUrgentFirst(open(), atS), ...ended()].filter((situation) => situation.location?.datum === floor);
@@ -95,20 +95,23 @@ function scene() {
   const known = floors().find((each) => each.id === floor);
   return {
     floor, theme: root.dataset.theme, nowS: atS, listedS, robots: here, situations, ...involvedIn(situations, picked, (id) => grouped.get(id) ?? [], atS, listedS), highlighted, picked, robot: pointed.robot ?? robotShown, horizonS: site.horizon_s,
-    heat: heat && $("heat").ariaPressed === "true" ? heat : null,
+    heat: heat && $("heat").ariaPressed === "true" && shown.isOf(heat.turn) && (shown.isPast || isRecent(heat.until_s)) ? heat : null,
     places: site.places.filter((place) => place.floor === floor), areas: site.areas.filter((area) => area.floor === floor), obstacles: site.obstacles.filter((obstacle) => obstacle.floor === floor), marks: known?.marks ?? [],
-    exits: past.floor ? [] : exits.filter((exit) => exit.datum === floor),
+    exits: !shown.isPast && isRecent(exits.atS) ? exits.exits.filter((exit) => exit.datum === floor) : [],
     plan: known?.plan,
     poseS: () => atS,
   };
 }
 
-function bounds(shown) {
-  const points = [...shown.marks.map((mark) => [mark.x, mark.y]), ...[...shown.places, ...shown.areas, ...shown.obstacles].flatMap((each) => each.polygon), ...shown.robots.map((robot) => robot.knots.slice(1, 3))];
+// Whether what is read every minute at least is of the time that is shown, or has been lost since.
+function isRecent(atS) { return shown.atS - atS < RECENT_S; }
+
+function bounds(scene) {
+  const points = [...scene.marks.map((mark) => [mark.x, mark.y]), ...[...scene.places, ...scene.areas, ...scene.obstacles].flatMap((each) => each.polygon), ...scene.robots.map((robot) => robot.knots.slice(1, 3))];
   if (!points.length) return [-10, -10, 10, 10];
-  const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]), [left, bottom, right, top] = extents.get(shown.floor) ?? [Infinity, Infinity, -Infinity, -Infinity];
+  const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]), [left, bottom, right, top] = extents.get(scene.floor) ?? [Infinity, Infinity, -Infinity, -Infinity];
   const whole = [Math.min(left, down(Math.min(...xs))), Math.min(bottom, down(Math.min(...ys))), Math.max(right, -down(-Math.max(...xs))), Math.max(top, -down(-Math.max(...ys)))];
-  extents.set(shown.floor, whole);
+  extents.set(scene.floor, whole);
   return whole;
 }
 
@@ -119,14 +122,17 @@ function draw(at) {
   requestAnimationFrame(draw);
   if (at - drawn < FRAME_MS) return;
   drawn = at;
-  const [name, text] = statusOf(live, past);
+  const [name, text] = shown.status;
+  if (name !== root.dataset.state || at - listedAt > LIST_MS) list(); // the page never says "Live" over a list made before
   if (root.dataset.state !== name) root.dataset.state = name;
-  if ($("status").textContent !== text) $("status").textContent = text;
-  if ($("notice").textContent !== (live.health.notice ?? "")) $("notice").textContent = live.health.notice;
+  setText($("status"), text);
+  setText($("notice"), live.health.notice ?? "");
+  setText($("clock"), clock(shown.atS));
+  past.say();
   floor ??= floors()[0]?.id ?? null;
-  const shown = scene();
-  if (!moved && shown.robots.length + shown.marks.length) camera.fit(bounds(shown));
-  map.draw(shown);
+  const picture = scene();
+  if (!moved && picture.robots.length + picture.marks.length) camera.fit(bounds(picture));
+  map.draw(picture);
   framesDrawn += 1;
   root.dataset.frames = framesDrawn;
 }
@@ -134,7 +140,7 @@ function draw(at) {
 function tabs() {
   const known = floors(), counts = new Map();
   const worst = new Map();
-  for (const { location, severity } of mostUrgentFirst(open().filter(needsSomebody), nowS()).reverse()) {
+  for (const { location, severity } of mostUrgentFirst(open().filter(needsSomebody), shown.atS).reverse()) {
     counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
     worst.set(location?.datum, severity);
   }
@@ -171,42 +177,44 @@ function show(id) {
 
 // What the list says if nobody has to do anything.
 function nothing(calm) {
-  if (live.everConnected && !live.connected) return "Not known: no connection. This was listed last:";
-  if (live.isBehind) return "Not known: this page is behind. This was listed last:";
-  if (live.health.preparing || live.health.engine_starting) return "No warnings yet.";
+  if (shown.isPast) return "Nothing needed anybody at that moment.";
+  const [state] = shown.status, unknown = { lost: "no connection", stale: "this page is behind", unwarned: "no warnings arrive" }[state];
+  if (!feed.loaded) return "Loading…";
+  if (unknown) return `Not known: ${unknown}. This was listed last:`;
+  if (state === "preparing") return "No warnings yet.";
   return calm ? `Nothing needs you. ${plural(calm, "situation")} ${calm === 1 ? "ends by itself" : "end by themselves"}:` : "Nothing needs you.";
 }
 
 function list() {
   if (viewBefore && !isThere(viewBefore.of)) return lookBack();
   $("map").dataset.visited = viewBefore?.of ?? "";
-  listedS = nowS();
-  const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), inPast = past.atS !== null, grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
+  [listedAt, listedS] = [performance.now(), shown.atS];
+  const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
   cards.show(listed, ended(), {
-    nowS: listedS, chosen, visited: viewBefore?.of, flashed, floorName, floorShown: floor, past: inPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
+    nowS: listedS, chosen, visited: viewBefore?.of, flashed, floorName, floorShown: floor, past: shown.isPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme), isPerson: (vendor) => vendors.people.has(vendor),
   });
   const over = listed.length - lasting.length + ended().length;
   setText($("count"), lasting.length || over ? `(${[lasting.length, ...(over ? [`${over} over`] : [])].join(", ")})` : "");
   $("none").hidden = lasting.some(needsSomebody);
-  const left = allOpen().length - listed.length;
+  const left = shown.situations.length - listed.length;
   $("filtered").hidden = !filters.active;
   setText($("filtered").firstElementChild, left ? `${plural(left, "situation")} hidden by the filter.` : "The filter hides nothing.");
-  setText($("none"), inPast && past.floor ? "Nothing needed anybody at that moment." : !inPast && feed.loaded ? nothing(lasting.length) : "Loading…");
+  setText($("none"), nothing(lasting.length));
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
   if ($("machines").open) lines($("machines-lines"), others, listedS);
-  const known = [...robots().values()], here = onFloor();
+  const known = [...shown.robots.values()], here = onFloor();
   for (const robot of known) vendors.indexOf(robot.vendor);
   filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id, floorName: floorName(place.floor) }))], known);
   vendors.legend($("legend"), root.dataset.theme, swatch);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : !live.tickS ? "Loading the floor…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
-  $("clock").textContent = clock(nowS());
+  setText($("vendors-title"), shown.isPast ? "Vendors now" : "Vendors");
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health, distrusted);
-  if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, nowS(), isTakenOff);
+  if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, shown.atS, isTakenOff);
   showBox();
 }
 
@@ -216,15 +224,15 @@ function distrusted(vendor) {
 }
 
 function showBox() {
-  const robot = robotShown && robots().get(robotShown);
-  box.show(robot || null, robot && { nowS: nowS(), isTakenOff: isTakenOff(robot), isDistrusted: (live.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor) });
+  const robot = robotShown && shown.robots.get(robotShown);
+  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor) });
 }
 
 // New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.
 // The list has them when it is made the next time. With `isNow` a revision is no repetition, however old it is. `before` is the revision before, if it was open.
 function announce(situation, before, isNow = false) {
   if (situation.state === "cleared") ends(situation);
-  else if (past.atS === null && (isNow || live.nowS() - seconds(situation.updated_at) < NEWS_S) && !(situation.acknowledgement && situation.severity !== "critical")) {
+  else if (!shown.isPast && (isNow || live.nowS() - seconds(situation.updated_at) < NEWS_S) && !(situation.acknowledgement && situation.severity !== "critical")) {
     const { first, then } = toDo(situation, live.nowS()), isCritical = situation.severity === "critical";
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
     if (isCritical && before?.severity !== "critical") {
@@ -243,7 +251,7 @@ function ends({ id, joined_into: into }) {
 }
 
 function choose(id) {
-  const situation = allOpen().find((each) => each.id === id);
+  const situation = shown.situations.find((each) => each.id === id);
   if (chosen === id && viewBefore) return lookBack();
   chosen = situation ? id : null;
   if (!situation) return;
@@ -252,7 +260,7 @@ function choose(id) {
   list();
 }
 
-function placeOf(uuid) { return robots().get(uuid)?.knots.slice(1, 3); }
+function placeOf(uuid) { return shown.robots.get(uuid)?.knots.slice(1, 3); }
 
 // Shows some points of a floor, and at least `LEAST_SHOWN_M` around them.
 function lookAt(datum, points) {
@@ -277,14 +285,14 @@ function lookBack() {
   list();
 }
 
-function isThere(id) { return feed.situations.has(id) || feed.ended.has(id) || robots().has(id) || allOpen().some((each) => each.id === id); }
+function isThere(id) { return feed.situations.has(id) || feed.ended.has(id) || shown.robots.has(id) || shown.situations.some((each) => each.id === id); }
 
 function point(situation, robot) {
   pointed = { situation, robot };
 }
 
 function showRobot(id, uuid) {
-  const robot = robots().get(uuid);
+  const robot = shown.robots.get(uuid);
   chosen = id;
   robotShown = uuid;
   if (robot?.floor) visit(uuid, robot.floor, [placeOf(uuid)]);
@@ -293,15 +301,15 @@ function showRobot(id, uuid) {
 }
 
 function press(px, py) {
-  const [x, y] = camera.metres(px, py), shown = scene();
-  const near = shown.robots.map((robot) => [Math.hypot(robot.x - x, robot.y - y), robot.uuid]).sort((a, b) => a[0] - b[0])[0];
+  const [x, y] = camera.metres(px, py), picture = scene();
+  const near = picture.robots.map((robot) => [Math.hypot(robot.x - x, robot.y - y), robot.uuid]).sort((a, b) => a[0] - b[0])[0];
   robotShown = near && near[0] < Math.max(1.5, 16 / camera.scale) ? near[1] : null;
-  chosen = map.situations.at(px, py, shown) ?? null;
+  chosen = map.situations.at(px, py, picture) ?? null;
   list();
   document.querySelector("#situations .chosen")?.scrollIntoView({ block: "nearest" });
 }
 
-function acknowledgeOpen(situation) { if (situation && past.atS === null) acknowledge(situation, site.sign_in); }
+function acknowledgeOpen(situation) { if (situation && !shown.isPast) acknowledge(situation, site.sign_in); }
 
 function fit() {
   moved = false;
@@ -311,7 +319,7 @@ function fit() {
 
 // Acknowledges with one key: the situation with the focus, else the chosen one, else the most urgent that nobody has taken.
 function acknowledgeByKey() {
-  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = mostUrgentFirst(open(), nowS());
+  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = mostUrgentFirst(open(), shown.atS);
   const situation = listed.find(({ id }) => id === focused) ?? listed.find(({ id }) => id === chosen) ?? listed.find(({ acknowledgement }) => !acknowledgement);
   acknowledgeOpen(situation);
 }
@@ -342,18 +350,22 @@ $("heat").onclick = () => {
 };
 
 async function readHeat() {
-  if ($("heat").ariaPressed !== "true") return;
-  const until = past.atS === null ? "" : `?until_s=${past.atS}`;
-  try { heat = await (await fetch(`heat${until}`)).json(); } catch { /* the live stream says that the service is lost */ }
+  const { turn } = shown;
+  if ($("heat").ariaPressed !== "true" || !shown.isOf(turn)) return;
+  try {
+    const answer = await read(shown.isPast ? `heat?until_s=${shown.atS}` : "heat");
+    if (shown.isOf(turn)) heat = { turn, ...answer };
+  } catch { /* the live stream says that the service is lost */ }
 }
 
 async function readExits() {
-  try { ({ exits } = await (await fetch("presence")).json()); } catch { /* the live stream says that the service is lost */ }
+  const { atS } = shown;
+  try { exits = { atS, ...await read("presence") }; } catch { /* the live stream says that the service is lost */ }
 }
 
 async function begin() {
   try {
-    site = await (await fetch("site")).json();
+    site = await read("site");
   } catch {
     setTimeout(begin, 1000);
     return;
@@ -370,8 +382,9 @@ async function openMoment() {
   const link = new URLSearchParams(location.hash.slice(1)), atS = Date.parse(link.get("at")) / 1000;
   if (link.has("floor")) show(link.get("floor"));
   if (!Number.isFinite(atS)) return;
+  const { turn } = shown;
   await past.readSpan();
-  past.go(atS);
+  if (turn === shown.turn) past.go(atS);
 }
 
 window.onhashchange = openMoment;
@@ -382,7 +395,6 @@ setTheme(preferredTheme());
 new Costs(floorName, (datum, x, y) => { lookAt(datum, [[x, y]]); list(); });
 new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)], (datum) => site.areas.filter((area) => area.floor === datum));
 begin();
-setInterval(list, 250);
 setInterval(readHeat, HEAT_MS);
 readExits();
 setInterval(readExits, EXITS_MS);

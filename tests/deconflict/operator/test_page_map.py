@@ -104,6 +104,27 @@ async def test_the_filter_hides_others_and_says_how_many(browser: "Browser", fac
         await until(page, f"{CARDS}.length === 2")
 
 
+async def test_the_age_of_a_robot_that_is_not_heard_stands_beside_it(browser: "Browser", face: Served) -> None:
+    """At a scale at which other robots have no name."""
+    script = """async () => {
+        const { FloorMap } = await import("/page/map/floor_map.js");
+        const camera = { width: 900, height: 100, scale: 9, px: (x) => 9 * x, py: (y) => 9 * y,
+                         metres: (px, py) => [px / 9, py / 9] };
+        const map = new FloorMap(document.createElement("canvas"), camera, { colour: () => "#000", mark: () => 0 });
+        const robots = [["", 1], ["quiet", 5], ["silent", 150]].map(([away, ageS], i) => ({
+            uuid: `${i}`, name: `Robot ${i}`, away, vendor: "V", knots: [0, 20 + 25 * i, 5, 0], eventS: 0,
+            arrivalS: -ageS, lengthM: 1, widthM: 1, doubtM: 0, trailers: [] }));
+        const nobody = { involved: new Map(), advised: new Map(), contended: new Map(), highlighted: new Set(),
+                         first: new Set(), picked: new Set(), areas: [], obstacles: [], marks: [], exits: [] };
+        const texts = [];
+        map.text = (text) => { if (text.startsWith("Robot")) texts.push(text); };
+        map.draw({ ...nobody, theme: "light", situations: [], places: [], robots, poseS: () => 0, nowS: 0 });
+        return texts;
+    }"""
+    async with opened(browser, face) as page:
+        assert sorted(await page.evaluate(script)) == ["Robot 1, heard 5 s ago", "Robot 2 silent 3 min"]
+
+
 async def test_a_robot_is_found_by_a_part_of_its_name(browser: "Browser", face: Served) -> None:
     async with opened(browser, face) as page:
         await until(page, "document.querySelectorAll('#names option').length > 2")

@@ -20,24 +20,25 @@ pytestmark = pytest.mark.asyncio(loop_scope="module")
 
 LATE = """async () => {
     const { Live } = await import(new URL("page/floor/live.js", location));
-    const { statusOf } = await import(new URL("page/floor/status.js", location));
-    let fellBehind = 0;
-    const live = new Live(() => { fellBehind += 1; }), past = { atS: null }, states = [];
+    const { liveStatus } = await import(new URL("page/floor/live_status.js", location));
+    let fellBehind = 0, number = 0;
+    const feed = { loaded: true }, states = [];
+    const live = new Live(() => { fellBehind += 1; }, (seq, atS) => { feed.completeS = atS; });
     live.socket.onmessage = live.socket.onclose = null;
+    const { now } = Date, beganMs = now(), runMs = performance.now();
     const receive = (lateS, atMs) => {
         Date.now = () => atMs;
+        performance.now = () => runMs + atMs - beganMs;
         const sentS = atMs / 1000 - lateS;
         const floor = { now_s: sentS, whole: false, floors: [], robots: [], gone: [] };
-        live.receive({ sent_s: sentS, health: { roles: {} }, floor });
-        const [state, sentence] = statusOf(live, past);
+        live.receive({ number: number += 1, sent_s: sentS, seq: 0, health: { roles: {}, at_s: sentS }, floor });
+        const [state, sentence] = liveStatus(live, feed);
         states.push([state, sentence, fellBehind]);
     };
-    const { now } = Date, beganMs = now();
     try {
         for (let i = 0; i < 60; i += 1) receive(0.05, beganMs + 100 * i);
-        for (let i = 60; i < 170; i += 1) receive(60, beganMs + 100 * i);
-        receive(0.05, beganMs + 40_000);
-    } finally { Date.now = now; }
+        for (let i = 60; i < 170; i += 1) receive(8, beganMs + 8_000 + 100 * i);
+    } finally { Date.now = now; delete performance.now; }
     return states;
 }"""
 
@@ -46,11 +47,30 @@ async def test_a_page_that_is_late_never_calls_its_floor_live(browser: "Browser"
     async with opened(browser, face) as page:
         states = await page.evaluate(LATE)
     assert {state for state, _, _ in states[:60]} == {"live"}
-    assert {state for state, _, _ in states[60:170]} == {"stale"}, "a delay is no less if all messages have it"
-    assert states[60][1].startswith("This page is 60 s behind: this is the floor at ")
-    assert [fell for _, _, fell in states[60:]].count(0) == pytest.approx(100, abs=3), (
-        "it begins anew after ten seconds"
-    )
+    assert {state for state, _, _ in states[60:]} <= {"stale", "lost"}, "a delay is no less if all messages have it"
+    assert states[60][1].startswith("This page is 8 s behind: this is the floor at ")
+    fell = [fell for _, _, fell in states[60:]]
+    assert fell.count(0) == pytest.approx(20, abs=3), "it begins anew after ten seconds in which it was not in time"
+
+
+async def test_the_clock_of_the_page_counts_sleep_and_never_runs_back(browser: "Browser", face: Served) -> None:
+    """In sleep some browsers' running time stands still, and only the machine's clock goes on."""
+    script = """async () => {
+        const { pageS } = await import(new URL("page/floor/page_clock.js", location));
+        const { now } = Date, beganS = pageS(), passed = [];
+        try {
+            for (const jumpMs of [60_000, -480_000, 60_000]) {
+                Date.now = () => now() + jumpMs;
+                passed.push(pageS() - beganS);
+            }
+        } finally { Date.now = now; }
+        return passed;
+    }"""
+    async with opened(browser, face) as page:
+        slept_s, back_s, forth_s = await page.evaluate(script)
+    assert slept_s == pytest.approx(60, abs=2)
+    assert slept_s <= back_s < slept_s + 2, "a clock that is set back changes nothing"
+    assert forth_s == pytest.approx(back_s + 540, abs=2), "one that is set forth may have slept"
 
 
 async def test_a_page_that_fell_behind_lists_what_is_open_now(browser: "Browser", face: Served) -> None:

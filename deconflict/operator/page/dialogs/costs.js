@@ -2,6 +2,7 @@
 // change, from the last week.
 
 import { table, text } from "./shift.js";
+import { Turns, read } from "../floor/reading.js";
 import { clock, span } from "../texts.js";
 
 const HOUR_S = 3600, WEEK_S = 7 * 24 * HOUR_S, WORST = 5;
@@ -11,22 +12,23 @@ const $ = (id) => document.getElementById(id);
 export class Costs {
   // `floorName(id)` names a floor, `look(floor, x, y)` shows a place on the map.
   constructor(floorName, look) {
-    Object.assign(this, { floorName, look });
+    Object.assign(this, { floorName, look, turns: new Turns() });
     $("costs-open").onclick = () => { $("costs").showModal(); this.read(); };
     $("costs-print").onclick = () => window.print();
     $("costs-close").onclick = () => $("costs").close();
   }
 
   async read() {
-    const nowS = Date.now() / 1000, todayS = new Date().setHours(0, 0, 0, 0) / 1000, wholeS = nowS - nowS % HOUR_S;
+    const turn = this.turns.next(), nowS = Date.now() / 1000, todayS = new Date().setHours(0, 0, 0, 0) / 1000, wholeS = nowS - nowS % HOUR_S;
     $("costs-body").textContent = "Reading…";
     try {
       const [pairs, places, hours, before, suggested] = await Promise.all([
-        ask("vendor,by", todayS, nowS), ask("floor,place,cell", todayS, nowS), ask("hour", todayS, nowS), ask("hour", todayS - WEEK_S, wholeS - WEEK_S), get("suggestions"),
+        ask("vendor,by", todayS, nowS), ask("floor,place,cell", todayS, nowS), ask("hour", todayS, nowS), ask("hour", todayS - WEEK_S, wholeS - WEEK_S), read("suggestions"),
       ]);
+      if (!this.turns.isNewest(turn)) return;
       this.show(pairs, byPlace(places.rows), hours.rows, before.rows, wholeS, suggested);
     } catch (error) {
-      $("costs-body").textContent = `The service does not answer: ${error.message}`;
+      if (this.turns.isNewest(turn)) $("costs-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
@@ -59,13 +61,7 @@ export class Costs {
   }
 }
 
-function ask(group, fromS, untilS) { return get(`losses?group=${group}&from_s=${fromS}&until_s=${untilS}&limit=10000`); }
-
-async function get(path) {
-  const answer = await fetch(path);
-  if (!answer.ok) throw new Error(answer.statusText);
-  return answer.json();
-}
+function ask(group, fromS, untilS) { return read(`losses?group=${group}&from_s=${fromS}&until_s=${untilS}&limit=10000`); }
 
 // A heading, and a list of what to change, each with the command that simulates it; or why there is nothing.
 function suggestions({ suggestions: found, none_because: reason, hours }) {

@@ -1,5 +1,6 @@
 // The summary of a shift, to read and to print: what was raised, what came of it, where, whose robots, who acknowledged what.
 
+import { Turns, read } from "../floor/reading.js";
 import { remember, remembered } from "../list/acknowledge.js";
 import { inside } from "../map/places.js";
 import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span } from "../texts.js";
@@ -10,7 +11,7 @@ const $ = (id) => document.getElementById(id);
 export class Shift {
   // `places(floor)` have a name, x and y, `areas(floor)` a name and a polygon.
   constructor(floorName, places, areas) {
-    Object.assign(this, { floorName, places, areas });
+    Object.assign(this, { floorName, places, areas, turns: new Turns() });
     $("shift-hours").value = remembered("hours") ?? "8";
     $("shift-open").onclick = () => { $("shift").showModal(); this.read(); };
     $("shift-hours").onchange = () => { remember("hours", $("shift-hours").value); this.read(); };
@@ -19,17 +20,15 @@ export class Shift {
   }
 
   async read() {
-    const fromS = Math.floor(Date.now() / 1000 - 3600 * Number($("shift-hours").value));
+    const turn = this.turns.next(), fromS = Math.floor(Date.now() / 1000 - 3600 * Number($("shift-hours").value));
     $("shift-body").textContent = "Reading…";
     try {
-      const [answer, recorded, losses] = await Promise.all([fetch(`shift?since_s=${fromS}`), fetch("recorded"), fetch(`losses?from_s=${fromS}`)]);
-      if (!answer.ok) throw new Error(answer.statusText);
-      const { situations, complete } = await answer.json(), { from_s: recordedS } = await recorded.json();
+      const [{ situations, complete }, { from_s: recordedS }, lostS] = await Promise.all([read(`shift?since_s=${fromS}`), read("recorded"), lost(fromS)]);
+      if (!this.turns.isNewest(turn)) return;
       const all = situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost }));
-      const lostS = losses.ok ? (await losses.json()).total.lost_s : null;
       this.show(all, fromS, Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), Date.now() / 1000), complete, lostS);
     } catch (error) {
-      $("shift-body").textContent = `The service does not answer: ${error.message}`;
+      if (this.turns.isNewest(turn)) $("shift-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
@@ -67,6 +66,11 @@ export class Shift {
     const near = places.map(({ name, x, y }) => [Math.hypot(x - location.x, y - location.y), name]).sort((a, b) => a[0] - b[0])[0];
     return near ? `Nearest to ${near[1]}, ${floor}` : floor;
   }
+}
+
+// The time that robots lost to each other; null if nobody knows.
+async function lost(fromS) {
+  try { return (await read(`losses?from_s=${fromS}`)).total.lost_s; } catch { return null; }
 }
 
 // The date only once if it is one day.

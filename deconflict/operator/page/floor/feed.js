@@ -1,7 +1,12 @@
 // The open situations and advisories, read once and then kept up to date by the stream.
 
+import { pageS } from "./page_clock.js";
+import { Turns, read } from "./reading.js";
+
 const RETRY_MS = 1000;
+const RENEW_S = 10; // a list that is not complete is read anew, but not more often
 const MOST = 10_000; // as many as the service lists
+const MOST_MARKS = 100;
 export const FADE_MS = 8000;
 
 export class Feed {
@@ -13,43 +18,71 @@ export class Feed {
     this.situations = new Map();
     this.ended = new Map(); // situations that were cleared in the last `FADE_MS`
     this.loaded = false;
-    this.isStale = false; // whether what is open has to be read anew
-    this.start();
+    this.completeS = 0; // the service's time of which this is all that was open
+    this.published = []; // which number the service had published until when, from the oldest that the page may lack: { seq, atS }
+    this.turns = new Turns();
+    this.renew();
   }
 
-  async start() {
-    const before = this.loaded ? this.situations : null;
+  // Reads what is open anew: after a while that is less than all that happened. What was asked for before is not taken any more.
+  async renew() {
+    const turn = this.turns.next(), before = this.loaded ? this.situations : null;
+    Object.assign(this, { seq: null, isWhole: true, renewedS: pageS() });
+    this.socket?.close();
     try {
       const [situations, advisories] = await Promise.all([read(`situations?limit=${MOST}`), read(`advisories?limit=${MOST}`)]);
+      if (!this.turns.isNewest(turn)) return;
       this.situations = byId(situations.situations);
       this.advisories = byId(advisories.advisories);
       this.loaded = true;
-      this.isStale = false;
-      this.follow(Math.min(situations.seq, advisories.seq));
+      this.seq = Math.min(situations.seq, advisories.seq);
+      this.follow(turn);
     } catch {
-      setTimeout(() => this.start(), RETRY_MS);
+      this.renewLater(turn, RETRY_MS);
       return;
     }
+    this.reach();
     if (before) for (const situation of this.situations.values()) this.revised(situation, before.get(situation.id), true);
   }
 
-  follow(seq) {
-    const address = new URL(`advisories/stream?after=${seq}&kinds=situation,advisory`, location.href);
+  renewLater(turn, afterMs) { setTimeout(() => { if (this.turns.isNewest(turn)) this.renew(); }, afterMs); }
+
+  follow(turn) {
+    const address = new URL(`advisories/stream?after=${this.seq}&kinds=situation,advisory`, location.href);
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = this.socket = new WebSocket(address);
-    socket.onmessage = (message) => {
-      if (this.isStale) return;
-      const revision = JSON.parse(message.data);
-      seq = revision.seq;
-      this.take(revision);
+    socket.onmessage = (message) => { if (this.turns.isNewest(turn)) this.receive(JSON.parse(message.data)); };
+    socket.onclose = ({ code }) => {
+      if (code === 4416) this.renewLater(turn, RETRY_MS);
+      else setTimeout(() => { if (this.turns.isNewest(turn)) this.follow(turn); }, RETRY_MS);
     };
-    socket.onclose = ({ code }) => setTimeout(() => (code === 4416 || this.isStale ? this.start() : this.follow(seq)), RETRY_MS);
   }
 
-  // Reads what is open anew: after a while that is less than all that happened.
-  renew() {
-    this.isStale = true;
-    this.socket?.close();
+  // A revision that comes again or late is left out. If one is missing, the lists are not complete from then on.
+  receive(revision) {
+    if (revision.seq <= this.seq) return;
+    if (revision.seq > this.seq + 1) this.isWhole = false;
+    this.seq = revision.seq;
+    this.take(revision);
+    this.reach();
+  }
+
+  // The service's newest number was `seq` at its time `atS`. Lists that stay behind are read anew.
+  hasPublished(seq, atS) {
+    const last = this.published.at(-1), isAnew = last && seq < last.seq;
+    if (isAnew) this.published = [];
+    if (last?.seq === seq) last.atS = atS;
+    else this.published.push({ seq, atS });
+    if (this.published.length > MOST_MARKS) this.published.shift();
+    this.reach();
+    const isDue = this.seq !== null && pageS() - this.renewedS > RENEW_S;
+    if (isAnew || (isDue && (!this.isWhole || atS - this.completeS > RENEW_S))) this.renew();
+  }
+
+  reach() {
+    if (this.seq === null || !this.isWhole) return;
+    while (this.published.length > 1 && this.published[0].seq <= this.seq) this.completeS = this.published.shift().atS;
+    if (this.published[0]?.seq <= this.seq) this.completeS = this.published[0].atS;
   }
 
   take(revision) {
@@ -67,12 +100,6 @@ export class Feed {
     this.ended.set(before.id, { ...before, ...cleared, outline: before.outline, endedMs: Date.now() });
     setTimeout(() => this.ended.delete(before.id), FADE_MS);
   }
-}
-
-async function read(address) {
-  const answer = await fetch(address);
-  if (!answer.ok) throw new Error(answer.statusText);
-  return answer.json();
 }
 
 function byId(revisions) {

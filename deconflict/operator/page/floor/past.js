@@ -1,76 +1,70 @@
-// The time slider: the moment that is shown, and the recorded floor at that moment, read one moment at a time.
+// The time slider: which moment is chosen. Recorded floors are read one at a time.
 
-import { robotsOf } from "./live.js";
-import { clock } from "../texts.js";
+import { pageS } from "./page_clock.js";
+import { read } from "./reading.js";
 
 const SPAN_MS = 10_000;
 const STEP_S = 10;
+const LONG_S = 5; // an answer that takes longer is given up if another moment is chosen, one that takes much longer is lost
+const LOST_MS = 60_000;
 
 export class Past {
-  constructor(elements, nowS, changed) {
-    Object.assign(this, elements);
-    this.nowS = nowS;
-    this.changed = changed;
-    this.atS = null; // null while live
-    this.floor = null;
-    this.problem = "";
+  // `changed` is called when another time is shown.
+  constructor(elements, shown, changed) {
+    Object.assign(this, { ...elements, shown, changed, reading: null });
     this.moment.oninput = () => this.go(Number(this.moment.value));
-    this.back.onclick = () => this.go((this.atS ?? this.nowS()) - STEP_S);
-    this.forth.onclick = () => this.go((this.atS ?? this.nowS()) + STEP_S);
-    this.live.onclick = () => this.goLive();
+    this.back.onclick = () => this.go((shown.chosenS ?? shown.live.nowS()) - STEP_S);
+    this.forth.onclick = () => this.go((shown.chosenS ?? shown.live.nowS()) + STEP_S);
+    this.now.onclick = () => this.goLive();
     this.readSpan();
     setInterval(() => this.readSpan(), SPAN_MS);
   }
 
   async readSpan() {
     try {
-      const { from_s: fromS } = await (await fetch("recorded")).json();
+      const { from_s: fromS } = await read("recorded");
       for (const control of [this.moment, this.back, this.forth]) control.disabled = fromS === null;
       if (fromS !== null) this.moment.min = Math.ceil(fromS);
     } catch { /* the live stream says that the service is lost */ }
-    this.moment.max = Math.floor(this.nowS());
-    if (this.atS === null) this.moment.value = this.moment.max;
+    this.moment.max = Math.floor(this.shown.live.nowS());
+    if (this.shown.chosenS === null) this.moment.value = this.moment.max;
   }
 
   go(atS) {
-    if (atS >= this.nowS() - 1) return this.goLive();
-    this.atS = Math.max(atS, Number(this.moment.min));
-    this.moment.value = this.atS;
-    this.showMoment();
-    return this.readFloor();
+    if (atS >= this.shown.live.nowS() - 1) return this.goLive();
+    this.shown.choose(Math.max(atS, Number(this.moment.min)));
+    this.moment.value = this.shown.chosenS;
+    if (pageS() - this.askedS > LONG_S) this.reading?.abort();
+    this.say();
+    return this.readMoments();
   }
 
   goLive() {
-    [this.atS, this.floor, this.problem] = [null, null, ""];
+    this.shown.choose(null);
+    this.reading?.abort();
     this.moment.value = this.moment.max;
-    this.showMoment();
     this.changed();
   }
 
-  async readFloor() {
+  // Reads the moment that is chosen, and then the one that has been chosen meanwhile: the service reads one after the other, too.
+  async readMoments() {
     if (this.reading) return;
-    this.reading = true;
-    while (this.atS !== null && this.floor?.atS !== this.atS) {
-      const atS = this.atS;
+    while (this.shown.isReading) {
+      const { turn, chosenS } = this.shown;
+      [this.reading, this.askedS] = [new AbortController(), pageS()];
       try {
-        const answer = await fetch(`past?at_s=${atS}`);
-        if (!answer.ok) throw new Error((await answer.json()).detail);
-        const { floor, situations, advisories } = await answer.json();
-        this.floor = { atS, robots: robotsOf(floor), situations, advisories };
-        this.problem = "";
+        this.shown.take(turn, await read(`past?at_s=${chosenS}`, AbortSignal.any([this.reading.signal, AbortSignal.timeout(LOST_MS)])));
       } catch (error) {
-        this.problem = error.message;
-        break;
+        this.shown.fail(turn, error.message);
       }
     }
-    this.reading = false;
+    this.reading = null;
     this.changed();
   }
 
-  showMoment() {
-    const text = this.atS === null ? "live" : clock(this.atS);
-    this.shown.textContent = text;
-    this.moment.setAttribute("aria-valuetext", text);
-    this.live.setAttribute("aria-pressed", String(this.atS === null));
+  say() {
+    const { time, chosenS } = this.shown, isPressed = String(chosenS === null);
+    if (this.now.ariaPressed !== isPressed) this.now.ariaPressed = isPressed;
+    if (this.time.textContent !== time) this.time.textContent = this.moment.ariaValueText = time;
   }
 }

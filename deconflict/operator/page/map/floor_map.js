@@ -4,7 +4,7 @@ import { GroundLayer } from "./ground_layer.js";
 import { movesFor, poseAt, train } from "./motion.js";
 import { AROUND, Labels, leader } from "./labels.js";
 import { SituationLayer } from "./situation_layer.js";
-import { likely, order, short } from "../texts.js";
+import { ago, likely, order, short, span } from "../texts.js";
 
 const BANDS = 5; // a ribbon fades in so many bands
 const STEPS_S = { exact: 0.15, line: 0.5 };
@@ -137,10 +137,11 @@ export class FloorMap {
     for (const robot of robots) this.decorations(robot, scene);
   }
 
-  // The names of robots: of all if there is room, else of those that are chosen, advised or involved.
+  // The names of robots: of all if there is room, else of those that are chosen, advised or involved, or not heard for long.
   names(robots, scene) {
     const { camera } = this, least = robots.length <= MOST_LABELLED && camera.scale > 14 ? LABEL.other : camera.scale > 10 ? LABEL.involved : LABEL.advised;
-    const named = robots.map((robot) => [rankOf(robot, scene), robot]).filter(([rank]) => rank >= least);
+    const aged = new Set(robots.filter(isAged)), labelled = aged.size <= MOST_LABELLED ? aged : new Set();
+    const named = robots.map((robot) => [rankOf(robot, scene), robot]).filter(([rank, robot]) => rank >= least || labelled.has(robot));
     for (const [rank, robot] of named.sort((a, b) => b[0] - a[0] || (a[1].uuid < b[1].uuid ? -1 : 1))) this.name(robot, scene, rank);
   }
 
@@ -202,7 +203,7 @@ export class FloorMap {
   // A robot's label beside it, where it covers nothing. An arrow leads from what it should do to the robot.
   name(robot, scene, rank) {
     const { pen, ink, unit } = this, isBold = rank > LABEL.other, size = isBold ? 13 : 11, action = scene.advised.get(robot.uuid);
-    const silence = robot.away === "silent" ? ` silent ${Math.round(scene.nowS - robot.arrivalS)} s${likely(robot)}` : "";
+    const heardS = scene.nowS - robot.arrivalS, silence = robot.away === "silent" ? ` silent ${span(heardS)}${likely(robot)}` : isAged(robot) ? `, heard ${ago(heardS)}` : "";
     const name = `${robot.unidentified ? "? " : ""}${short(robot.name, robot.vendor)}${silence}${action ? `: ${order(action)}` : ""}`;
     pen.font = `${isBold ? "600 " : ""}${size * unit}px system-ui, sans-serif`;
     const [wide, high] = [pen.measureText(name).width + 4 * unit, (size + 3) * unit], thing = this.boxOf(robot);
@@ -259,6 +260,9 @@ function toEdge({ left, top, wide, high }, thing) {
   const from = [near(x, left, left + wide), near(y, top, top + high)];
   return [...from, near(from[0], thing.left, thing.right), near(from[1], thing.top, thing.bottom)];
 }
+
+// Whether it has not been heard for longer than robots usually are.
+function isAged({ away }) { return away === "silent" || away === "quiet"; }
 
 function rankOf({ uuid }, { robot, highlighted, first, advised, involved }) {
   if (uuid === robot) return LABEL.chosen;

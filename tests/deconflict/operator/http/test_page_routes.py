@@ -19,7 +19,7 @@ from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
+from tests.deconflict.operator.http.served_face import GivenSources, Served, served, stuck_subscriber, until
 from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
 from tests.helpers.made_site import written
 from tests.helpers.patience import PATIENCE_S
@@ -162,6 +162,26 @@ async def test_a_live_message_has_the_health_only_if_it_is_news(face: Served) ->
             healths.append(json.loads(await page.recv()).get("health"))
     sent = [health["at_s"] for health in healths if health]
     assert len(sent) == len(set(sent)) < 5
+
+
+async def test_the_service_beats_though_no_role_answers_and_returns_the_newest_number_of_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def no_answer(*_: object) -> Any:
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(GivenSources, "follow", no_answer)
+    monkeypatch.setattr(GivenSources, "live_status", no_answer)
+    async with served(tmp_path) as face, connect(f"ws://{face.address}/live") as page, asyncio.timeout(PATIENCE_S):
+        messages = [json.loads(await page.recv())]
+        (published,) = await face.publish(made(101))
+        for sent in ("7", "no number", "1" * 40, b"8"):
+            await page.send(sent)
+        while messages[-1].get("heard") != 7 or len(messages) < 5:
+            messages.append(json.loads(await page.recv()))
+    assert [message["number"] for message in messages] == list(range(1, len(messages) + 1))
+    assert messages[-1]["seq"] == published.seq
+    assert {message.get("heard") for message in messages} == {None, 7}
 
 
 async def test_a_page_that_reads_nothing_is_dropped_and_delays_no_other(tmp_path: Path) -> None:
