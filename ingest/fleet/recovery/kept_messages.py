@@ -31,6 +31,10 @@ WRITE_EVERY_S, RETRY_S = 1.0, 10.0
 HEARD_EVERY_S = 3600.0
 """How often the file is told when each robot was last heard. After a kill it may lack so much."""
 BUSY_TIMEOUT_S = 5.0
+READ_TIMEOUT_S = 1.0
+"""How long a start waits for a file that another program keeps locked. It is read later then."""
+READ_AT_ONCE = 200
+"""Messages that are read late between two turns of the event loop."""
 ROWS_AT_ONCE = 500
 """Rows of one statement: a thread that runs a statement for each row waits for the other threads after each."""
 FAILURES = "deconflict_kept_messages_failures_total"
@@ -93,6 +97,8 @@ class KeptMessages:
         """When the file was last told when robots were heard."""
         self._is_failing = False
         """Whether the last write failed."""
+        self._is_unread = False
+        """Whether the file could not be read at the start, and may have what the fleet lacks."""
         self._statuses_before_s = -inf
         """The `before_s` of the statuses in the file."""
         for operation in ("read", "write"):
@@ -107,15 +113,39 @@ class KeptMessages:
         self._since_s = now_s - self._fleet.reading.silent_after_s
         heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
         try:
-            rows = [row for row in _rows(self._path) if row.heard_s >= heard_since_s]
+            rows = [row for row in _rows(self._path, READ_TIMEOUT_S) if row.heard_s >= heard_since_s]
             self._heard_s = {row.uuid: row.heard_s for row in rows if row.kind == IDENTITY}
             return [self._settled(row, now_s) for row in rows]
-        except sqlite3.OperationalError as error:
-            self._lacks_none = True
-            self._fail("read", f"{error}; check the owner of {FILE_NAME}")
+        except (sqlite3.OperationalError, OSError) as error:
+            self._lacks_none = self._is_unread = True
+            self._fail("read", f"{error}; it is read later; check the owner of {FILE_NAME}, and what keeps it locked")
         except sqlite3.DatabaseError as error:
             self._set_aside("read", error)
         return []
+
+    async def _read_late(self, now_s: float) -> None:
+        """Give robots the identities of the file that was not read at the start, except those that have one."""
+        try:
+            rows = await asyncio.to_thread(_rows, self._path, READ_TIMEOUT_S)
+        except sqlite3.Error as error:
+            if not isinstance(error, sqlite3.OperationalError):
+                self._set_aside("read", error)
+                self._lacks_none = self._is_unread = False
+            return
+        self._is_unread = False
+        heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
+        wanted = [row for row in rows if row.kind == IDENTITY and row.heard_s >= heard_since_s and self._is_lacked(row)]
+        for at in range(0, len(wanted), READ_AT_ONCE):
+            measures, self._fleet.measures = self._fleet.measures, Measures()
+            for message in (self._settled(row, now_s) for row in wanted[at : at + READ_AT_ONCE]):
+                self._fleet.receive(message.raw, now_s, message.connection)
+            self._fleet.measures = measures
+            await asyncio.sleep(0)
+        log.warning("%s is read now: %d robots have their identity again", FILE_NAME, len(wanted))
+
+    def _is_lacked(self, row: Row) -> bool:
+        robot = self._fleet.robots.get(row.uuid)
+        return robot is None or robot.shared_identity is None
 
     def _settled(self, row: Row, now_s: float) -> Received:
         vendor = None if row.topic else row.vendor
@@ -128,6 +158,10 @@ class KeptMessages:
         wait_s = WRITE_EVERY_S
         while True:
             await asyncio.sleep(wait_s)
+            if self._is_unread:
+                await self._read_late(now_s())
+            elif self._lacks_none and not await asyncio.to_thread(self._path.exists):
+                self._lacks_none = False  # somebody has removed it
             if changes := self._changes(leaving_before_s(), now_s()):
                 writing = asyncio.create_task(self._write_in_thread(changes))
                 try:
@@ -226,11 +260,11 @@ class KeptMessages:
             log.warning("identity reports can't be kept for a restart: %s", message)
 
 
-def _rows(path: Path) -> list[Row]:
+def _rows(path: Path, timeout_s: float = BUSY_TIMEOUT_S) -> list[Row]:
     """The rows of a file, the oldest first, without those of languages that are not read. Raises `sqlite3.Error`."""
     if not path.exists():
         return []
-    with closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as db:
+    with closing(sqlite3.connect(path, timeout=timeout_s)) as db:
         if _is_new(db):
             return []
         rows = [Row(*values) for values in db.execute("SELECT * FROM messages ORDER BY arrival_s, kind")]
