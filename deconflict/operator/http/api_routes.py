@@ -169,6 +169,8 @@ class ApiRoutes:
                 stored |= {"set_aside": renewal.file, "copied": renewal.salvage.copied, "lost": renewal.salvage.lost}
                 if datetime.now(UTC) - renewal.at < RENEWAL_SHOWN:
                     stored |= {"status": "begun anew", "reason": str(renewal)}
+            if self._store.outage:
+                stored |= {"status": "in memory", "reason": self._store.outage}
             if self._publisher.failing:
                 unstored = {"reason": self._publisher.failing, "unstored": self._store.unstored}
                 stored |= {"status": "failing", **unstored}

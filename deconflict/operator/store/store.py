@@ -43,9 +43,13 @@ MOST_PAST = 2_000
 class Store:
     """The advisories of one directory. Every method may be called from any thread, and may block on the disk."""
 
+    outage: str | None = None
+    """Why memory has taken the place of the file; None if it has not."""
+    connects: type[SqliteConnections] = SqliteConnections
+
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         """Open or create the file in `directory`. Raises `StoreError`. `follows_stream`: as of `SqliteConnections`."""
-        self._connections = SqliteConnections(directory, follows_stream=follows_stream)
+        self._connections = self.connects(directory, follows_stream=follows_stream)
         self.path = self._connections.path
         self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []

@@ -1,0 +1,62 @@
+"""A number beyond every number of a revision, in a file beside the database: it survives damage to the database."""
+
+import logging
+import time
+from pathlib import Path
+
+from deconflict.operator.store.pending_writes import MOST_PENDING
+from ingest.recording.replaced_file import replace_file
+
+log = logging.getLogger(__name__)
+
+FILE_NAME = "advisories.reserved"
+BLOCK = 100_000
+"""The file is written once for so many numbers. More than may wait for the disk."""
+EPOCH_NUMBERS = 100_000
+"""Numbers of an epoch for each second since 1970: no service gives so many, so a later epoch begins beyond them."""
+
+
+def epoch(now_s: float) -> int:
+    """A number beyond every number given before, if the clock was not set back. It has no more than 15 digits."""
+    return int(now_s * EPOCH_NUMBERS)
+
+
+class ReservedNumbers:
+    """Numbers up to `last` may be in use. A database that begins anew continues beyond it."""
+
+    def __init__(self, directory: Path) -> None:
+        self._path = directory / FILE_NAME
+        known = self._read()
+        self._reserved = known or 0
+        """What the file says, as far as it was read or written."""
+        self.last = epoch(time.time()) if known is None else known
+
+    def reserve(self, seq: int) -> None:
+        """Reserve well beyond a number that is about to be stored. Raises `OSError` if a later start would read a
+        lower number."""
+        if seq + MOST_PENDING <= self._reserved:
+            return
+        last = seq + BLOCK
+        try:
+            replace_file(self._path, f"{last}\n".encode())
+        except OSError:
+            known = self._read()
+            if known is not None and known < seq:
+                raise
+        else:
+            self._reserved = self.last = last
+
+    def renew_if_removed(self) -> None:
+        """Write the file again if somebody has removed it. Raises `OSError`."""
+        if self._reserved and not self._path.exists():
+            replace_file(self._path, f"{self._reserved}\n".encode())
+
+    def _read(self) -> int | None:
+        """0 if there is no file; None for one that can't be read, since any number may be reserved."""
+        try:
+            return max(int(self._path.read_text()), 0)
+        except FileNotFoundError:
+            return 0
+        except (OSError, ValueError) as error:
+            log.warning("%s can't be read and is written anew: %s", self._path, error)
+            return None
