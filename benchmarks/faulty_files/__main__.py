@@ -42,8 +42,8 @@ class Case:
         return disk if is_of_disk else data if self.file == DISK else data / self.file
 
     @property
-    def when(self) -> str:
-        return "at start" if self.is_at_start else "while running"
+    def text(self) -> str:
+        return f"{self.file} | {self.name} | {'at start' if self.is_at_start else 'while running'}"
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,10 @@ async def drill_start(case: Case, template: Path, disk: Path) -> Outcome:
     service = DrilledService(data)
     async with AsyncExitStack() as run:
         with case.fault(case.path(disk, data)):
-            await run.enter_async_context(service.running())
+            try:
+                await run.enter_async_context(service.running())
+            except TimeoutError:
+                return Outcome(case.text, "", None, is_mended=False, restarts=0, repeated=0, lost_positions=0)
             said, warned_s = await faulty(case, service)
         return await outcome_of(case, service, said, warned_s)
 
@@ -119,8 +122,8 @@ async def drill_running(all_cases: Iterable[Case], template: Path, disk: Path) -
 async def outcome_of(case: Case, service: DrilledService, said: str, warned_s: float | None) -> Outcome:
     is_mended = await is_whole(service)
     restarts = sum((await service.health()).get("restarts", {}).values())
-    name, repeated = f"{case.file} | {case.name} | {case.when}", len(repeated_numbers(service.revisions))
-    return Outcome(name, said, warned_s, is_mended, restarts, repeated, service.lost_positions)
+    repeated = len(repeated_numbers(service.revisions))
+    return Outcome(case.text, said, warned_s, is_mended, restarts, repeated, service.lost_positions)
 
 
 def filled(template: Path, disk: Path) -> Path:
@@ -149,7 +152,7 @@ async def is_whole(service: DrilledService) -> bool:
 
 
 async def run(only: str) -> AsyncIterator[Outcome]:
-    wanted = [case for case in cases() if only in f"{case.file} {case.name} {case.when}"]
+    wanted = [case for case in cases() if only in case.text.replace(" | ", " ")]
     with tempfile.TemporaryDirectory(prefix="drill-") as name:
         template = Path(name) / "template"
         async with DrilledService(template).running() as service:

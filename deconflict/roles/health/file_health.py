@@ -45,8 +45,8 @@ class FileHealth:
         self._files = files
         self._faults: dict[str, str] = {}
         """By name of a file."""
-        self._identities: dict[Path, int] = {}
-        """Inodes of the databases and folders, and 0 for each other file that was there at the last look."""
+        self._contents: dict[Path, frozenset[str]] = {}
+        """As of `_content`, of the files that were there at the last look."""
         self._removed_s: dict[str, float] = {}
         """By name, when a file was seen to be removed."""
         self._looked_s = time.monotonic()
@@ -60,11 +60,11 @@ class FileHealth:
     def look(self, now_s: float) -> None:
         """Look at each file. May wait for the disk."""
         self._faults = {path.name: fault for path, kind in self._files if (fault := file_fault(path, kind))}
-        found = {path: identity for path, kind in self._files if (identity := _identity(path, kind)) is not None}
-        for path, identity in self._identities.items():
-            if found.get(path) != identity:
+        found = {path: content for path, kind in self._files if (content := _content(path, kind)) is not None}
+        for path, before in self._contents.items():
+            if path not in found or (before and not before & found[path]):
                 self._removed_s[path.name] = now_s
-        self._identities, self._looked_s = found, time.monotonic()
+        self._contents, self._looked_s = found, time.monotonic()
 
     def document(self, now_s: float, outages: Mapping[str, str | None] | None = None) -> dict[str, Any]:
         """The part `files` of the health. `outages` has by name why a file is not in use, as who uses it knows."""
@@ -82,10 +82,13 @@ class FileHealth:
         return {"status": "degraded", "reason": reason, "faults": faults}
 
 
-def _identity(path: Path, kind: FileKind) -> int | None:
-    """None if the file is not there. One that is replaced at each write has always the same."""
+def _content(path: Path, kind: FileKind) -> frozenset[str] | None:
+    """The inode of a database, the names in a folder, and nothing of a file that is replaced at each write. None if
+    there is none."""
     try:
         inode = path.stat().st_ino
+        if kind is FileKind.FOLDER:
+            return frozenset(entry.name for entry in path.iterdir())
     except OSError:
         return None
-    return 0 if kind is FileKind.FILE else inode
+    return frozenset([str(inode)] if kind is FileKind.DATABASE else [])

@@ -1,10 +1,13 @@
 """The store of a service: what it publishes does not wait for the file, neither at the start nor while it runs."""
 
-from pathlib import Path
+import logging
+from contextlib import suppress
 
 from deconflict.operator.store.recovery.optional_connections import OptionalConnections
 from deconflict.operator.store.recovery.stand_in import MOST_BYTES
-from deconflict.operator.store.store import Store
+from deconflict.operator.store.store import Store, StoreError
+
+log = logging.getLogger(__name__)
 
 
 class OptionalStore(Store):
@@ -12,9 +15,6 @@ class OptionalStore(Store):
 
     connects = OptionalConnections
     _connections: OptionalConnections
-
-    def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
-        super().__init__(directory, follows_stream=follows_stream)
 
     @property
     def outage(self) -> str | None:  # type: ignore[override]
@@ -39,6 +39,15 @@ class OptionalStore(Store):
                 self.flush()
                 self._connections.use_again(file)
         return bool(why or file)
+
+    def close(self) -> None:
+        """Hand over what memory has, if the file takes it now."""
+        if self.outage:
+            with suppress(StoreError):
+                self.attach()
+        if self.outage:
+            log.error("what was published since %s could not be used is lost: %s", self.path, self.outage)
+        super().close()
 
     def prune_to(self, most_bytes: int) -> int:
         return super().prune_to(min(most_bytes, MOST_BYTES) if self._connections.is_in_memory else most_bytes)

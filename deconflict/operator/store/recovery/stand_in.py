@@ -1,7 +1,7 @@
 """A database in memory that stands in for the file while that can't be used, and hands over to it what it has taken.
 
-It begins with what can be read of the file: what is open, and what outlets have not sent. Its numbers are a new epoch:
-they begin beyond every number given before, so none is given twice even if the file never comes back.
+It begins with what can be read of the file: what is open, the newest, and what outlets have not sent. Its numbers are a
+new epoch: they begin beyond every number given before, so none is given twice even if the file never comes back.
 """
 
 import logging
@@ -26,6 +26,8 @@ MOST_BYTES = 64 << 20
 """Cleared advisories are removed beyond this size. Twice as much is the limit."""
 MOST_UNSENT = 5_000
 """Most revisions that outlets have not sent that it begins with."""
+NEWEST = 500
+"""So many of the newest revisions are known in any case."""
 STEP = 500
 """Revisions that are handed over in one transaction."""
 READ_TIMEOUT_S = 0.5
@@ -33,7 +35,8 @@ BECAUSE = "the service could not read it when it started"
 KEPT = f"""WITH kept AS (
     SELECT seq, id FROM revisions WHERE seq IN (SELECT seq FROM advisories WHERE open = 1)
     UNION SELECT * FROM (SELECT seq, id FROM revisions WHERE seq > (SELECT min(seq) FROM positions)
-        ORDER BY seq DESC LIMIT {MOST_UNSENT}))"""  # noqa: S608 - a constant
+        ORDER BY seq DESC LIMIT {MOST_UNSENT})
+    UNION SELECT * FROM (SELECT seq, id FROM revisions ORDER BY seq DESC LIMIT {NEWEST}))"""  # noqa: S608 - constants
 STATE = {
     "revisions": f"{KEPT} SELECT * FROM revisions WHERE seq IN (SELECT seq FROM kept)",  # noqa: S608 - constants
     "advisories": f"{KEPT} SELECT * FROM advisories WHERE id IN (SELECT id FROM kept)",  # noqa: S608

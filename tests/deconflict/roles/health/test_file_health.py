@@ -14,6 +14,7 @@ from deconflict.settings.site import BlackBox, Site
 def data(tmp_path: Path) -> Path:
     for path, _ in data_files(Site(), tmp_path):
         path.mkdir() if path.name in ("log", "blackbox") else path.touch()
+    (tmp_path / "log" / "log-1.jsonl").touch()
     return tmp_path
 
 

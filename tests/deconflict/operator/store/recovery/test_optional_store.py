@@ -150,10 +150,10 @@ def test_a_file_that_has_given_higher_numbers_takes_what_memory_has_beyond_them(
 ) -> None:
     """As after a start with the clock far ahead."""
     monkeypatch.setattr("deconflict.operator.store.recovery.stand_in.epoch", lambda _: 0)
-    (data / RESERVED).write_text("0")
+    (data / RESERVED).write_text("1")
     with unreadable(data / FILE_NAME):
         store = OptionalStore(data)
-        assert [each.seq for each in store.append([made(3), made(4)])] == [1, 2]
+        assert [each.seq for each in store.append([made(3), made(4)])] == [2, 3]
     assert store.attach()
     assert [(each.id, each.seq) for each in store.after(4)] == [("advisory-3", 5), ("advisory-4", 6)]
     assert all(store.page_after(known, EVERY_KIND, 10).removed > known for known in (1, 2, 3))
