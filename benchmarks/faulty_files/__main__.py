@@ -51,8 +51,8 @@ class Outcome:
     """What happened."""
 
     case: str
-    said: str
-    """What health said of it; "" if nothing."""
+    words: str
+    """What health says of it; "" if nothing."""
     warned_s: float | None
     is_mended: bool
     restarts: int
@@ -62,7 +62,7 @@ class Outcome:
 
     @property
     def is_good(self) -> bool:
-        return bool(self.said and self.warned_s and self.is_mended and not self.restarts and not self.repeated)
+        return bool(self.words and self.warned_s and self.is_mended and not self.restarts and not self.repeated)
 
 
 def cases() -> Iterator[Case]:
@@ -101,8 +101,8 @@ async def drill_start(case: Case, template: Path, disk: Path) -> Outcome:
                 await run.enter_async_context(service.running())
             except TimeoutError:
                 return Outcome(case.text, "", None, is_mended=False, restarts=0, repeated=0, lost_positions=0)
-            said, warned_s = await faulty(case, service)
-        return await outcome_of(case, service, said, warned_s)
+            words, warned_s = await faulty(case, service)
+        return await outcome_of(case, service, words, warned_s)
 
 
 async def drill_running(all_cases: Iterable[Case], template: Path, disk: Path) -> AsyncIterator[Outcome]:
@@ -113,17 +113,17 @@ async def drill_running(all_cases: Iterable[Case], template: Path, disk: Path) -
             if case.file in FOLDERS:
                 (data / case.file).mkdir(exist_ok=True)
             with case.fault(case.path(disk, data)):
-                said, warned_s = await faulty(case, service)
-                if not said and case.fault is faults.missing and case.path(disk, data).exists():
-                    said = "nothing: it is made anew at once, with all that it had"
-            yield await outcome_of(case, service, said, warned_s)
+                words, warned_s = await faulty(case, service)
+                if not words and case.fault is faults.missing and case.path(disk, data).exists():
+                    words = "nothing: it is made anew at once, with all that it had"
+            yield await outcome_of(case, service, words, warned_s)
 
 
-async def outcome_of(case: Case, service: DrilledService, said: str, warned_s: float | None) -> Outcome:
+async def outcome_of(case: Case, service: DrilledService, words: str, warned_s: float | None) -> Outcome:
     is_mended = await is_whole(service)
     restarts = sum((await service.health()).get("restarts", {}).values())
     repeated = len(repeated_numbers(service.revisions))
-    return Outcome(case.text, said, warned_s, is_mended, restarts, repeated, service.lost_positions)
+    return Outcome(case.text, words, warned_s, is_mended, restarts, repeated, service.lost_positions)
 
 
 def filled(template: Path, disk: Path) -> Path:
@@ -135,11 +135,11 @@ def filled(template: Path, disk: Path) -> Path:
 
 async def faulty(case: Case, service: DrilledService) -> tuple[str, float | None]:
     """What health says within the time, and after how long a meeting is warned of."""
-    until_s, said = time.monotonic() + SAID_WITHIN_S, ""
-    while not said and time.monotonic() < until_s:
-        said = said_of(case, await service.health())
+    until_s, words = time.monotonic() + SAID_WITHIN_S, ""
+    while not words and time.monotonic() < until_s:
+        words = said_of(case, await service.health())
         await asyncio.sleep(0.2)
-    return said, await service.meet()
+    return words, await service.meet()
 
 
 async def is_whole(service: DrilledService) -> bool:
@@ -181,7 +181,7 @@ def row_of(outcome: Outcome) -> str:
     warned = "never" if outcome.warned_s is None else f"{outcome.warned_s:.1f} s"
     again = "yes" if outcome.is_mended else "NO"
     counts = f"{outcome.restarts} | {outcome.repeated} | {outcome.lost_positions}"
-    return f"| {outcome.case} | {outcome.said or 'NOTHING'} | {warned} | {again} | {counts} |"
+    return f"| {outcome.case} | {outcome.words or 'NOTHING'} | {warned} | {again} | {counts} |"
 
 
 def main() -> int:

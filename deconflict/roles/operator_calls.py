@@ -17,8 +17,8 @@ from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.operator.ledger.optional_ledger import LossParcel, OptionalLedger
 from deconflict.operator.store.learned_file import LearnedFile
+from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
-from deconflict.operator.store.recovery.optional_store import OptionalStore
 from deconflict.operator.store.store import StoreError
 from deconflict.operator.store.tables import UnreadableAdvisoryError
 from deconflict.roles.engine_link.live_situations import LiveSituations

@@ -18,8 +18,8 @@ from deconflict.operator.ledger.optional_ledger import OptionalLedger
 from deconflict.operator.outlets.outlets import Outlets
 from deconflict.operator.public_face import PublicFace
 from deconflict.operator.store.learned_file import LearnedFile
+from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.publisher import PRUNED, Publisher
-from deconflict.operator.store.recovery.optional_store import OptionalStore
 from deconflict.operator.store.store import StoreError
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.health.canary_health import CanaryHealth

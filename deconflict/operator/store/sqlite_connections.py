@@ -181,7 +181,8 @@ class SqliteConnections:
             if version < len(UPGRADES):
                 db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
             if version == 0 and self._known_seq:
-                log.warning("%s is new; its numbers continue after %d", self.path, self._known_seq)
+                if self._reserved.last:
+                    log.warning("%s is new; its numbers continue after %d", self.path, self._known_seq)
                 begin_after(db, self._known_seq)
             self._known_seq = last_seq(db)
 

@@ -44,7 +44,7 @@ class Store:
     """The advisories of one directory. Every method may be called from any thread, and may block on the disk."""
 
     outage: str | None = None
-    """Why memory has taken the place of the file; None if it has not."""
+    """Why the file is not in use; None if it is."""
     connects: type[SqliteConnections] = SqliteConnections
 
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
@@ -296,12 +296,9 @@ class Store:
             ordinals = dict(tables.encounters_after(db, pair, limit))
             is_last = len(ordinals) < limit
         end = max(ordinals, default=pair)
-        for revision in pending:
-            if (
-                isinstance(revision, ConflictAdvisory)
-                and pair < revision.robots
-                and (is_last or revision.robots <= end)
-            ):
+        conflicts = (each for each in pending if isinstance(each, ConflictAdvisory) and pair < each.robots)
+        for revision in conflicts:
+            if is_last or revision.robots <= end:
                 ordinals[revision.robots] = max(revision.encounter, ordinals.get(revision.robots, 0))
         return sorted(ordinals.items())
 

@@ -1,1 +1,1 @@
-"""What outlasts a file of advisories that is damaged, lost or can't be used for a while."""
+"""What outlasts a file of advisories that is damaged or lost."""

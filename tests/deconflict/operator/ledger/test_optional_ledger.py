@@ -12,8 +12,7 @@ from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
 from deconflict.operator.ledger.optional_ledger import DROPPED, LossParcel, OptionalLedger
 from deconflict.settings.site import LossSettings
 from ingest.measures.measures import Measures
-from tests.deconflict.operator.ledger.made_entries import CROSSED, QUEUED
-from tests.deconflict.operator.ledger.test_loss_ledger import question
+from tests.deconflict.operator.ledger.made_entries import CROSSED, QUEUED, question
 
 Harm = Callable[[Path], AbstractContextManager[None]]
 

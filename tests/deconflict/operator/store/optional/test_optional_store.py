@@ -10,11 +10,11 @@ import pytest
 
 from benchmarks.faulty_files.faults import blocked, held_alone, locked, read_only, remove
 from deconflict.advisory import EVERY_KIND, Acknowledgement
+from deconflict.operator.store.optional.optional_store import OptionalStore
+from deconflict.operator.store.optional.stand_in import BECAUSE, STEP
 from deconflict.operator.store.publisher import Publisher
-from deconflict.operator.store.recovery.optional_store import OptionalStore
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.recovery.reserved_numbers import epoch
-from deconflict.operator.store.recovery.stand_in import BECAUSE, STEP
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store
 from ingest.measures.measures import Measures
@@ -28,7 +28,7 @@ Harm = Callable[[Path], AbstractContextManager[None]]
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("optional_connections.OPEN_TIMEOUT_S", "stand_in.READ_TIMEOUT_S"):
-        monkeypatch.setattr(f"deconflict.operator.store.recovery.{name}", 0.05)
+        monkeypatch.setattr(f"deconflict.operator.store.optional.{name}", 0.05)
 
 
 @pytest.fixture
@@ -149,7 +149,7 @@ def test_a_file_that_has_given_higher_numbers_takes_what_memory_has_beyond_them(
     data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As after a start with the clock far ahead."""
-    monkeypatch.setattr("deconflict.operator.store.recovery.stand_in.epoch", lambda _: 0)
+    monkeypatch.setattr("deconflict.operator.store.optional.stand_in.epoch", lambda _: 0)
     (data / RESERVED).write_text("1")
     with unreadable(data / FILE_NAME):
         store = OptionalStore(data)

@@ -3,8 +3,8 @@
 import logging
 from contextlib import suppress
 
-from deconflict.operator.store.recovery.optional_connections import OptionalConnections
-from deconflict.operator.store.recovery.stand_in import MOST_BYTES
+from deconflict.operator.store.optional.optional_connections import OptionalConnections
+from deconflict.operator.store.optional.stand_in import MOST_BYTES
 from deconflict.operator.store.store import Store, StoreError
 
 log = logging.getLogger(__name__)
