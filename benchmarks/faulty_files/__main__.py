@@ -102,6 +102,8 @@ async def drill_start(case: Case, template: Path, disk: Path) -> Outcome:
             except TimeoutError:
                 return Outcome(case.text, "", None, is_mended=False, restarts=0, repeated=0, lost_positions=0)
             words, warned_s = await faulty(case, service)
+            if case.fault is faults.missing_disk:
+                words = words or "nothing: to start in a new directory is no fault"
         return await outcome_of(case, service, words, warned_s)
 
 

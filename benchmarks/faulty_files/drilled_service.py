@@ -46,8 +46,7 @@ class DrilledService:
         """Until the end of the block. Raises `TimeoutError` if health does not answer in time."""
         command = [sys.executable, "-m", "deconflict", "serve", "--data", str(self._data)]
         ports = ["--robots-port", str(self._robots_port), "--operator-port", str(self._face_port)]
-        log = self._data.with_name(f"{self._data.name}.log").open("ab")
-        with subprocess.Popen([*command, *ports], stderr=log) as process:
+        with subprocess.Popen([*command, *ports], stderr=subprocess.DEVNULL) as process:
             following = asyncio.create_task(self._follow())
             try:
                 await self.health_once(lambda health: health.get("roles", {}).get("engine") == "up", START_WITHIN_S)
@@ -56,7 +55,6 @@ class DrilledService:
                 following.cancel()
                 process.send_signal(signal.SIGTERM)
                 await asyncio.to_thread(process.wait, 60)
-                log.close()
 
     async def health(self) -> dict[str, Any]:
         """Empty if it does not answer."""
