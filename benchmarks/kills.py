@@ -61,7 +61,7 @@ def faults(revisions: Iterable[dict[str, Any]]) -> list[str]:
     """The faults in a stream as a subscriber received it, one sentence each."""
     found, seq, counts = [], 0, dict[str, int]()
     for revision in revisions:
-        if revision["seq"] != seq + 1:
+        if seq and revision["seq"] != seq + 1:
             found.append(f"number {revision['seq']} follows {seq}")
         seq = revision["seq"]
         expected = counts.get(revision["id"], 0) + 1

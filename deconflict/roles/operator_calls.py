@@ -3,7 +3,6 @@
 import asyncio
 import json
 import logging
-import sqlite3
 import time
 from collections.abc import Awaitable, Callable, Iterable
 from itertools import groupby
@@ -15,10 +14,12 @@ from deconflict.advisory import Acknowledgement
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api_sources import SourceUnavailableError
-from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
+from deconflict.operator.ledger.loss_ledger import LedgerEntry
+from deconflict.operator.ledger.optional_ledger import LossParcel, OptionalLedger
 from deconflict.operator.store.learned_file import LearnedFile
+from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
-from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.store.store import StoreError
 from deconflict.operator.store.tables import UnreadableAdvisoryError
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.engine_link.restoration import page_of_encounters, page_of_open
@@ -40,14 +41,14 @@ class OperatorCalls:
     def __init__(
         self,
         runtime: Path,
-        store: Store,
+        store: OptionalStore,
         publisher: Publisher,
         sources: OperatorSources,
         engine: EngineReport,
         learned_file: LearnedFile,
         keeper: Keeper,
         face_measures: Measures,
-        ledger: LossLedger,
+        ledger: OptionalLedger,
         situations: LiveSituations,
     ) -> None:
         """`face_measures` are those of the HTTP application."""
@@ -91,6 +92,7 @@ class OperatorCalls:
             raise SourceUnavailableError("NATS server")
 
     async def _restore(self, after: bytes) -> bytes:
+        self._store.note_engine()
         return await asyncio.to_thread(page_of_open, self._store, int(after))
 
     async def _encounters(self, after: bytes) -> bytes:
@@ -141,24 +143,19 @@ class OperatorCalls:
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
             await asyncio.to_thread(self._keeper.note, pairs)
         if head.get("losses"):
-            await asyncio.to_thread(self._add_losses, **head["losses"])
+            self._add_losses(**head["losses"])
         self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for
         return self._taken()
 
     def _add_losses(self, sender: str, number: int, entries: list[list[Any]]) -> None:
-        """Add losses to the ledger. Advisories do not wait for a ledger that fails."""
-        try:
-            self._ledger.add(sender, number, [LedgerEntry(*entry) for entry in entries])
-        except sqlite3.Error as error:
-            self._publisher.measures.count("deconflict_losses_dropped_total", by=len(entries))
-            log.warning("%d losses are missing in the ledger: %s", len(entries), error)
+        self._ledger.add(LossParcel(sender, number, [LedgerEntry(*entry) for entry in entries]))
 
     async def _last_losses(self, _: bytes) -> bytes:
         """The last parcel of losses that the ledger has: its sender and its number."""
         return json.dumps(await asyncio.to_thread(self._ledger.last_parcel)).encode()
 
     async def _add_stream_losses(self, payload: bytes) -> bytes:
-        await asyncio.to_thread(self._add_losses, **json.loads(payload))
+        self._add_losses(**json.loads(payload))
         return STORED
 
     async def _last_stored(self, _: bytes) -> bytes:

@@ -14,12 +14,13 @@ from pathlib import Path
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api import create_app
 from deconflict.operator.http.api_sources import Exposition
-from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.ledger.optional_ledger import OptionalLedger
 from deconflict.operator.outlets.outlets import Outlets
 from deconflict.operator.public_face import PublicFace
 from deconflict.operator.store.learned_file import LearnedFile
+from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.publisher import PRUNED, Publisher
-from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.store.store import StoreError
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.health.canary_health import CanaryHealth
 from deconflict.roles.operator_calls import OperatorCalls
@@ -38,6 +39,8 @@ PRUNE_EVERY_S = 3600.0
 MEASURE_SIZE_EVERY_S = 5.0
 REFRESH_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.2
+FILES_EVERY_S = 1.0
+"""How often files that can't be used are tried again."""
 
 
 class OperatorRole:
@@ -48,11 +51,11 @@ class OperatorRole:
         self.ready = asyncio.Event()
         """Set once its port is open."""
         self.port = 0
-        self._store = Store(data, follows_stream=bool(site.cluster))
+        self._store, measures = OptionalStore(data, follows_stream=bool(site.cluster)), Measures()
         engine = EngineReport(CanaryHealth(self._store))
-        self._ledger = LossLedger(data, site.losses)
+        self._ledger = OptionalLedger(data, site.losses, measures)
         self.sources = OperatorSources(site, runtime, data, engine, self._ledger)
-        self._publisher = Publisher(self._store, Measures())
+        self._publisher = Publisher(self._store, measures)
         app = create_app(self._publisher, self._store, self.sources, exposition, site)
         self._face = PublicFace(app, Certificates(site.operator.tls) if site.operator.tls else None)
         self._outlets = Outlets(self._store, self._publisher)
@@ -87,7 +90,8 @@ class OperatorRole:
         waiting = asyncio.create_task(until_either(stop.wait(), another_stream.wait()))
         self._outlets.renew(self._site.webhooks, self._site.mqtt)
         loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run())
-        tasks = [asyncio.create_task(loop) for loop in loops]
+        files = self._attach_store(), self._store_losses(), self.sources.files.run()
+        tasks = [asyncio.create_task(loop) for loop in (*loops, *files)]
         self.ready.set()
         try:
             await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
@@ -109,6 +113,21 @@ class OperatorRole:
         except OSError as error:
             raise PortTakenError("operator", host, port) from error
 
+    async def _attach_store(self) -> None:
+        """Use the file of advisories as soon as it can be used, and memory if it was removed."""
+        while True:
+            try:
+                if await asyncio.to_thread(self._store.attach):
+                    await self._publisher.renew_numbers()
+            except (StoreError, sqlite3.Error, OSError) as error:
+                log.warning("the file of advisories is tried again: %s", error)
+            await asyncio.sleep(FILES_EVERY_S)
+
+    async def _store_losses(self) -> None:
+        while True:
+            await asyncio.to_thread(self._ledger.store)
+            await asyncio.sleep(FILES_EVERY_S)
+
     async def _prune(self) -> None:
         """Remove advisories that were cleared long ago, now and every hour, and the oldest if they are too many."""
         pruned_s = -inf
@@ -126,7 +145,7 @@ class OperatorRole:
     async def _prune_losses(self) -> None:
         try:
             await asyncio.to_thread(self._ledger.prune, time.time())
-        except sqlite3.Error as error:
+        except (sqlite3.Error, OSError) as error:
             log.warning("old losses can't be removed: %s", error)
 
     async def _remove(self, reason: str, text: str, prune: Callable[[], int]) -> None:

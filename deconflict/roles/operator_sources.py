@@ -12,8 +12,9 @@ from typing import Any
 from deconflict.engine.load_shedding import Effort
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.http.api_sources import SourceUnavailableError
-from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
 from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.optional_ledger import OptionalLedger
 from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.operator.store.store import StoreError
@@ -21,6 +22,7 @@ from deconflict.operator.vendor_health import vendor_health
 from deconflict.roles.health.admission_health import admission_document, pairs_document
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
 from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
+from deconflict.roles.health.file_health import FileHealth, data_files
 from deconflict.roles.health.recording_health import RecordingHealth
 from deconflict.roles.role_files import preparation, restarts, role_processes, supervisor_health
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
@@ -57,7 +59,7 @@ class EngineReport:
 class OperatorSources:
     """The `Sources` of the API. Asks the other roles at each request."""
 
-    def __init__(self, site: Site, runtime: Path, data: Path, engine: EngineReport, ledger: LossLedger) -> None:
+    def __init__(self, site: Site, runtime: Path, data: Path, engine: EngineReport, ledger: OptionalLedger) -> None:
         self._is_cluster, self._runtime, self._engine = bool(site.cluster), runtime, engine
         self._receiver = AsyncCaller(runtime, "follower" if site.cluster else "receiver")
         self._ledger = ledger
@@ -65,7 +67,7 @@ class OperatorSources:
         self.history = History(site, data / "log")
         self.notice = ""
         """A sentence for people that the page shows."""
-        self._recording = RecordingHealth()
+        self._recording, self.files = RecordingHealth(), FileHealth(data_files(site, data))
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots", uuid.encode())
@@ -114,6 +116,7 @@ class OperatorSources:
             "recording": self._recording.document(time.monotonic()),
             "admission": admission_document(receiver or []),
             "pairs": pairs_document(self._engine.measures),
+            "files": self.files.document(time.monotonic(), {LOSSES: self._ledger.outage}),
             "supervisor": supervisor_health(self._runtime),
         }
         if not self._is_cluster:

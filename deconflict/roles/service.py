@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import os
 import tempfile
 import threading
 import time
@@ -29,9 +30,16 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
+IN_MEMORY = Path("/dev/shm")  # noqa: S108 - only this user can enter what is made there
+
+
 def runtime_directory() -> tempfile.TemporaryDirectory[str]:
-    """A directory for sockets that only this user can enter, with a path short enough for a Unix socket."""
-    return tempfile.TemporaryDirectory(prefix="deconflict-")
+    """A directory for sockets that only this user can enter, with a path short enough for a Unix socket.
+
+    It is in memory where possible: the service needs it also if every disk is full.
+    """
+    parent = IN_MEMORY if os.access(IN_MEMORY, os.W_OK | os.X_OK) else None
+    return tempfile.TemporaryDirectory(prefix="deconflict-", dir=parent)
 
 
 @asynccontextmanager

@@ -21,17 +21,23 @@ class DataDirectoryError(OSError):
 def create_data_directory(directory: Path) -> None:
     """Create it if needed. What this process and its children write from now on is for its user and group only.
 
-    Raises `DataDirectoryError` for one that can't be made or written to.
+    Raises `DataDirectoryError` if a file has its place. A disk that is missing, full or read-only is logged only: the
+    service warns without it, and uses it once it can.
     """
     os.umask(os.umask(OTHERS) | OTHERS)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
+    except (FileExistsError, NotADirectoryError) as error:
         raise DataDirectoryError(
             f"{directory} can't be made a data directory: {error.strerror}; {ELSEWHERE}"
         ) from error
+    except OSError as error:
+        log.error(
+            "%s can't be made: %s; nothing is kept until it can; mend its disk, or %s", directory, error, ELSEWHERE
+        )
+        return
     if not os.access(directory, os.W_OK | os.X_OK):
-        raise DataDirectoryError(f"{directory} can't be written to; {ELSEWHERE}")
+        log.error("%s can't be written to; nothing is kept until it can; mend its disk, or %s", directory, ELSEWHERE)
 
 
 @contextmanager
@@ -42,8 +48,8 @@ def locked(directory: Path, parts: Iterable[str]) -> Iterator[None]:
     """
     with ExitStack() as locks:
         for part in parts:
-            lock = locks.enter_context((directory / f".{part}.lock").open("w"))
             try:
+                lock = locks.enter_context((directory / f".{part}.lock").open("w"))
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise DataDirectoryError(f"{directory} is in use by another service; {ELSEWHERE}") from error

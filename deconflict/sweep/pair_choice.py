@@ -57,15 +57,17 @@ class Budget(NamedTuple):
     """In all passes, for each robot of the floor,"""
     held_spare: int
     """and so much more."""
+    least: int
+    """For each robot that changed, however much is held: a source that holds all takes nothing from others."""
 
     def of_pass(self, changed: int, robots: int, held: int) -> int:
         """What may be examined in a pass in which so many of `robots` robots changed, while so much of other robots is
         held."""
         room = self.held * robots + self.held_spare - held
-        return max(ALWAYS * changed, min(self.changed * changed + self.spare, room))
+        return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(20, 200, 6, 500), Budget(12, 100, 7, 200)
+BOXES, PAIRS = Budget(20, 200, 6, 500, 10), Budget(12, 100, 7, 200, 6)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 

@@ -109,7 +109,7 @@ class Keeper:
     def _is_recorded(self, pairs: Sequence[NearPair]) -> bool:
         """Whether the log has all the time after the pairs, or the wait for it has lasted long enough."""
         after_s = self.site.blackbox.after_s
-        if ends_s(self._log) >= max(pair.at_s for pair in pairs) + after_s:
+        if _ends_s(self._log) >= max(pair.at_s for pair in pairs) + after_s:
             self._logged_behind = False
             return True
         late_s = time.monotonic() - self._pending[len(pairs) - 1][0] - after_s - SETTLE_S
@@ -192,6 +192,14 @@ class Keeper:
             log.warning("%s can't be read: %s", path, error)
         else:
             self.note(pairs)
+
+
+def _ends_s(log_folder: Path) -> float:
+    """As of `ends_s`; 0 while the recording can't be read."""
+    try:
+        return ends_s(log_folder)
+    except OSError:
+        return 0.0
 
 
 _PAIRS = msgspec.json.Decoder(list[NearPair])

@@ -62,7 +62,7 @@ class ApiRoutes:
         """Every revision of one advisory."""
         revisions = self._store.get(advisory_id)
         if not revisions:
-            raise _no_advisory(advisory_id)
+            raise self._not_found("advisory", advisory_id)
         return json_response(RevisionList(advisories=revisions))
 
     def situations(
@@ -91,7 +91,7 @@ class ApiRoutes:
         """Every revision of one situation."""
         revisions = situations_of(self._store.get(situation_id))
         if not revisions:
-            raise _no_situation(situation_id)
+            raise self._not_found("situation", situation_id)
         return json_response(SituationRevisions(situations=revisions))
 
     async def acknowledge(self, advisory_id: str, answer: Answer, request: Request) -> Response:
@@ -106,14 +106,19 @@ class ApiRoutes:
         acknowledgement = Acknowledgement(name=name, reason=answer.reason, at=datetime.now(UTC), summary=summary)
         answered = await self._publisher.acknowledge(advisory_id, acknowledgement)
         if answered is None:
-            raise _no_advisory(advisory_id)
+            raise self._not_found("advisory", advisory_id)
         return json_response(answered, 201)
 
     async def acknowledge_situation(self, situation_id: str, answer: Answer, request: Request) -> Response:
         """Acknowledge a situation by name and with a reason. Everybody sees it, and the stream sends it."""
         if not situations_of(await asyncio.to_thread(self._store.get, situation_id)):
-            raise _no_situation(situation_id)
+            raise self._not_found("situation", situation_id)
         return await self.acknowledge(situation_id, answer, request)
+
+    def _not_found(self, what: str, wanted_id: str) -> Exception:
+        if self._store.outage:
+            return StoreError(f"no {what} {wanted_id!r} is known while older ones can't be read: {self._store.outage}")
+        return HTTPException(404, f"no {what} {wanted_id!r} is stored; cleared ones are removed in time")
 
     async def robots(
         self, vendor: Annotated[str | None, Query(description="only robots of this vendor")] = None
@@ -169,6 +174,8 @@ class ApiRoutes:
                 stored |= {"set_aside": renewal.file, "copied": renewal.salvage.copied, "lost": renewal.salvage.lost}
                 if datetime.now(UTC) - renewal.at < RENEWAL_SHOWN:
                     stored |= {"status": "begun anew", "reason": str(renewal)}
+            if self._store.outage:
+                stored |= {"status": "in memory", "reason": self._store.outage}
             if self._publisher.failing:
                 unstored = {"reason": self._publisher.failing, "unstored": self._store.unstored}
                 stored |= {"status": "failing", **unstored}
@@ -216,11 +223,3 @@ async def source_unavailable(_: Request, error: Exception) -> Response:
 
 async def store_failed(_: Request, error: Exception) -> Response:
     return json_response(Problem(detail=str(error), role="store"), 503)
-
-
-def _no_advisory(advisory_id: str) -> HTTPException:
-    return HTTPException(404, f"no advisory {advisory_id!r} is stored; cleared ones are removed in time")
-
-
-def _no_situation(situation_id: str) -> HTTPException:
-    return HTTPException(404, f"no situation {situation_id!r} is stored; cleared ones are removed in time")

@@ -141,6 +141,14 @@ class Publisher:
             self._storing = asyncio.create_task(self._store_all())
         return self._storing
 
+    async def renew_numbers(self) -> None:
+        """The store has begun to use another database: perhaps with other numbers."""
+        async with self._appending:
+            with self._tail_lock:
+                self._tail.clear()
+            self.last_seq = await asyncio.to_thread(self._store.last_seq)
+        self._news.announce()
+
     async def close(self) -> None:
         """Store the rest. Logs how many revisions the disk did not take."""
         await asyncio.wait({self._begin_storing()}, timeout=DISK_TIMEOUT_S)

@@ -7,15 +7,15 @@ import logging
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
 
 from deconflict.operator.store.migrations import TABLES, UPGRADES
-from deconflict.operator.store.reserved_numbers import ReservedNumbers
-from deconflict.operator.store.salvage import Salvage, salvage
+from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers
+from deconflict.operator.store.recovery.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
 
 log = logging.getLogger(__name__)
@@ -50,6 +50,19 @@ class Renewal(NamedTuple):
         return f"{FILE_NAME} was damaged and is kept as {self.file}; {', '.join(parts)}"
 
 
+class FileConnections(NamedTuple):
+    """The connections to the file."""
+
+    writer: sqlite3.Connection
+    numberer: sqlite3.Connection
+    reader: sqlite3.Connection
+    long_reader: sqlite3.Connection
+
+    def close(self) -> None:
+        for db in reversed(self):
+            db.close()
+
+
 class SqliteConnections:
     """Transactions on the file of one directory. Errors become `StoreError`.
 
@@ -66,24 +79,25 @@ class SqliteConnections:
         self._is_damaged, self._renewed_s = False, float("-inf")
         self.renewal: Renewal | None = None
         """The last one since the start."""
-        with self._explained_errors():
-            directory.mkdir(parents=True, exist_ok=True)
         self._reserved = ReservedNumbers(directory)
         self._known_seq = 0 if follows_stream else self._reserved.last
         """Every number up to this may be in use; those of revisions that wait for the disk are above it."""
-        try:
-            self._open()
-        except DamagedStoreError:
-            self._begin_anew()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._use(self._opened_or_renewed())
 
     @contextmanager
     def writing(self) -> Iterator[sqlite3.Connection]:
         with self._transaction(lambda: self._writer, self._write_lock, "BEGIN IMMEDIATE") as db:
             yield db
-            last = last_seq(db)
-            if not self._follows_stream:
-                self._reserved.reserve(last)
-        self._known_seq = last
+            self._note_last(last_seq(db))
+
+    def _note_last(self, seq: int) -> None:
+        """Revisions up to this number are about to be stored."""
+        if not self._follows_stream:
+            self._reserved.reserve(seq)
+        self._known_seq = seq
 
     def reading(self) -> AbstractContextManager[sqlite3.Connection]:
         return self._transaction(lambda: self._reader, self._read_lock, "BEGIN")
@@ -114,19 +128,36 @@ class SqliteConnections:
                     part.replace(aside.with_name(aside.name + suffix))
         return aside
 
-    def _open(self) -> None:
-        """Open the file, and create or upgrade its tables. Closes it again if that fails."""
+    def _use(self, file: FileConnections) -> None:
+        self._writer, self._numberer, self._reader, self._long_reader = file
+        status = self.path.stat()
+        self._identity = status.st_dev, status.st_ino
+
+    def _opened_or_renewed(self) -> FileConnections:
+        """Raises `StoreError`."""
+        try:
+            return self._opened()
+        except DamagedStoreError:
+            if not self._may_renew():
+                raise
+            return self._renewed()
+
+    def _opened(self) -> FileConnections:
+        """Connections to the file, with its tables created or upgraded. Closes them again if that fails."""
         with ExitStack() as opened, self._explained_errors():
-            connections = [opened.enter_context(closing(self._connect())) for _ in range(4)]
-            self._writer, self._numberer, self._reader, self._long_reader = connections
-            self._check_tables(self._writer)
-            self._upgrade(self._writer)
-            for reader in connections[1:]:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            file = FileConnections(*(opened.enter_context(closing(self._connect())) for _ in range(4)))
+            self._check_tables(file.writer)
+            self._upgrade(file.writer)
+            for db in file:
+                db.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_S * 1000:.0f}")
+            for reader in file[1:]:
                 reader.execute("PRAGMA query_only = ON")
             opened.pop_all()
+        return file
 
     def _connect(self) -> sqlite3.Connection:
-        db = sqlite3.connect(self.path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False)
+        db = sqlite3.connect(self.path, timeout=self._open_timeout_s(), isolation_level=None, check_same_thread=False)
         try:
             db.execute("PRAGMA journal_mode = WAL")
             db.execute("PRAGMA synchronous = FULL")
@@ -143,8 +174,11 @@ class SqliteConnections:
         if lacks_some or (version == 0 and tables):
             raise DamagedStoreError(f"{self.path} has other tables: it is set aside, and a new one is begun")
 
+    def _open_timeout_s(self) -> float:
+        return BUSY_TIMEOUT_S
+
     def _upgrade(self, db: sqlite3.Connection) -> None:
-        with _begun(db, "BEGIN IMMEDIATE"):
+        with begun(db, "BEGIN IMMEDIATE"):
             (version,) = db.execute("PRAGMA user_version").fetchone()
             if version > len(UPGRADES):
                 raise StoreError(
@@ -156,32 +190,37 @@ class SqliteConnections:
             if version < len(UPGRADES):
                 db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
             if version == 0 and self._known_seq:
-                log.warning("%s is new; its numbers continue after %d", self.path, self._known_seq)
+                if self._reserved.last:
+                    log.warning("%s is new; its numbers continue after %d", self.path, self._known_seq)
                 begin_after(db, self._known_seq)
             self._known_seq = last_seq(db)
 
-    def _begin_anew(self) -> None:
+    def _renewed(self) -> FileConnections:
         """Replace the closed, damaged file by one with what can be read of it. Raises `StoreError`."""
         at = datetime.now(UTC)
         aside = self.set_aside(at)
-        self._open()
+        file = self._opened()
         try:
             salvaged = salvage(aside, self.path, self._known_seq)
         except sqlite3.Error as error:
             log.warning("nothing is copied from %s: %s", aside, error)
             salvaged = Salvage(copied=0, lost=0, is_complete=False)
         with self._explained_errors():
-            self._known_seq = last_seq(self._writer)
+            self._known_seq = last_seq(file.writer)
         self.renewal = Renewal(at, aside.name, salvaged)
         self._is_damaged, self._renewed_s = False, time.monotonic()
         log.error("%s", self.renewal)
+        return file
+
+    def _may_renew(self) -> bool:
+        return time.monotonic() - self._renewed_s > RENEW_EVERY_S
 
     def _renew_if_damaged(self) -> None:
-        if self._is_damaged and time.monotonic() - self._renewed_s > RENEW_EVERY_S:
+        if self._is_damaged and self._may_renew():
             with self._all_locked():
                 if self._is_damaged:
                     self._close()
-                    self._begin_anew()
+                    self._use(self._renewed())
 
     @contextmanager
     def _all_locked(self) -> Iterator[None]:
@@ -193,8 +232,12 @@ class SqliteConnections:
         self, connection: Callable[[], sqlite3.Connection], lock: Lock, begin: str
     ) -> Iterator[sqlite3.Connection]:
         self._renew_if_damaged()
-        with lock, self._explained_errors(), _begun(connection(), begin) as db:
+        with lock, self._connection_lock(), self._explained_errors(), begun(connection(), begin) as db:
             yield db
+
+    def _connection_lock(self) -> AbstractContextManager[object]:
+        """Held by the thread that uses a connection which several names stand for."""
+        return nullcontext()
 
     @contextmanager
     def _explained_errors(self) -> Iterator[None]:
@@ -210,7 +253,7 @@ class SqliteConnections:
 
 
 @contextmanager
-def _begun(db: sqlite3.Connection, begin: str) -> Iterator[sqlite3.Connection]:
+def begun(db: sqlite3.Connection, begin: str) -> Iterator[sqlite3.Connection]:
     db.execute(begin)
     try:
         yield db

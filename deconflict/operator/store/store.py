@@ -43,9 +43,13 @@ MOST_PAST = 2_000
 class Store:
     """The advisories of one directory. Every method may be called from any thread, and may block on the disk."""
 
+    outage: str | None = None
+    """Why the file is not in use; None if it is."""
+    connects: type[SqliteConnections] = SqliteConnections
+
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         """Open or create the file in `directory`. Raises `StoreError`. `follows_stream`: as of `SqliteConnections`."""
-        self._connections = SqliteConnections(directory, follows_stream=follows_stream)
+        self._connections = self.connects(directory, follows_stream=follows_stream)
         self.path = self._connections.path
         self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []
@@ -292,12 +296,9 @@ class Store:
             ordinals = dict(tables.encounters_after(db, pair, limit))
             is_last = len(ordinals) < limit
         end = max(ordinals, default=pair)
-        for revision in pending:
-            if (
-                isinstance(revision, ConflictAdvisory)
-                and pair < revision.robots
-                and (is_last or revision.robots <= end)
-            ):
+        conflicts = (each for each in pending if isinstance(each, ConflictAdvisory) and pair < each.robots)
+        for revision in conflicts:
+            if is_last or revision.robots <= end:
                 ordinals[revision.robots] = max(revision.encounter, ordinals.get(revision.robots, 0))
         return sorted(ordinals.items())
 

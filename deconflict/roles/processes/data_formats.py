@@ -14,7 +14,7 @@ from deconflict.operator.store import learned_file, migrations, sqlite_connectio
 from deconflict.runtime import learned_state
 from deconflict.runtime.data_lock import DataDirectoryError
 from ingest.fleet.owners import owner_file, owner_register
-from ingest.fleet.recovery import kept_messages
+from ingest.fleet.recovery import kept_rows
 
 HEADER = slice(0, 16)
 MAGIC = b"SQLite format 3\0"
@@ -70,7 +70,7 @@ def _learned_stateat(path: Path) -> int | None:
 FILES: dict[str, tuple[Callable[[Path], int | None], int]] = {
     sqlite_connections.FILE_NAME: (_database_format, len(migrations.UPGRADES)),
     loss_ledger.FILE_NAME: (_database_format, len(ledger_formats.UPGRADES)),
-    kept_messages.FILE_NAME: (_database_format, kept_messages.FORMAT),
+    kept_rows.FILE_NAME: (_database_format, kept_rows.FORMAT),
     owner_file.FILE_NAME: (_json_format, owner_register.FORMAT),
     learned_file.FILE_NAME: (_learned_stateat, learned_state.FORMAT),
 }

@@ -95,4 +95,7 @@ class Supervisor:
 
     def _write_roles(self) -> None:
         self._written_s = time.monotonic()
-        write(self._runtime / ROLES_FILE, json.dumps({role.role: role.document() for role in self.roles}))
+        try:
+            write(self._runtime / ROLES_FILE, json.dumps({role.role: role.document() for role in self.roles}))
+        except OSError as error:
+            log.error("health can't see the roles: %s; free some space in %s", error, self._runtime)

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from contextlib import suppress
 from pathlib import Path
 
 from ingest.fleet.owners.robot_owners import RobotOwners
@@ -23,33 +24,54 @@ class OwnerFile:
         self._path, self._owners, self._measures = directory / FILE_NAME, owners, measures
         self._written = 0
         """The number of changes at the last write."""
+        self._is_unread = False
+        """Whether the file is there and could not be read. Then it is not replaced, since it may be sound."""
         for operation in ("read", "write"):
             measures.count(FAILURES, operation, by=0)
-        try:
-            self._read()
-        except (OSError, ValueError) as error:
-            self._fail("read", f"{error}; it is set aside as {FILE_NAME}{ASIDE}, and owners are entered anew")
+        self._enter(self._read())
 
-    def _read(self) -> None:
-        if not self._path.exists():
+    def _read(self) -> bytes | None:
+        """The content of the file; None if there is none, or it can't be read for now."""
+        try:
+            data = self._path.read_bytes()
+        except FileNotFoundError:
+            data = None
+        except OSError as error:
+            if not self._is_unread:
+                self._fail("read", f"{error}; it is read later; check its owner and its disk")
+            self._is_unread = True
+            return None
+        self._is_unread = False
+        return data
+
+    def _enter(self, data: bytes | None) -> None:
+        """Enter what the file has. It was entered first, so it counts more than what was entered since."""
+        if data is None:
             return
         try:
-            self._owners.register.read(self._path.read_bytes(), self._owners.vendors)
-        except ValueError:
-            set_file_aside(self._path)
-            raise
+            self._owners.register.read(data, self._owners.vendors)
+        except ValueError as error:
+            self._fail("read", f"{error}; it is set aside as {FILE_NAME}{ASIDE}, and owners are entered anew")
+            with suppress(OSError):
+                set_file_aside(self._path)
 
     async def keep(self) -> None:
         """Write every change soon, until cancelled."""
         while True:
             await asyncio.sleep(WRITE_EVERY_S)
             self._count_forgotten()
-            if (changes := self._owners.register.changes) != self._written:
+            if self._is_unread:
+                self._enter(await asyncio.to_thread(self._read))
+            is_removed = self._written and not await asyncio.to_thread(self._path.exists)
+            changes = self._owners.register.changes
+            if not self._is_unread and (is_removed or changes != self._written):
                 await asyncio.to_thread(self._replace, self._owners.register.to_bytes(self._owners.vendors), changes)
 
     def write(self) -> None:
         """Write what has changed."""
-        if (changes := self._owners.register.changes) != self._written:
+        if self._is_unread:
+            self._enter(self._read())
+        if not self._is_unread and (changes := self._owners.register.changes) != self._written:
             self._replace(self._owners.register.to_bytes(self._owners.vendors), changes)
 
     def _replace(self, data: bytes, changes: int) -> None:

@@ -8,76 +8,46 @@ So one of the two newest segments or the file has the last status of each robot 
 """
 
 import asyncio
-import json
 import logging
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
-from typing import NamedTuple
-
-import msgspec
 
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.recovery.kept_rows import (
+    BUSY_TIMEOUT_S,
+    FILE_NAME,
+    FORMAT,
+    IDENTITY,
+    SECOND_FORMAT,
+    STATUS,
+    TABLE,
+    Changes,
+    Row,
+    file_version,
+    is_damage,
+    read_rows,
+    replace_rows,
+)
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
-from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
 from ingest.port.connection import KEPT, Connection
 from ingest.recording.log_reader import Received
 from ingest.recording.replaced_file import ASIDE, set_file_aside
 
-FILE_NAME = "robots.db"
-FORMAT = 2
 WRITE_EVERY_S, RETRY_S = 1.0, 10.0
 HEARD_EVERY_S = 3600.0
 """How often the file is told when each robot was last heard. After a kill it may lack so much."""
-BUSY_TIMEOUT_S = 5.0
-ROWS_AT_ONCE = 500
-"""Rows of one statement: a thread that runs a statement for each row waits for the other threads after each."""
+READ_TIMEOUT_S = 1.0
+"""How long a start waits for a file that another program keeps locked. It is read later then."""
+READ_AT_ONCE = 200
+"""Messages that are read late between two turns of the event loop."""
 FAILURES = "deconflict_kept_messages_failures_total"
-IDENTITY, STATUS = "identity", "status"
-TABLE = (
-    "CREATE TABLE IF NOT EXISTS messages (kind TEXT, uuid TEXT, arrival_s REAL, raw BLOB, peer TEXT, vendor TEXT, "
-    "language TEXT, topic TEXT, heard_s REAL, PRIMARY KEY (kind, uuid))"
-)
-SECOND_FORMAT = ("ALTER TABLE messages ADD COLUMN heard_s REAL", "UPDATE messages SET heard_s = arrival_s")
-"""Makes it of the first. The write that does so knows better of identities, and writes them all."""
 
 log = logging.getLogger(__name__)
-
-
-class Row(NamedTuple):
-    """The values of the columns."""
-
-    kind: str
-    uuid: str
-    arrival_s: float
-    raw: bytes
-    peer: str
-    vendor: str | None
-    language: str
-    topic: str
-    heard_s: float
-    """When the robot was last heard."""
-
-
-class _Changes(NamedTuple):
-    """What is to be written."""
-
-    identities: dict[str, Row | None]
-    """By UUID. None for a robot that has none any more."""
-    gone: list[str]
-    """UUIDs of robots of which nothing is kept any more."""
-    is_whole: bool
-    """Whether these are the identities of all robots, so that the file keeps no other."""
-    statuses: list[Row] | None
-    """Those of all robots that have not reported since `before_s`. None if the ones in the file stay."""
-    before_s: float
-    heard_s: dict[str, float] | None
-    """By UUID, when robots with an identity were last heard. None if what the file has stays."""
-    now_s: float
 
 
 class KeptMessages:
@@ -98,6 +68,8 @@ class KeptMessages:
         """When the file was last told when robots were heard."""
         self._is_failing = False
         """Whether the last write failed."""
+        self._is_unread = False
+        """Whether the file could not be read at the start, and may have what the fleet lacks."""
         self._statuses_before_s = -inf
         """The `before_s` of the statuses in the file."""
         for operation in ("read", "write"):
@@ -112,19 +84,43 @@ class KeptMessages:
         self._since_s = now_s - self._fleet.reading.silent_after_s
         heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
         try:
-            rows, unreadable = _rows(self._path)
+            rows, unreadable = read_rows(self._path, READ_TIMEOUT_S)
             rows = [row for row in rows if row.heard_s >= heard_since_s]
             if unreadable:
                 self._fail("read", f"{unreadable} rows of {FILE_NAME} are not as this service writes them; left out")
             self._heard_s = {row.uuid: row.heard_s for row in rows if row.kind == IDENTITY}
             return [self._settled(row, now_s) for row in rows]
-        except sqlite3.DatabaseError as error:
-            if _is_damage(error):
+        except (sqlite3.DatabaseError, OSError) as error:
+            if isinstance(error, sqlite3.DatabaseError) and is_damage(error):
                 self._set_aside("read", error)
             else:
-                self._lacks_none = True
-                self._fail("read", f"{error}; check the owner of {FILE_NAME}")
+                self._lacks_none = self._is_unread = True
+                self._fail("read", f"{error}; it is read later; check {FILE_NAME}: its owner, and what keeps it locked")
         return []
+
+    async def _read_late(self, now_s: float) -> None:
+        """Give robots the identities of the file that was not read at the start, except those that have one."""
+        try:
+            rows, _ = await asyncio.to_thread(read_rows, self._path, READ_TIMEOUT_S)
+        except (sqlite3.DatabaseError, OSError) as error:
+            if isinstance(error, sqlite3.DatabaseError) and is_damage(error):
+                self._set_aside("read", error)
+                self._lacks_none = self._is_unread = False
+            return
+        self._is_unread = False
+        heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
+        wanted = [row for row in rows if row.kind == IDENTITY and row.heard_s >= heard_since_s and self._is_lacked(row)]
+        for at in range(0, len(wanted), READ_AT_ONCE):
+            measures, self._fleet.measures = self._fleet.measures, Measures()
+            for message in (self._settled(row, now_s) for row in wanted[at : at + READ_AT_ONCE]):
+                self._fleet.receive(message.raw, now_s, message.connection)
+            self._fleet.measures = measures
+            await asyncio.sleep(0)
+        log.warning("%s is read now: %d robots have their identity again", FILE_NAME, len(wanted))
+
+    def _is_lacked(self, row: Row) -> bool:
+        robot = self._fleet.robots.get(row.uuid)
+        return robot is None or robot.shared_identity is None
 
     def _settled(self, row: Row, now_s: float) -> Received:
         vendor = None if row.topic else row.vendor
@@ -137,6 +133,10 @@ class KeptMessages:
         wait_s = WRITE_EVERY_S
         while True:
             await asyncio.sleep(wait_s)
+            if self._is_unread:
+                await self._read_late(now_s())
+            elif self._lacks_none and not await asyncio.to_thread(self._path.exists):
+                self._lacks_none = False  # somebody has removed it
             if changes := self._changes(leaving_before_s(), now_s()):
                 writing = asyncio.create_task(self._write_in_thread(changes))
                 try:
@@ -146,7 +146,7 @@ class KeptMessages:
                     raise
                 wait_s = RETRY_S if self._is_failing else WRITE_EVERY_S
 
-    async def _write_in_thread(self, changes: _Changes) -> None:
+    async def _write_in_thread(self, changes: Changes) -> None:
         self._note_written(changes, await asyncio.to_thread(self._write, changes))
 
     def write(self, leaving_before_s: float, now_s: float) -> None:
@@ -155,7 +155,7 @@ class KeptMessages:
         if changes := self._changes(leaving_before_s, now_s):
             self._note_written(changes, self._write(changes))
 
-    def _changes(self, leaving_before_s: float, now_s: float) -> _Changes | None:
+    def _changes(self, leaving_before_s: float, now_s: float) -> Changes | None:
         """What is to be written now. None if nothing is."""
         is_due = leaving_before_s > self._statuses_before_s
         statuses = list(self._rare_statuses(leaving_before_s, now_s)) if is_due else None
@@ -165,7 +165,7 @@ class KeptMessages:
         identities = {uuid: self._row(uuid) for uuid in (changed.union(self._fleet.robots) if is_whole else changed)}
         heard_s = self._newly_heard() if abs(now_s - self._heard_noted_s) >= HEARD_EVERY_S else None
         gone = [uuid for uuid in changed if uuid not in self._fleet.robots]
-        changes = _Changes(identities, gone, is_whole, statuses, leaving_before_s, heard_s, now_s)
+        changes = Changes(identities, gone, is_whole, statuses, leaving_before_s, heard_s, now_s)
         return changes if identities or is_due or heard_s else None
 
     def _row(self, uuid: str) -> Row | None:
@@ -194,25 +194,25 @@ class KeptMessages:
             if robot.arrival_s >= since_s and robot.status_from and robot.examined:
                 yield _status_row(robot, robot.status_from)
 
-    def _write(self, changes: _Changes) -> bool | None:
+    def _write(self, changes: Changes) -> bool | None:
         """Write the changes. Returns whether the file is new; None if it can't be written. For any thread."""
         try:
             with closing(sqlite3.connect(self._path, timeout=BUSY_TIMEOUT_S)) as db, db:
-                version = _version(db)
+                version = file_version(db)
                 if version < FORMAT:
                     for statement in SECOND_FORMAT if version else (TABLE,):
                         db.execute(statement)
                     db.execute(f"PRAGMA user_version = {FORMAT}")
-                _replace(db, changes)
+                replace_rows(db, changes)
                 return not version
         except sqlite3.DatabaseError as error:
-            if _is_damage(error):
+            if is_damage(error):
                 self._set_aside("write", error)
             else:
                 self._fail("write", f"{error}; free some space, or check the owner of the directory")
         return None
 
-    def _note_written(self, changes: _Changes, is_new: bool | None) -> None:
+    def _note_written(self, changes: Changes, is_new: bool | None) -> None:
         self._is_failing = is_new is None
         if is_new is None:
             self._changed.update(changes.identities)
@@ -237,36 +237,10 @@ class KeptMessages:
             log.warning("identity reports can't be kept for a restart: %s", message)
 
 
-def _rows(path: Path) -> tuple[list[Row], int]:
-    """The rows of a file, the oldest first, without those of languages that are not read; and how many rows can't be
-    read. Raises `sqlite3.Error`.
-
-    The first format does not say when robots were heard; it counts as when the file was last written.
-    """
-    if not path.exists():
-        return [], 0
-    with closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as db:
-        if not (version := _version(db)):
-            return [], 0
-        heard_s = "heard_s" if version == FORMAT else repr(path.stat().st_mtime)
-        columns = ", ".join([*Row._fields[:-1], heard_s])
-        found = db.execute(f"SELECT {columns} FROM messages ORDER BY arrival_s, kind").fetchall()  # noqa: S608 - names
-    rows = [row for values in found if (row := _row(values))]
-    return [row for row in rows if row.language in FRONT_ENDS], len(found) - len(rows)
-
-
-def _row(values: tuple[object, ...]) -> Row | None:
-    """The row with these values; None if they are of other types, which SQLite does not prevent."""
-    with suppress(msgspec.ValidationError):
-        row = msgspec.convert(values, Row, builtin_types=(bytes,))
-        return row if isfinite(row.arrival_s) and isfinite(row.heard_s) else None
-    return None
-
-
 def kept_identities(log_directory: Path) -> list[Received]:
     """The identity reports that are kept beside a log, the oldest first. Empty if they can't be read."""
     try:
-        return [_received(row) for row in _rows(log_directory.parent / FILE_NAME)[0] if row.kind == IDENTITY]
+        return [_received(row) for row in read_rows(log_directory.parent / FILE_NAME)[0] if row.kind == IDENTITY]
     except sqlite3.Error as error:
         log.warning("the identity reports of %s can't be read: %s", FILE_NAME, error)
         return []
@@ -287,43 +261,3 @@ def _status_row(robot: Robot, connection: Connection) -> Row:
     peer = connection.peer if connection.topic else connection.source
     sender = peer, connection.vendor, connection.language, connection.topic
     return Row(STATUS, robot.uuid, robot.arrival_s, robot.status_raw, *sender, robot.arrival_s)
-
-
-def _version(db: sqlite3.Connection) -> int:
-    """The format of a file; 0 if it has no table yet. Raises `DatabaseError` for a format that this release does not
-    read."""
-    (found,) = db.execute("PRAGMA user_version").fetchone()
-    if found not in range(FORMAT + 1):
-        raise sqlite3.DatabaseError(f"it has format {found} and this release reads up to {FORMAT}")
-    return int(found)
-
-
-def _is_damage(error: sqlite3.DatabaseError) -> bool:
-    """Whether the file is at fault, not its disk or another program: its pages, or its tables."""
-    return not isinstance(error, sqlite3.OperationalError) or getattr(error, "sqlite_errorname", "") == "SQLITE_ERROR"
-
-
-def _replace(db: sqlite3.Connection, changes: _Changes) -> None:
-    """Put the changes in the place of what the file has."""
-    if changes.is_whole:
-        db.execute("DELETE FROM messages WHERE kind = ?", (IDENTITY,))
-    else:
-        uuids = json.dumps(list(changes.identities))
-        db.execute(
-            "DELETE FROM messages WHERE kind = ? AND uuid IN (SELECT value FROM json_each(?))", (IDENTITY, uuids)
-        )
-    db.execute("DELETE FROM messages WHERE uuid IN (SELECT value FROM json_each(?))", (json.dumps(changes.gone),))
-    rows = [row for row in changes.identities.values() if row]
-    if changes.statuses is not None:
-        db.execute("DELETE FROM messages WHERE kind = ?", (STATUS,))
-        rows += changes.statuses
-    for at in range(0, len(rows), ROWS_AT_ONCE):
-        part = rows[at : at + ROWS_AT_ONCE]
-        places = ",".join(["(?, ?, ?, ?, ?, ?, ?, ?, ?)"] * len(part))
-        values = [value for row in part for value in row]
-        db.execute(f"INSERT OR REPLACE INTO messages VALUES {places}", values)  # noqa: S608 - question marks
-    if changes.heard_s:
-        db.execute(
-            "UPDATE messages SET heard_s = heard.value FROM json_each(?) AS heard WHERE kind = ? AND uuid = heard.key",
-            (json.dumps(changes.heard_s), IDENTITY),
-        )

@@ -1,5 +1,6 @@
 """Rebuilds the state of a fleet from the end of its message log, and from the messages that were kept beside it."""
 
+import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -10,6 +11,8 @@ from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Closed, Event, Given, LogReader, Received, begun_s, segments
+
+log = logging.getLogger(__name__)
 
 FEWEST_SEGMENTS = 2
 """Newest segments of the log that are read at a start, however large they are."""
@@ -42,7 +45,7 @@ def recover(
     """
     measures, fleet.measures = fleet.measures, Measures()
     since_s, messages, connection = now_s - fleet.reading.silent_after_s, 0, 0
-    for event in _in_order(kept, LogReader().read(_newest(files, since_s))):
+    for event in _in_order(kept, _logged(files, since_s)):
         if isinstance(event, Received | Closed):
             connection = max(connection, event.connection.id)
         if isinstance(event, Given):
@@ -71,6 +74,14 @@ def summary(fleet: Fleet, found: Recovered) -> str:
         f"the floor is restored: {len(fleet.robots)} robots, {seen} of them with a position; {len(unidentified)} have "
         f"sent no identity report, and of these {owned} have an owner; {found.messages} messages were read"
     )
+
+
+def _logged(files: Sequence[Path], since_s: float) -> Iterator[Event]:
+    """The events of the newest segments, up to the first that can't be read: part of a floor is better than none."""
+    try:
+        yield from LogReader().read(_newest(files, since_s))
+    except OSError as error:
+        log.error("the recording can't be read any further: %s; check its disk and its owner", error)
 
 
 def _newest(files: Sequence[Path], since_s: float) -> list[Path]:

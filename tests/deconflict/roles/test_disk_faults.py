@@ -288,4 +288,4 @@ async def test_a_service_whose_database_is_damaged_continues_its_advisories_and_
     assert after["revision"] > before["revision"]
     assert (health.status_code, health.json()["store"]["status"]) == (503, "begun anew")
     assert (tmp_path / health.json()["store"]["set_aside"]).exists()
-    assert health.json()["store"]["copied"] >= before["seq"]
+    assert health.json()["store"]["copied"] >= before["revision"]

@@ -279,3 +279,16 @@ async def test_a_robot_is_given_to_a_known_vendor(client: httpx.AsyncClient) -> 
     refused = await client.post(path, json={"vendor": "Nobody"})
     assert (refused.status_code, "in no site file" in refused.json()["detail"]) == (409, True)
     assert (await client.post("/robots/no-uuid/owner", json={"vendor": "Acme"})).status_code == 422
+
+
+async def test_what_is_not_found_while_the_file_is_not_in_use_may_be_in_it(
+    face: Served, client: httpx.AsyncClient
+) -> None:
+    face.store.outage = "advisories.db: database is locked"
+    await face.publish(made(1))
+    assert await ids(client) == ["advisory-1"]
+    answer = await client.get("/advisories/advisory-2")
+    assert (answer.status_code, answer.json()["role"]) == (503, "store")
+    assert "older ones can't be read: advisories.db: database is locked" in answer.json()["detail"]
+    health = (await client.get("/healthz")).json()
+    assert (health["status"], health["store"]["status"]) == ("degraded", "in memory")

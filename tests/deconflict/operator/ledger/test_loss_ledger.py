@@ -10,19 +10,15 @@ import pytest
 
 from deconflict.operator.ledger.ledger_formats import UPGRADES
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
-from deconflict.operator.ledger.loss_questions import DAY_S, HOUR_S, LossQuestion, LossRow
+from deconflict.operator.ledger.loss_questions import DAY_S, HOUR_S, LossRow
 from deconflict.settings.site import LossSettings
-from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, START_S
+from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, START_S, question
 
 
 @pytest.fixture
 def ledger(tmp_path: Path) -> Iterator[LossLedger]:
     with closing(LossLedger(tmp_path, LossSettings())) as opened:
         yield opened
-
-
-def question(*keys: str, **fields: object) -> LossQuestion:
-    return LossQuestion(**{"from_s": START_S, "until_s": START_S + DAY_S, "keys": keys} | fields)  # type: ignore[arg-type]
 
 
 def lost(rows: list[LossRow], key: str) -> dict[object, float]:

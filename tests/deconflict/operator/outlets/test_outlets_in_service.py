@@ -32,7 +32,7 @@ async def test_a_conflict_reaches_every_outlet(tmp_path: Path) -> None:
                 async with asyncio.timeout(PATIENCE_S):
                     held = await holding
                 driving.cancel()
-    assert (advisory.kind, advisory.state, advisory.seq) == ("conflict", "raised", 1)
+    assert (advisory.kind, advisory.state, advisory.revision) == ("conflict", "raised", 1)
     assert set(held) == {"deconflict/service", f"deconflict/advisories/{advisory.id}"}
 
 

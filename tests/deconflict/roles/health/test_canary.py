@@ -81,7 +81,7 @@ async def test_a_canary_comes_through_the_service_and_is_in_nothing_that_people_
         await until(is_stored)
         answers = {path: (await service.get(path)).text for path in ("/advisories?state=all", "/robots", "/vendors")}
         metrics = (await service.get("/metrics")).text
-    assert json.loads(answers["/advisories?state=all"]) == {"seq": 0, "advisories": [], "more": False}
+    assert json.loads(answers["/advisories?state=all"])["advisories"] == []
     assert not any(uuid in text for uuid in (FLOOR, *ROBOTS) for text in (*answers.values(), metrics))
     assert f"\n{LATENCY} " in metrics
     assert "\ndeconflict_advisories_stored_total 0.0" in metrics

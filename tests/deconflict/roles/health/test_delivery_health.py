@@ -79,7 +79,7 @@ async def test_health_shows_that_the_store_refuses_and_that_it_takes_again(
         await until_delivery(face, "degraded")
         monkeypatch.setattr("deconflict.operator.store.store.MOST_PENDING", 1)
         await until_delivery(face, "ok")
-        assert role._store.last_seq() == 1
+        assert [each.id for each in role._store.after(0)] == ["advisory-1"]
         await asyncio.to_thread(delivery.stop)
         stop.set()
         await running

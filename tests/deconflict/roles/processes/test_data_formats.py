@@ -16,7 +16,7 @@ import pytest
 
 from deconflict.operator.blackbox.archive import FOLDER, REGISTER, Archive
 from deconflict.operator.blackbox.keeper import PENDING
-from deconflict.operator.store.reserved_numbers import FILE_NAME as RESERVED
+from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.roles.processes.data_formats import FILES, refuse_newer
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.learned_state import HEAD

@@ -1,9 +1,11 @@
 """Whose a robot is, over silence, a restart, a crowd of invented robots and another site file."""
 
+import asyncio
 from pathlib import Path
 
 import pytest
 
+from benchmarks.faulty_files.faults import blocked
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners import owner_register
 from ingest.fleet.owners.owner_file import FAILURES, FILE_NAME, FORGOTTEN, OwnerFile
@@ -13,6 +15,7 @@ from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Reading, Vendor
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import NOW_S, document, documents, fleet
 
@@ -189,3 +192,47 @@ def test_a_register_that_cannot_be_written_is_counted_and_written_later(tmp_path
     again = OwnerRegister()
     again.read((directory / FILE_NAME).read_bytes(), VendorRegistry((ALDER,)))
     assert again.owner(robot("A-1")) == "Alder"
+
+
+async def test_a_file_that_cannot_be_read_for_a_while_is_not_replaced_and_counts_more_once_it_can(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.fleet.owners.owner_file.WRITE_EVERY_S", 0.05)
+    before = fleet(ALDER, BASALT)
+    before.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    OwnerFile(tmp_path, before.owners, before.measures).write()
+    after = fleet(ALDER, BASALT)
+    with blocked(tmp_path / FILE_NAME):
+        file = OwnerFile(tmp_path, after.owners, after.measures)
+        after.receive(status("A-1", NOW_S + 1), NOW_S + 1, FROM_BASALT)
+        after.receive(status("B-1", NOW_S + 1), NOW_S + 1, FROM_BASALT)
+        file.write()
+        assert after.measures.values[FAILURES] == {("read",): 1, ("write",): 0}
+    keeping = asyncio.create_task(file.keep())
+    async with asyncio.timeout(PATIENCE_S):
+        while b"Basalt" not in (tmp_path / FILE_NAME).read_bytes():
+            await asyncio.sleep(0.01)
+    keeping.cancel()
+    await asyncio.gather(keeping, return_exceptions=True)
+    again = fleet(ALDER, BASALT)
+    OwnerFile(tmp_path, again.owners, again.measures)
+    owner = again.owners.register.owner
+    assert (owner(robot("A-1")), owner(robot("B-1"))) == ("Alder", "Basalt")
+
+
+async def test_a_file_that_is_removed_while_the_service_runs_is_written_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.fleet.owners.owner_file.WRITE_EVERY_S", 0.05)
+    here = fleet(ALDER)
+    here.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
+    file = OwnerFile(tmp_path, here.owners, here.measures)
+    file.write()
+    (tmp_path / FILE_NAME).unlink()
+    keeping = asyncio.create_task(file.keep())
+    async with asyncio.timeout(PATIENCE_S):
+        while not (tmp_path / FILE_NAME).exists():
+            await asyncio.sleep(0.01)
+    keeping.cancel()
+    await asyncio.gather(keeping, return_exceptions=True)
+    assert b"Alder" in (tmp_path / FILE_NAME).read_bytes()

@@ -5,7 +5,8 @@ from contextlib import closing
 from pathlib import Path
 
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.recovery.kept_messages import FILE_NAME, KeptMessages
+from ingest.fleet.recovery.kept_messages import KeptMessages
+from ingest.fleet.recovery.kept_rows import FILE_NAME
 from ingest.port.connection import Connection
 from ingest.settings import Vendor
 

@@ -1,5 +1,6 @@
 """What a restart has of robots whose messages are no longer in the newest segments of the log."""
 
+import asyncio
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -8,10 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.faulty_files.faults import held_alone
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.fleet_report import add_identity, shared_identities
 from ingest.fleet.owners.owner_file import OwnerFile
-from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME
+from ingest.fleet.recovery.kept_messages import FAILURES
+from ingest.fleet.recovery.kept_rows import FILE_NAME
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.measures.measures import Measures
@@ -20,6 +23,7 @@ from ingest.recording.log_reader import segments
 from ingest.recording.recorder import Recorder
 from ingest.settings import RecorderSettings, Vendor
 from tests.helpers import iso_saying, vda_saying
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import NOW_S, document, fleet
 from tests.ingest.fleet.recovery.made_kept_messages import (
@@ -291,3 +295,45 @@ def test_a_file_of_the_first_format_is_read_and_upgraded(tmp_path: Path) -> None
     kept.write(-inf, NOW_S + 1)
     assert rows(tmp_path).keys() == of.robots.keys()
     assert again.measures.values[FAILURES]["read",] == 0
+
+
+async def test_a_file_that_is_locked_at_the_start_is_read_as_soon_as_it_is_free(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("READ_TIMEOUT_S", "WRITE_EVERY_S", "RETRY_S"):
+        monkeypatch.setattr(f"ingest.fleet.recovery.kept_messages.{name}", 0.05)
+    before = fleet(ALDER)
+    before.receive(identity("A-1", NOW_S, baseRobotEnvelope=LARGE), NOW_S, FROM_ALDER)
+    before.receive(identity("A-2", NOW_S, baseRobotEnvelope=LARGE), NOW_S, FROM_ALDER)
+    kept_of(before, tmp_path).write(-inf, NOW_S)
+    again = fleet(ALDER)
+    with held_alone(tmp_path / FILE_NAME):
+        kept = kept_of(again, tmp_path)
+        assert kept.read(NOW_S + 1.0) == []
+        again.receive(status("A-1", NOW_S + 2.0), NOW_S + 2.0, FROM_ALDER)
+        keeping = asyncio.create_task(kept.keep(lambda: -inf, lambda: NOW_S + 3.0))
+    async with asyncio.timeout(PATIENCE_S):
+        while len(identified(again)) < 2:
+            await asyncio.sleep(0.01)
+    keeping.cancel()
+    await asyncio.gather(keeping, return_exceptions=True)
+    assert {name: size for _, name, _, size in identified(again).values()}.keys() == {"Alder A-1", "Alder A-2"}
+    assert set(rows(tmp_path)) == {robot("A-1"), robot("A-2")}
+
+
+async def test_a_file_that_is_removed_while_the_service_runs_has_all_robots_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.fleet.recovery.kept_messages.WRITE_EVERY_S", 0.05)
+    here = fleet(ALDER)
+    here.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept = kept_of(here, tmp_path)
+    kept.write(-inf, NOW_S)
+    keeping = asyncio.create_task(kept.keep(lambda: -inf, lambda: NOW_S))
+    (tmp_path / FILE_NAME).unlink()
+    async with asyncio.timeout(PATIENCE_S):
+        while not (tmp_path / FILE_NAME).exists() or not rows(tmp_path):
+            await asyncio.sleep(0.01)
+    keeping.cancel()
+    await asyncio.gather(keeping, return_exceptions=True)
+    assert set(rows(tmp_path)) == {robot("A-1")}

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.recovery.kept_messages import FAILURES, FILE_NAME, KeptMessages
+from ingest.fleet.recovery.kept_messages import FAILURES, KeptMessages
+from ingest.fleet.recovery.kept_rows import FILE_NAME
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.port.connection import KEPT, Connection
 from tests.helpers.patience import PATIENCE_S

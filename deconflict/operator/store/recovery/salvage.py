@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -104,11 +105,10 @@ def _copy_revisions(
     last = _number(old, "SELECT max(seq) FROM revisions", last)
     first = _number(old, "SELECT min(seq) FROM revisions", 1)
     copied = lost = 0
-    ranges = deque((max(high - STEP + 1, first), high) for high in range(last, first - 1, -STEP))
-    while ranges:
+    ranges, damaged = _ranges(old, first, last), deque[tuple[int, int]]()
+    for low, high in chain(ranges, _emptied(damaged)):
         if not has_time():
             return Salvage(copied, lost, is_complete=False)
-        low, high = ranges.popleft()
         try:
             rows = old.execute(READ_REVISIONS, (low, high)).fetchall()
         except sqlite3.DatabaseError:
@@ -116,13 +116,26 @@ def _copy_revisions(
                 lost += 1
             else:
                 middle = (low + high) // 2
-                ranges += [(middle + 1, high), (low, middle)]
+                damaged += [(middle + 1, high), (low, middle)]
         else:
             sound = [row[:-1] for row in rows if row[-1]]
             db.executemany(WRITE_REVISIONS, sound)
             copied += len(sound)
             lost += len(rows) - len(sound)
     return Salvage(copied, lost, is_complete=True)
+
+
+def _ranges(old: sqlite3.Connection, first: int, last: int) -> Iterator[tuple[int, int]]:
+    """Numbers to be copied by one statement each, the newest first, without the wide gap before a new epoch."""
+    while last >= first:
+        low = max(last - STEP + 1, first)
+        yield low, last
+        last = min(_number(old, f"SELECT max(seq) FROM revisions WHERE seq < {low}", low - 1), low - 1)  # noqa: S608
+
+
+def _emptied(ranges: deque[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    while ranges:
+        yield ranges.popleft()
 
 
 def _number(old: sqlite3.Connection, query: str, otherwise: int) -> int:

@@ -1,6 +1,7 @@
 """A number beyond every number of a revision, in a file beside the database: it survives damage to the database."""
 
 import logging
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,6 +15,13 @@ HIGHEST = 1 << 60
 """SQLite counts no further than a few times this."""
 BLOCK = 100_000
 """The file is written once for so many numbers. More than may wait for the disk."""
+EPOCH_NUMBERS = 100_000
+"""Numbers of an epoch for each second since 1970: no service gives so many, so a later epoch begins beyond them."""
+
+
+def epoch(now_s: float) -> int:
+    """A number beyond every number given before, if the clock was not set back. It has no more than 15 digits."""
+    return int(now_s * EPOCH_NUMBERS)
 
 
 class ReservedNumbers:
@@ -21,17 +29,33 @@ class ReservedNumbers:
 
     def __init__(self, directory: Path) -> None:
         self._path = directory / FILE_NAME
-        self.last = self._read()
+        known = self._read()
+        self._reserved = known or 0
+        """What the file says, as far as it was read or written."""
+        self.last = epoch(time.time()) if known is None else known
 
     def reserve(self, seq: int) -> None:
-        """Reserve well beyond a number that is about to be stored. Raises `OSError`."""
-        if seq + MOST_PENDING <= self.last:
+        """Reserve well beyond a number that is about to be stored. Raises `OSError` if a later start would read a
+        lower number."""
+        if seq + MOST_PENDING <= self._reserved:
             return
         last = seq + BLOCK
-        replace_file(self._path, f"{last}\n".encode())
-        self.last = last
+        try:
+            replace_file(self._path, f"{last}\n".encode())
+        except OSError:
+            known = self._read()
+            if known is not None and known < seq:
+                raise
+        else:
+            self._reserved = self.last = last
 
-    def _read(self) -> int:
+    def renew_if_removed(self) -> None:
+        """Write the file again if somebody has removed it. Raises `OSError`."""
+        if self._reserved and not self._path.exists():
+            replace_file(self._path, f"{self._reserved}\n".encode())
+
+    def _read(self) -> int | None:
+        """0 if there is no file; None for one that can't be read, since any number may be reserved."""
         try:
             last = int(self._path.read_text())
             if not 0 <= last <= HIGHEST:
@@ -40,10 +64,10 @@ class ReservedNumbers:
             return 0
         except ValueError as error:
             log.warning("%s can't be read: %s; it is kept as %s and written anew", self._path, error, self._set_aside())
-            return 0
+            return None
         except OSError as error:
             log.warning("%s can't be read and is written anew: %s", self._path, error)
-            return 0
+            return None
         return last
 
     def _set_aside(self) -> str:

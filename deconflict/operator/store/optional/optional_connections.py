@@ -1,0 +1,163 @@
+"""Connections to a file that may fail: while it can't be used, a database in memory takes its place.
+
+One connection to that database stands for all four.
+"""
+
+import logging
+import sqlite3
+import time
+from collections.abc import Container, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from pathlib import Path
+from threading import Lock
+
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.operator.store.migrations import UPGRADES
+from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
+from deconflict.operator.store.recovery.reserved_numbers import epoch
+from deconflict.operator.store.sqlite_connections import FileConnections, SqliteConnections, begun
+from deconflict.operator.store.tables import StoreError, last_seq
+
+log = logging.getLogger(__name__)
+
+OPEN_TIMEOUT_S = 1.0
+"""How long a file is waited for that another program keeps locked."""
+
+
+class OptionalConnections(SqliteConnections):
+    """As `SqliteConnections`, but begins without the file if it must, and leaves one that was removed."""
+
+    def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
+        self._stand_in: StandIn | None = None
+        self._memory_lock = Lock()
+        self.outage: str | None = None
+        """Why the file is not in use; None if it is."""
+        super().__init__(directory, follows_stream=follows_stream)
+
+    @property
+    def is_in_memory(self) -> bool:
+        return self._stand_in is not None
+
+    def note_engine(self) -> None:
+        """An engine resumes with what is open now."""
+        if self._stand_in:
+            self._stand_in.has_engine = True
+
+    def fault(self) -> str | None:
+        """Why the file in use is of no use any more. It may wait for the disk."""
+        if self._stand_in:
+            return None
+        try:
+            status = self.path.stat()
+            if (status.st_dev, status.st_ino) != self._identity:
+                return f"{self.path} was replaced by something else"
+            with self.numbering() as db:
+                last_seq(db)
+            with suppress(OSError):
+                self._reserved.renew_if_removed()
+        except (FileNotFoundError, NotADirectoryError):
+            return f"{self.path} was removed"
+        except (StoreError, OSError) as error:
+            return str(error)
+        return None
+
+    def leave_file(self, why: str, pending: Sequence[AnyRevision], answered: Container[int]) -> None:
+        """Use memory from now on, which has `pending`, too, as of `StandIn`. No revision may be numbered meanwhile."""
+        with self._all_locked():
+            state = self._last_state()
+            self._close()
+            self._use_memory(state, why, pending, answered)
+
+    def opened_again(self) -> FileConnections | None:
+        """Connections to the file if it is not in use and can be used again; they have all but the newest revisions."""
+        if self._stand_in is None:
+            return None
+        with ExitStack() as at_error:
+            try:
+                file = self._opened_or_renewed()
+                at_error.callback(file.close)
+                while len(rows := self._next_rows(self._stand_in)) == STEP:
+                    self._write_rows(self._stand_in, file.writer, rows)
+            except (StoreError, sqlite3.Error, OSError) as error:
+                self.outage = str(error)
+                return None
+            at_error.pop_all()
+        return file
+
+    def use_again(self, file: FileConnections) -> None:
+        """Write the rest of what memory has to the file, and use it. Raises `StoreError`; then memory stays in use."""
+        if (stand_in := self._stand_in) is None:
+            return
+        with ExitStack() as at_error, self._all_locked():
+            at_error.callback(file.close)
+            self._write_rows(stand_in, file.writer, self._next_rows(stand_in))
+            with self._explained_errors(), begun(file.writer, "BEGIN IMMEDIATE"):
+                stand_in.finish(file.writer, time.time())
+            with self._explained_errors():
+                self._known_seq = last_seq(file.writer)
+                self._use(file)
+            at_error.pop_all()
+            self._stand_in = self.outage = None
+            self._is_damaged = False
+            stand_in.db.close()
+        log.warning("%s is in use again", self.path)
+
+    def _begin(self) -> None:
+        if not self._follows_stream and not self._known_seq:
+            self._known_seq = epoch(time.time())  # perhaps the disk with the numbers given before is not there
+        try:
+            super()._begin()
+        except (StoreError, OSError) as error:
+            self._use_memory(readable_state(self.path), str(error))
+
+    def _opened(self) -> FileConnections:
+        """As before, and what SQLite can open for reading only is no file to use: it would stay so after a repair."""
+        file = super()._opened()
+        with ExitStack() as at_error, self._explained_errors():
+            at_error.callback(file.close)
+            with begun(file.writer, "BEGIN IMMEDIATE") as db:
+                db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
+            at_error.pop_all()
+        return file
+
+    def _open_timeout_s(self) -> float:
+        return min(super()._open_timeout_s(), OPEN_TIMEOUT_S)
+
+    def _connection_lock(self) -> AbstractContextManager[object]:
+        return self._memory_lock if self._stand_in else nullcontext()
+
+    def _renew_if_damaged(self) -> None:
+        if not self._stand_in:
+            super()._renew_if_damaged()
+
+    def _note_last(self, seq: int) -> None:
+        if not self._stand_in:
+            super()._note_last(seq)
+
+    def _last_state(self) -> State | None:
+        """What can be read of the file in use. One that was removed exists until it is closed."""
+        try:
+            return state_of(self._writer)
+        except sqlite3.Error:
+            return readable_state(self.path)
+
+    def _use_memory(
+        self, state: State | None, why: str, pending: Sequence[AnyRevision] = (), answered: Container[int] = ()
+    ) -> None:
+        if self._follows_stream:
+            self._stand_in = StandIn(None, None)  # its follower reads the stream again
+        else:
+            self._stand_in = StandIn(state, max(self._reserved.last, self._known_seq), pending, answered)
+        self.outage = why
+        self._writer = self._numberer = self._reader = self._long_reader = self._stand_in.db
+        known = "what is open in it is known" if state else "nothing of it is known"
+        log.error("advisories are kept in memory, and the file is tried again each second: %s; %s", why, known)
+
+    def _next_rows(self, stand_in: StandIn) -> list[tuple[int, str, int]]:
+        with self._memory_lock:
+            return stand_in.next_rows()
+
+    def _write_rows(self, stand_in: StandIn, db: sqlite3.Connection, rows: list[tuple[int, str, int]]) -> None:
+        with self._explained_errors(), begun(db, "BEGIN IMMEDIATE"):
+            shift = stand_in.hand_over(db, rows)
+        stand_in.handed_over(rows, shift)

@@ -1,0 +1,194 @@
+"""A database in memory that stands in for the file while that can't be used, and hands over to it what it has taken.
+
+It begins with what can be read of the file: what is open, the newest, and what outlets have not sent. Its numbers are a
+new epoch: they begin beyond every number given before, so none is given twice even if the file never comes back.
+"""
+
+import logging
+import os
+import sqlite3
+import time
+from collections.abc import Container, Iterable, Iterator, Sequence
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.advisory import EVERY_KIND, SITUATION
+from deconflict.operator.store import tables
+from deconflict.operator.store.migrations import UPGRADES
+from deconflict.operator.store.recovery.reserved_numbers import epoch
+
+log = logging.getLogger(__name__)
+
+IN_MEMORY = ":memory:"
+MOST_BYTES = 64 << 20
+"""Cleared advisories are removed beyond this size. Twice as much is the limit."""
+MOST_UNSENT = 5_000
+"""Most revisions that outlets have not sent that it begins with."""
+NEWEST = 500
+"""So many of the newest revisions are known in any case."""
+STEP = 500
+"""Revisions that are handed over in one transaction."""
+READ_TIMEOUT_S = 0.5
+BECAUSE = "the service could not read it when it started"
+KEPT = f"""WITH kept AS (
+    SELECT seq, id FROM revisions WHERE seq IN (SELECT seq FROM advisories WHERE open = 1)
+    UNION SELECT * FROM (SELECT seq, id FROM revisions WHERE seq > (SELECT min(seq) FROM positions)
+        ORDER BY seq DESC LIMIT {MOST_UNSENT})
+    UNION SELECT * FROM (SELECT seq, id FROM revisions ORDER BY seq DESC LIMIT {NEWEST}))"""  # noqa: S608 - constants
+STATE = {
+    "revisions": f"{KEPT} SELECT * FROM revisions WHERE seq IN (SELECT seq FROM kept)",  # noqa: S608 - constants
+    "advisories": f"{KEPT} SELECT * FROM advisories WHERE id IN (SELECT id FROM kept)",  # noqa: S608
+    "parties": f"{KEPT} SELECT * FROM parties WHERE id IN (SELECT id FROM kept)",  # noqa: S608
+    "encounters": "SELECT * FROM encounters",
+    "burdens": "SELECT * FROM burdens",
+    "positions": "SELECT * FROM positions",
+}
+"""By table, which rows it begins with."""
+GIVEN = """SELECT seq, document, EXISTS (
+    SELECT 1 FROM revisions AS first WHERE first.id = r.id AND first.revision = r.revision AND first.seq < r.seq)
+FROM revisions AS r WHERE seq > ? ORDER BY seq LIMIT ?"""
+"""Number, document, and whether it only adds an answer."""
+
+
+class State(NamedTuple):
+    """What is read of a database."""
+
+    last_seq: int
+    rows: dict[str, list[tuple[object, ...]]]
+    """By table."""
+
+    def write(self, db: sqlite3.Connection) -> None:
+        for table, rows in self.rows.items():
+            if rows:
+                places = ", ".join("?" * len(rows[0]))
+                db.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({places})", rows)  # noqa: S608 - constants
+
+    def is_lacked(self, db: sqlite3.Connection) -> bool:
+        """Whether a database is another one, or an older copy."""
+        if not self.rows["revisions"]:
+            return tables.last_seq(db) < self.last_seq
+        seq, advisory_id, *_ = max(self.rows["revisions"])
+        known = db.execute("SELECT 1 FROM revisions WHERE seq = ? AND id = ?", (seq, advisory_id)).fetchone()
+        return known is None
+
+
+def state_of(db: sqlite3.Connection) -> State:
+    """Raises `sqlite3.Error`."""
+    rows = {table: db.execute(query).fetchall() for table, query in STATE.items()}
+    return State(tables.last_seq(db), rows)
+
+
+def readable_state(path: Path) -> State | None:
+    """What can be read of a file that can't be written; None if nothing can.
+
+    A file that another program keeps locked can often be read. On a full disk SQLite has no room for the memory that
+    connections share, and one connection alone needs none. On a read-only disk a file without a log is whole by itself.
+    """
+    uri, log_file = path.absolute().as_uri(), path.with_name(f"{path.name}-wal")
+    attempts = [("mode=ro", ""), ("mode=rw", "PRAGMA locking_mode = EXCLUSIVE")]
+    with suppress(OSError):
+        is_whole = not log_file.exists() or log_file.stat().st_size == 0
+        if is_whole and not (os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)):
+            attempts.append(("mode=ro&immutable=1", ""))
+    for mode, pragma in attempts:
+        with (
+            suppress(sqlite3.Error),
+            closing(sqlite3.connect(f"{uri}?{mode}", uri=True, timeout=READ_TIMEOUT_S, isolation_level=None)) as db,
+        ):
+            db.execute(pragma)
+            return state_of(db)
+    return None
+
+
+class StandIn:
+    """The database in memory. For one thread at a time."""
+
+    def __init__(
+        self,
+        state: State | None,
+        reserved: int | None,
+        pending: Sequence[AnyRevision] = (),
+        answered: Container[int] = (),
+    ) -> None:
+        """`state` is what was read of the file; None if nothing could be. Numbers up to `reserved` may be in use; it is
+        None if a stream gives the numbers.
+
+        `pending` was published and is not in the file; the numbers in `answered` are of answers.
+        """
+        self.state, self._follows_stream = state, reserved is None
+        self.db = sqlite3.connect(IN_MEMORY, isolation_level=None, check_same_thread=False)
+        for statement in (statement for step in UPGRADES for statement in step):
+            self.db.execute(statement)
+        self.db.execute(f"PRAGMA max_page_count = {2 * MOST_BYTES // 4096}")
+        if state:
+            state.write(self.db)
+        self._begun_after = state.last_seq if state else 0
+        """What has a higher number was never in the file."""
+        unstored = [revision for revision in pending if revision.seq > self._begun_after]
+        for revision in unstored:
+            tables.write_one(self.db, revision, answered)
+        if reserved is not None:
+            first = max(tables.last_seq(self.db), reserved, epoch(time.time()))
+            tables.begin_after(self.db, first)
+            self._begun_after = self._begun_after if unstored else first
+        self._shift: int | None = None
+        """What is added to its numbers for the file, which has given them to others; None until the file is known."""
+        self._handed_to = self._begun_after
+        """Up to this number everything was handed over."""
+        self.has_engine = False
+        """Whether an engine resumed with what this database has open."""
+
+    def next_rows(self) -> list[tuple[int, str, int]]:
+        """The next rows of `GIVEN` to hand over."""
+        return self.db.execute(GIVEN, (self._handed_to, STEP)).fetchall()
+
+    def hand_over(self, file: sqlite3.Connection, rows: Iterable[tuple[int, str, int]]) -> int:
+        """Write rows to the file, in a transaction. `handed_over` takes what this returns once that is committed."""
+        shift = self._begin(file) if self._shift is None else self._shift
+        last = tables.last_seq(file)
+        for seq, document, is_answer in rows:
+            if seq + shift > last:
+                revision = tables.revision_of(document).model_copy(update={"seq": seq + shift})
+                if error := tables.write_one(file, revision, {seq + shift} if is_answer else ()):
+                    log.warning("%s, revision %d, is not stored: %s", revision.id, revision.revision, error)
+        return shift
+
+    def _begin(self, file: sqlite3.Connection) -> int:
+        """Let the file continue beyond the numbers of this epoch; returns what to add to them."""
+        last = tables.last_seq(file)
+        shift = 0 if self._follows_stream else max(last - self._begun_after, 0)
+        if self.state and self.state.is_lacked(file):
+            self.state.write(file)
+            tables.note_removed(file, ((kind, self.state.last_seq) for kind in EVERY_KIND))
+        if shift:
+            tables.note_removed(file, ((kind, last) for kind in EVERY_KIND))
+        elif self._begun_after > tables.last_seq(file):
+            tables.use_up_number(file, self._begun_after)
+        return shift
+
+    def handed_over(self, rows: list[tuple[int, str, int]], shift: int) -> None:
+        self._shift = shift
+        if rows:
+            self._handed_to = rows[-1][0]
+
+    def finish(self, file: sqlite3.Connection, now_s: float) -> None:
+        """Hand over what is not a revision, and clear what nobody here knows to be open."""
+        if self.state is None and not self._follows_stream:
+            for revision in list(self._unknown(file)):
+                cleared = revision.cleared_revision(now_s, BECAUSE)
+                tables.write_one(file, cleared.model_copy(update={"seq": tables.last_seq(file) + 1}), ())
+        known = tables.positions(file)
+        positions = {outlet: seq + (self._shift or 0) for outlet, seq in tables.positions(self.db).items()}
+        for outlet, seq in known.items():
+            if self.state is None and seq < positions.get(outlet, 0):
+                log.warning("%s was not sent what the file had after number %d", outlet, seq)
+        tables.put_positions(file, positions)
+
+    def _unknown(self, file: sqlite3.Connection) -> Iterator[AnyRevision]:
+        """What the file has open and this database does not know: situations, and what the engine did not resume."""
+        for document in tables.open_after(file, 0):
+            is_forgotten = document.kind == SITUATION or self.has_engine
+            if is_forgotten and tables.newest(self.db, document.id) is None:
+                yield tables.revision_of(document.text)

@@ -1,0 +1,1 @@
+"""What outlasts a file of advisories that is damaged or lost."""

@@ -1,0 +1,94 @@
+"""Whether each file of the data directory can be used. A thread looks, and health says what it has found."""
+
+import asyncio
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from deconflict.operator.blackbox.archive import FOLDER
+from deconflict.operator.ledger import loss_ledger
+from deconflict.operator.store import learned_file, sqlite_connections
+from deconflict.operator.store.recovery import reserved_numbers
+from deconflict.settings.site import Site
+from ingest.fleet.owners import owner_file
+from ingest.fleet.recovery import kept_rows
+from ingest.recording.file_faults import FileKind, file_fault
+
+LOOK_EVERY_S = 2.0
+SILENT_S = 8.0
+"""A disk that answers no look for so long is reported."""
+REMOVED_SHOWN_S = 30.0
+"""That a file was removed is reported for so long, also if it was made anew."""
+
+FROM_MEMORY = (kept_rows.FILE_NAME, owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME)
+"""Files that are made anew with all that they had."""
+LOST = "; what it had is missing"
+
+
+def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
+    """What the service keeps there by the settings of its site, the most important first."""
+    databases = sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME
+    small = owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME
+    folders = {"log": site.recorder.enabled, FOLDER: site.recorder.enabled and site.blackbox.enabled}
+    return [
+        *((data / name, FileKind.DATABASE) for name in databases),
+        *((data / name, FileKind.FILE) for name in small),
+        *((data / name, FileKind.FOLDER) for name, is_kept in folders.items() if is_kept),
+    ]
+
+
+class FileHealth:
+    """All times are monotonic."""
+
+    def __init__(self, files: Sequence[tuple[Path, FileKind]]) -> None:
+        self._files = files
+        self._faults: dict[str, str] = {}
+        """By name of a file."""
+        self._contents: dict[Path, frozenset[str]] = {}
+        """As of `_content`, of the files that were there at the last look."""
+        self._removed_s: dict[str, float] = {}
+        """By name, when a file was seen to be removed."""
+        self._looked_s = time.monotonic()
+
+    async def run(self) -> None:
+        """Look again and again, until cancelled."""
+        while True:
+            await asyncio.to_thread(self.look, time.monotonic())
+            await asyncio.sleep(LOOK_EVERY_S)
+
+    def look(self, now_s: float) -> None:
+        """Look at each file. May wait for the disk."""
+        self._faults = {path.name: fault for path, kind in self._files if (fault := file_fault(path, kind))}
+        found = {path: content for path, kind in self._files if (content := _content(path, kind)) is not None}
+        for path, before in self._contents.items():
+            if path not in found or (before and not before & found[path]):
+                self._removed_s[path.name] = now_s
+        self._contents, self._looked_s = found, time.monotonic()
+
+    def document(self, now_s: float, outages: Mapping[str, str | None] | None = None) -> dict[str, Any]:
+        """The part `files` of the health. `outages` has by name why a file is not in use, as who uses it knows."""
+        faults = {
+            name: "it was removed or replaced, and is made anew" + ("" if name in FROM_MEMORY else LOST)
+            for name, removed_s in self._removed_s.items()
+            if now_s - removed_s < REMOVED_SHOWN_S
+        }
+        faults |= {name: outage for name, outage in (outages or {}).items() if outage} | self._faults
+        if now_s - self._looked_s > SILENT_S:
+            faults = {"the data directory": f"its disk has not answered for {now_s - self._looked_s:.0f} s; check it"}
+        if not faults:
+            return {"status": "ok"}
+        reason = "; ".join(f"{name}: {fault}" for name, fault in faults.items())
+        return {"status": "degraded", "reason": reason, "faults": faults}
+
+
+def _content(path: Path, kind: FileKind) -> frozenset[str] | None:
+    """The inode of a database, the names in a folder, and nothing of a file that is replaced at each write. None if
+    there is none."""
+    try:
+        inode = path.stat().st_ino
+        if kind is FileKind.FOLDER:
+            return frozenset(entry.name for entry in path.iterdir())
+    except OSError:
+        return None
+    return frozenset([str(inode)] if kind is FileKind.DATABASE else [])

@@ -1,0 +1,61 @@
+"""Why a file of the data directory can't be used, found by looking: people hear of it before it is needed."""
+
+import os
+import sqlite3
+from contextlib import closing
+from enum import Enum
+from pathlib import Path
+
+LEAST_FREE_BYTES = 1 << 16
+"""A disk with less is full."""
+LOCKED_S = 1.0
+"""A database that another program keeps locked for longer is reported."""
+
+
+class FileKind(Enum):
+    FILE, DATABASE, FOLDER = range(3)
+
+
+def file_fault(path: Path, kind: FileKind) -> str | None:
+    """Why a file can't be written, and what to do; None if it can, or can be made. May wait for the disk."""
+    try:
+        fault = _place_fault(path, kind)
+    except OSError as error:
+        fault = f"{path}: {error.strerror}; check its disk"
+    return fault or (_lock_fault(path) if kind is FileKind.DATABASE and path.exists() else None)
+
+
+def _place_fault(path: Path, kind: FileKind) -> str | None:
+    """Raises `OSError`."""
+    if not path.parent.is_dir():
+        return f"{path.parent} is missing or no directory; mount or make it"
+    if not path.exists():
+        if not os.access(path.parent, os.W_OK | os.X_OK):
+            return f"{path} can't be made; {_why_not(path.parent)}"
+    elif path.is_dir() != (kind is FileKind.FOLDER):
+        found, wanted = ("a directory", "a file") if path.is_dir() else ("a file", "a directory")
+        return f"{path} is {found} where {wanted} is expected; move it away"
+    elif not os.access(path, os.W_OK):
+        return f"{path} can't be written; {_why_not(path)}"
+    status = os.statvfs(path if path.exists() else path.parent)
+    is_full = status.f_bavail * status.f_frsize < LEAST_FREE_BYTES
+    return f"the disk of {path} is full; free some space" if is_full else None
+
+
+def _why_not(path: Path) -> str:
+    is_read_only = os.statvfs(path).f_flag & os.ST_RDONLY
+    return "its disk is read-only; mend it, or mount it for writing" if is_read_only else "check its owner"
+
+
+def _lock_fault(path: Path) -> str | None:
+    uri = f"{path.absolute().as_uri()}?mode=rw"
+    try:
+        with closing(sqlite3.connect(uri, uri=True, timeout=LOCKED_S, isolation_level=None)) as db:
+            db.execute("BEGIN IMMEDIATE")
+            db.execute("ROLLBACK")
+    except sqlite3.Error as error:
+        name = getattr(error, "sqlite_errorname", "")
+        if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+            return f"{path} is locked by another program; stop that program"
+        return f"{path}: {error}; check the file and its disk"
+    return None

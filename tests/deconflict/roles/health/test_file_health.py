@@ -1,0 +1,55 @@
+"""What health says of the files of the data directory."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchmarks.faulty_files.faults import remove
+from deconflict.roles.health.file_health import REMOVED_SHOWN_S, SILENT_S, FileHealth, data_files
+from deconflict.settings.site import BlackBox, Site
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    for path, _ in data_files(Site(), tmp_path):
+        path.mkdir() if path.name in ("log", "blackbox") else path.touch()
+    (tmp_path / "log" / "log-1.jsonl").touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize("file", ["advisories.db", "losses.db", "robots.db", "owners.json", "learned.npz", "log"])
+def test_a_file_that_was_removed_shows_for_a_while_also_if_it_was_made_anew(data: Path, file: str) -> None:
+    health = FileHealth(data_files(Site(), data))
+    health.look(0.0)
+    now_s = health._looked_s
+    assert health.document(now_s) == {"status": "ok"}
+    shutil.rmtree(data / file) if file == "log" else remove(data / file)
+    health.look(now_s)
+    assert list(health.document(now_s)["faults"]) == [file]
+    (data / file).touch() if file != "log" else (data / file).mkdir()
+    health.look(now_s + 1.0)
+    assert health.document(now_s + 1.0)["status"] == "degraded"
+    assert health.document(now_s + 1.0 + REMOVED_SHOWN_S)["status"] != "ok", "nobody has looked for so long"
+    health.look(now_s)
+    assert file in health.document(health._looked_s)["reason"]
+
+
+def test_a_file_that_is_replaced_at_each_write_is_not_removed(data: Path) -> None:
+    health = FileHealth(data_files(Site(), data))
+    health.look(0.0)
+    (data / "new").touch()
+    (data / "new").rename(data / "owners.json")
+    health.look(1.0)
+    assert health.document(health._looked_s) == {"status": "ok"}
+
+
+def test_a_disk_that_does_not_answer_is_reported(data: Path) -> None:
+    health = FileHealth(data_files(Site(), data))
+    health.look(0.0)
+    assert "has not answered" in health.document(health._looked_s + SILENT_S + 1.0)["reason"]
+
+
+def test_what_is_not_kept_is_not_looked_at(data: Path) -> None:
+    site = Site(blackbox=BlackBox(enabled=False))
+    assert "blackbox" not in {path.name for path, _ in data_files(site, data)}
