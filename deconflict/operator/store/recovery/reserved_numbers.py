@@ -57,9 +57,10 @@ class ReservedNumbers:
     def _read(self) -> int | None:
         """0 if there is no file; None for one that can't be read, since any number may be reserved."""
         try:
-            last = int(self._path.read_text())
-            if not 0 <= last <= HIGHEST:
-                raise ValueError(f"{last} is no number of a revision")
+            text = self._path.read_text()
+            last = int(text)
+            if not (0 <= last <= HIGHEST and text.endswith("\n")):
+                raise ValueError(f"{last} is no number of a revision, or is cut off")
         except FileNotFoundError:
             return 0
         except ValueError as error:
