@@ -150,7 +150,7 @@ def test_a_file_that_has_given_higher_numbers_takes_what_memory_has_beyond_them(
 ) -> None:
     """As after a start with the clock far ahead."""
     monkeypatch.setattr("deconflict.operator.store.optional.stand_in.epoch", lambda _: 0)
-    (data / RESERVED).write_text("1")
+    (data / RESERVED).write_text("1\n")
     with unreadable(data / FILE_NAME):
         store = OptionalStore(data)
         assert [each.seq for each in store.append([made(3), made(4)])] == [2, 3]
