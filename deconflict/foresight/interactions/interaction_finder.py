@@ -31,6 +31,8 @@ CLEARED_M = 0.3
 """The way of a robot is cleared if this much more of it is free than before."""
 APART_S = 15.0
 """Interactions of a pair that are less apart in time count as one."""
+FASTEST_MPS, MOST_NEAR = 10.0, 32
+"""No robot drives faster: what seems to has jumped. And no more bodies than this have room so near to one."""
 SETTLED_S = 20.0
 """Within this time after the onset it shows whether a pair of one vendor keeps an order; else it stays unknown."""
 
@@ -137,7 +139,7 @@ class InteractionFinder:
         findings = self.recent.add(reports, half_m[1, slots])
         found = [self._finish(finding, slots, half_m) for finding in findings if finding["kind"] == RESUMED]
         for finding in findings:
-            if finding["kind"] != RESUMED:
+            if finding["kind"] != RESUMED and finding["speed_mps"] <= FASTEST_MPS:
                 self._begin(finding, int(slots[finding["row"]]))
         if self._open:
             for row, slot in enumerate(slots.tolist()):
@@ -213,9 +215,12 @@ class InteractionFinder:
         away_m = np.hypot(*(place[:, :2] - place[known == slot, :2]).T)
         reach_m = interaction.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + interaction.speed_mps * EARLIER_S
         sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
-        moved_m = speed_mps * (now_s - interaction.onset_s + EARLIER_S)
-        near = known[(away_m < reach_m + sizes_m + moved_m) & (place[:, 2] == interaction.floor) & (known != slot)]
-        others = near[heights_overlap(*levels_m[:, near], *levels_m[:, slot])]
+        moved_m = np.minimum(speed_mps, FASTEST_MPS) * (now_s - interaction.onset_s + EARLIER_S)
+        is_near = (away_m < reach_m + sizes_m + moved_m) & (place[:, 2] == interaction.floor) & (known != slot)
+        rows = np.flatnonzero(is_near & heights_overlap(*levels_m[:, known], *levels_m[:, slot]))
+        if len(rows) > MOST_NEAR:
+            rows = np.sort(rows[np.argpartition(away_m[rows], MOST_NEAR)[:MOST_NEAR]])
+        others = known[rows]
         if not len(others):
             return -1, inf
         looks_s = np.arange(interaction.onset_s - EARLIER_S, max(now_s, interaction.onset_s) + 1e-9, LOOK_S)

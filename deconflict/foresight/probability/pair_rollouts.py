@@ -19,6 +19,9 @@ from deconflict.foresight.rollout.start_samples import SAMPLES, START, quantiles
 from deconflict.foresight.rollout.start_times import StartTimes
 from ingest.batch import Bools, Ints
 
+MOST_DRIVEN = 3
+"""If too many robots are near each other, so many pairs for each are driven on, the nearest ones."""
+
 
 class PairRollouts:
     """Runs the rollouts that are due, and keeps their results by pair."""
@@ -50,11 +53,13 @@ class PairRollouts:
         """Run the rollout of the robots whose turn it is. Write its feature into the rows `due` of `pairs`, and into
         the rows of the robots that took part."""
         robots, is_crowded = self._robots, self._robots.is_crowded()
-        a, b = slots_of(pairs["code"][needs_rollout(pairs, robots.absence, is_crowded)])
+        near = pairs[needs_rollout(pairs, robots.absence, is_crowded)]
+        a, b = slots_of(near["code"])
         slots = self._schedule.due(a, b, robots.key, now_s)
         if len(slots):
             slots = slots[np.argsort(robots.rank[slots])]  # so that the result does not depend on who came first
-            watched = rows_of_pairs(a, b, slots, len(robots))
+            nearest = np.argsort(near["near_m"], kind="stable")[: MOST_DRIVEN * len(slots)]
+            watched = rows_of_pairs(a[nearest], b[nearest], slots, len(robots))
             result = run_rollout(self._input(slots, watched, start_times, now_s), self._horizon_s, self._clearance_m)
             is_swapped = robots.rank[result.a] > robots.rank[result.b]
             first, second = np.where(is_swapped, result.b, result.a), np.where(is_swapped, result.a, result.b)

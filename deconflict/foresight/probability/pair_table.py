@@ -43,7 +43,7 @@ PREEMPTED, DRIVEN, TOUCHING = slice(6, 8), slice(8, 8 + ROLLED), FEATURES - 1
 """Places of the features of third robots, of driving on together, and of contact."""
 REMEMBERED_S = 25.0
 """A pair that is no candidate for longer is dropped from the table."""
-REMEMBERED, BRIEFLY_S = 8, 2.0
+REMEMBERED, BRIEFLY_S = 8, 1.0
 """If the table has more pairs than this for each slot, they are remembered for so long only: robots that drive through
 each other have ever other pairs."""
 ROLLOUT_M, ROLLOUT_SHARE = 1.5, 0.01
