@@ -7,7 +7,7 @@ import numpy as np
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.probability.error_band_kernels import reach_m
-from deconflict.foresight.probability.pair_table import Pairs, codes, has_robot_of, slots_of
+from deconflict.foresight.probability.pair_table import Pairs, codes, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.pair_choice import PAIRS, Claims, PairNeeds, Sharers, chosen_pairs
@@ -46,11 +46,20 @@ class PairCandidates:
         slots = np.array(known, np.int64).reshape(-1, 2)
         return codes(slots[:, 0], slots[:, 1])
 
-    def without_doubted(self, pairs: Pairs) -> Pairs:
-        """Those of `pairs` (p,) of which no robot is partly examined: such robots report what can't be true, or are
-        beside those that do, and nothing is learned from what becomes of them."""
-        doubted = self._robots.slots_of(self._claims.partly_examined() if self._claims else ())
-        return pairs[~has_robot_of(pairs["code"], doubted)] if len(doubted) else pairs
+    def are_doubted(self) -> Bools:
+        """(slots,) which robots are partly examined: they report what can't be true, or are beside those that do."""
+        are_doubted = np.zeros(len(self._robots), np.bool_)
+        if self._claims:
+            are_doubted[self._robots.slots_of(self._claims.partly_examined())] = True
+        return are_doubted
+
+    def worth_learning_from(self, pairs: Pairs, are_doubted: Bools) -> Pairs:
+        """Those of `pairs` (p,) of which no robot is partly examined (slots,), and none is a newcomer."""
+        if self._claims:
+            _, is_new = self._claims.sources([name or "" for name in self._robots.names.tolist()])
+            are_doubted = are_doubted | is_new
+        a, b = slots_of(pairs["code"])
+        return pairs[~(are_doubted[a] | are_doubted[b])]
 
     def nearby_codes(
         self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float, table: Pairs
