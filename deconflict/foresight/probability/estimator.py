@@ -196,8 +196,7 @@ class ProbabilityEstimator:
         known = self._pending, self.ledger.bands_m
         nearby_codes = self._candidates.nearby_codes(has_news, *known, now_s, self._pairs)
         candidates = np.concatenate([swept_codes, nearby_codes])
-        marks = has_news, self._robots.is_dormant, (are_doubted := self._candidates.are_doubted())
-        pairs, fresh, rows, due = select_pairs(self._pairs, candidates, *marks, now_s)
+        pairs, fresh, rows, due = select_pairs(self._pairs, candidates, has_news, self._robots.is_dormant, now_s)
         self._pairs, swept_rows, self._looked_s = pairs, rows[: len(swept_codes)], now_s
         self._measuring.measure(
             pairs, due, swept, swept_rows, bands_m=self.following.bands_m, start_times=self.start_times,
@@ -208,7 +207,7 @@ class ProbabilityEstimator:
         self._set_probabilities(now_s)
         if self.learning.is_due(now_s):
             asked = pairs[open_rows(pairs, self._pending.newest, now_s - JOINED_S)]
-            asked = self._candidates.worth_learning_from(asked, are_doubted)
+            asked = self._candidates.worth_learning_from(asked)
             self.learning.ask(now_s, asked["code"], asked["features"])
         rows, other_codes = rows_to_report(pairs, swept_rows, likely)
         columns = {name: pairs[name][rows] for name in PairEstimates._fields if name in PAIR_FIELDS}

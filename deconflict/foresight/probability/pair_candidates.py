@@ -46,20 +46,15 @@ class PairCandidates:
         slots = np.array(known, np.int64).reshape(-1, 2)
         return codes(slots[:, 0], slots[:, 1])
 
-    def are_doubted(self) -> Bools:
-        """(slots,) which robots are partly examined: they report what can't be true, or are beside those that do."""
-        are_doubted = np.zeros(len(self._robots), np.bool_)
-        if self._claims:
-            are_doubted[self._robots.slots_of(self._claims.partly_examined())] = True
-        return are_doubted
-
-    def worth_learning_from(self, pairs: Pairs, are_doubted: Bools) -> Pairs:
-        """Those of `pairs` (p,) of which no robot is partly examined (slots,), and none is a newcomer."""
-        if self._claims:
-            _, is_new = self._claims.sources([name or "" for name in self._robots.names.tolist()])
-            are_doubted = are_doubted | is_new
+    def worth_learning_from(self, pairs: Pairs) -> Pairs:
+        """Those of `pairs` (p,) of which no robot is partly examined, and none is a newcomer: such robots report what
+        can't be true, or are beside those that do."""
+        if not self._claims:
+            return pairs
+        _, is_left_out = self._claims.sources([name or "" for name in self._robots.names.tolist()])
+        is_left_out[self._robots.slots_of(self._claims.partly_examined())] = True
         a, b = slots_of(pairs["code"])
-        return pairs[~(are_doubted[a] | are_doubted[b])]
+        return pairs[~(is_left_out[a] | is_left_out[b])]
 
     def nearby_codes(
         self, has_news: Bools, pending: PendingForecasts, bands_m: Floats, now_s: float, table: Pairs

@@ -44,8 +44,8 @@ PREEMPTED, DRIVEN, TOUCHING = slice(6, 8), slice(8, 8 + ROLLED), FEATURES - 1
 REMEMBERED_S = 25.0
 """A pair that is no candidate for longer is dropped from the table."""
 REMEMBERED, BRIEFLY_S = 7, 1.0
-"""If the table has more pairs than this for each slot, pairs of robots that are partly examined, and that never met,
-are remembered for so long only: robots that drive through each other have ever other pairs."""
+"""If the table has more pairs than this for each slot, those that never met are remembered for so long only: robots
+that drive through each other have ever other pairs."""
 ROLLOUT_M, ROLLOUT_SHARE = 1.5, 0.01
 """Robots are driven on together if they come this near, or if their share of feature 1 is larger than this."""
 SETTLED_S = 10.0
@@ -139,12 +139,13 @@ def has_robot_of(code: Ints, slots: Ints) -> Bools:
 def _has_history(pair: Any) -> bool:
     """Whether the two met, or one gave way to the other, lately: learning asks for that later."""
     met = pair.started_s > -np.inf or pair.last_within_s > -np.inf or pair.in_encounter
-    return bool(met or pair.yielded_s > -np.inf or pair.uncertain_s > -np.inf or pair.gives_way)
+    gave_way = pair.gives_way or pair.gave_way_s > -np.inf
+    return bool(met or gave_way or pair.yielded_s > -np.inf or pair.uncertain_s > -np.inf)
 
 
 @kernel(
     numba.types.UniTuple(numba.int64, 2)(  # type: ignore[no-untyped-call]
-        _PAIRS, *[_INTS] * 2, *[_BOOLS] * 2, *[numba.float64] * 2, _BOOLS, _PAIRS, _BOOLS, *[_INTS] * 2
+        _PAIRS, *[_INTS] * 2, *[_BOOLS] * 2, *[numba.float64] * 3, _PAIRS, _BOOLS, *[_INTS] * 2
     )
 )
 def _select_pairs(
@@ -155,7 +156,7 @@ def _select_pairs(
     is_dormant: Bools,
     now_s: float,
     since_s: float,
-    is_brief: Bools,
+    brief_since_s: float,
     pairs: Pairs,
     fresh: Bools,
     rows: Ints,
@@ -170,9 +171,8 @@ def _select_pairs(
         while new < len(candidates) and candidates[ascending[new]] == code:
             rows[ascending[new]], is_candidate = n, True
             new += 1
-        is_known = is_old and before[old].candidate_s >= since_s
-        if is_known and (is_brief[code >> SLOT_BITS] or is_brief[code & SLOTS]) and not _has_history(before[old]):
-            is_known = before[old].candidate_s >= now_s - BRIEFLY_S
+        known_since_s = since_s if _has_history(before[min(old, len(before) - 1)]) else brief_since_s
+        is_known = is_old and before[old].candidate_s >= known_since_s
         if is_known:
             pairs[n] = before[old]
         old += is_old
@@ -207,23 +207,21 @@ class SelectedPairs(NamedTuple):
     """Rows of the pairs that must be measured again."""
 
 
-def select_pairs(
-    before: Pairs, candidates: Ints, has_news: Bools, is_dormant: Bools, is_doubted: Bools, now_s: float
-) -> SelectedPairs:
+def select_pairs(before: Pairs, candidates: Ints, has_news: Bools, is_dormant: Bools, now_s: float) -> SelectedPairs:
     """The table for a new look, from that of the last look and the codes `candidates` (n,), which may repeat.
 
-    `has_news` (slots,) marks the robots that have reported since the last look, `is_doubted` (slots,) those that are
-    partly examined. All candidates are watched. Of the
+    `has_news` (slots,) marks the robots that have reported since the last look. All candidates are watched. Of the
     other pairs those stay watched of which neither robot has reported, and not both are dormant. A pair is dropped if
     it was no candidate for `REMEMBERED_S`. A watched pair is due if it is fresh or new.
     """
     most = len(before) + len(candidates)
     pairs, fresh, due = np.zeros(most, PAIR), np.empty(most, np.bool_), np.empty(most, np.int64)
-    is_brief = is_doubted & (len(before) > REMEMBERED * len(has_news))
-    rows, since_s = np.empty(len(candidates), np.int64), now_s - REMEMBERED_S
+    brief_s = REMEMBERED_S if len(before) <= REMEMBERED * len(has_news) else BRIEFLY_S
+    times_s = now_s, now_s - REMEMBERED_S, now_s - brief_s
+    rows = np.empty(len(candidates), np.int64)
     order = np.argsort(candidates)
     marks = has_news, is_dormant
-    n, n_due = _select_pairs(before, candidates, order, *marks, now_s, since_s, is_brief, pairs, fresh, rows, due)
+    n, n_due = _select_pairs(before, candidates, order, *marks, *times_s, pairs, fresh, rows, due)
     return SelectedPairs(pairs[:n], fresh[:n], rows, due[:n_due])
 
 

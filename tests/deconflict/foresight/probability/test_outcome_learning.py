@@ -10,9 +10,7 @@ NOW_S = 1_790_000_000.0
 
 def pairs(*slots: tuple[int, int]) -> Pairs:
     a, b = np.array(slots, np.int64).T
-    return select_pairs(
-        np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), np.zeros(10, bool), np.zeros(10, bool), NOW_S
-    ).pairs
+    return select_pairs(np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), np.zeros(10, bool), NOW_S).pairs
 
 
 def outcome(

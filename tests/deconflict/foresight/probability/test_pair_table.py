@@ -21,9 +21,7 @@ NOW_S = 1_790_000_000.0
 
 def pairs(*slots: tuple[int, int]) -> Pairs:
     a, b = np.array(slots, np.int64).T
-    return select_pairs(
-        np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), np.zeros(10, bool), np.zeros(10, bool), NOW_S
-    ).pairs
+    return select_pairs(np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), np.zeros(10, bool), NOW_S).pairs
 
 
 def slots(every: Pairs) -> list[tuple[int, int]]:
@@ -40,12 +38,7 @@ def test_new_pairs_are_inserted_and_the_others_keep_their_values() -> None:
     before["probability"] = (0.3, 0.8)
     before["features"] = [[1.0], [2.0]]
     after, _, rows, _ = select_pairs(
-        before,
-        codes(np.array([3, 1, 3]), np.array([4, 2, 4])),
-        np.zeros(10, bool),
-        np.zeros(10, bool),
-        np.zeros(10, bool),
-        NOW_S,
+        before, codes(np.array([3, 1, 3]), np.array([4, 2, 4])), np.zeros(10, bool), np.zeros(10, bool), NOW_S
     )
     assert slots(after) == [(1, 2), (3, 4), (7, 8)]
     assert after["probability"].tolist() == [0.3, 0.0, 0.8]
@@ -58,7 +51,7 @@ def test_pairs_of_reporting_robots_stay_watched_only_if_they_are_candidates_agai
     before["near_s"] = NOW_S
     has_news = np.isin(np.arange(10), [4, 5])
     after, fresh, _, due = select_pairs(
-        before, codes(np.array([5]), np.array([7])), has_news, np.zeros(10, bool), np.zeros(10, bool), NOW_S
+        before, codes(np.array([5]), np.array([7])), has_news, np.zeros(10, bool), NOW_S
     )
     assert fresh.tolist() == [False, True, True, True]
     assert after["watched"].tolist() == [True, False, False, True]
@@ -67,7 +60,7 @@ def test_pairs_of_reporting_robots_stay_watched_only_if_they_are_candidates_agai
 
 def test_pairs_of_two_dormant_robots_are_not_watched() -> None:
     before, is_dormant = pairs((1, 2), (2, 3), (3, 4)), np.isin(np.arange(10), [1, 2])
-    after = select_pairs(before, np.zeros(0, np.int64), np.zeros(10, bool), is_dormant, np.zeros(10, bool), NOW_S).pairs
+    after = select_pairs(before, np.zeros(0, np.int64), np.zeros(10, bool), is_dormant, NOW_S).pairs
     assert after["watched"].tolist() == [False, True, True]
 
 
@@ -106,9 +99,7 @@ def test_new_pairs_are_due_whether_or_not_their_robots_report() -> None:
     before = pairs((1, 2))
     before["near_s"] = NOW_S
     asked = codes(np.array([1, 3]), np.array([2, 4]))
-    assert select_pairs(
-        before, asked, np.zeros(10, bool), np.zeros(10, bool), np.zeros(10, bool), NOW_S
-    ).due.tolist() == [1]
+    assert select_pairs(before, asked, np.zeros(10, bool), np.zeros(10, bool), NOW_S).due.tolist() == [1]
 
 
 def test_pairs_that_were_no_candidates_for_long_are_dropped() -> None:
@@ -116,7 +107,7 @@ def test_pairs_that_were_no_candidates_for_long_are_dropped() -> None:
     before["probability"], before["candidate_s"] = 0.5, NOW_S - REMEMBERED_S - np.array([1, 1, 0])
     before["watched"] = False
     after = select_pairs(
-        before, codes(np.array([3]), np.array([4])), np.zeros(10, bool), np.zeros(10, bool), np.zeros(10, bool), NOW_S
+        before, codes(np.array([3]), np.array([4])), np.zeros(10, bool), np.zeros(10, bool), NOW_S
     ).pairs
     assert slots(after) == [(3, 4), (5, 6)]
     assert after["probability"].tolist() == [0.0, 0.5]
@@ -168,16 +159,16 @@ def test_a_pair_stays_still_for_a_while_after_one_waited_for_the_other() -> None
 
 
 @pytest.mark.parametrize("slots", [40, 12])
-def test_of_too_many_pairs_of_doubted_robots_those_that_never_met_are_forgotten_soon(slots: int) -> None:
+def test_of_too_many_pairs_those_that_never_met_are_forgotten_soon(slots: int) -> None:
     """What met stays: a pair that is not in the table counts as one that did not meet."""
     a, b = np.triu_indices(slots, 1)
     before = np.zeros(len(a), PAIR)
     before["code"], before["candidate_s"] = codes(a, b), NOW_S - 2 * BRIEFLY_S
-    for name in ("started_s", "last_within_s", "yielded_s", "uncertain_s"):
+    for name in ("started_s", "last_within_s", "yielded_s", "uncertain_s", "gave_way_s"):
         before[name] = -np.inf
-    has_met, doubted, none = a % 3 == 0, np.arange(slots) >= slots - 5, np.zeros(slots, bool)
+    has_met, none = a % 3 == 0, np.zeros(slots, bool)
     before["started_s"][has_met] = NOW_S - 3.0
-    after = select_pairs(before, np.zeros(0, np.int64), none, none, doubted, NOW_S).pairs
+    after = select_pairs(before, np.zeros(0, np.int64), none, none, NOW_S).pairs
     are_many = len(a) > REMEMBERED * slots
-    is_kept = has_met | ~(doubted[a] | doubted[b]) if are_many else np.ones(len(a), bool)
+    is_kept = has_met | (not are_many)
     assert after["code"].tolist() == before["code"][is_kept].tolist()
