@@ -15,7 +15,16 @@ from benchmarks.drawn_floors.others import KINDS
 from deconflict.advisory import Severity
 
 SECONDS, ROBOTS = 20.0, 60
-HELD = ("standing-heap", "trembling-heap")
+HELD = (
+    "standing-heap",
+    "trembling-heap",
+    "large-spread",
+    "giants-and-small",
+    "moving-heap",
+    "two-heaps",
+    "falls-silent",
+    "all-at-once",
+)
 """Kinds beside which a pass examines no more pairs than it may."""
 
 

@@ -47,12 +47,13 @@ class PairCandidates:
         return codes(slots[:, 0], slots[:, 1])
 
     def worth_learning_from(self, pairs: Pairs) -> Pairs:
-        """Those of `pairs` (p,) of which no robot is partly examined, and none is a newcomer: such robots report what
-        can't be true, or are beside those that do."""
-        if not self._claims:
+        """Those of `pairs` (p,) of which no robot is partly examined: such robots report what can't be true, or are
+        beside those that do. While there are such robots, also none of newcomers."""
+        doubted = self._robots.slots_of(self._claims.partly_examined()) if self._claims else ()
+        if not self._claims or not len(doubted):
             return pairs
         _, is_left_out = self._claims.sources([name or "" for name in self._robots.names.tolist()])
-        is_left_out[self._robots.slots_of(self._claims.partly_examined())] = True
+        is_left_out[doubted] = True
         a, b = slots_of(pairs["code"])
         return pairs[~(is_left_out[a] | is_left_out[b])]
 
