@@ -67,7 +67,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(18, 200, 6, 300, 9), Budget(10, 100, 6, 150, 5)
+BOXES, PAIRS = Budget(18, 1000, 24, 2000, 9), Budget(10, 100, 6, 300, 5)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 

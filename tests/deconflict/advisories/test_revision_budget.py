@@ -16,7 +16,7 @@ CROWD: tuple[Pair, ...] = tuple((f"a{n:03}", f"b{n:03}") for n in range(2 * MOST
 class Vendors(MadeScene):
     """The vendor of a robot is the first letter of its UUID."""
 
-    def vendor(self, uuid: str) -> str:
+    def account(self, uuid: str) -> str:
         return uuid[0]
 
 
