@@ -37,15 +37,21 @@ class PairClaims:
         self._live, self._conflicts, self._crowds = live, conflicts, crowds
         self._left_out_s: dict[str, float] = {}
         """By robot, when a pair of it was last left out."""
+        self._now_s = -inf
+        """When the last pass was."""
 
     def note_left_out(self, now_s: float, robots: Iterable[str]) -> None:
         """Pairs of these robots were left out in the pass at `now_s`."""
+        self._now_s = now_s
         lately = {uuid: at_s for uuid, at_s in self._left_out_s.items() if now_s - at_s <= LATELY_S}
         self._left_out_s = lately | dict.fromkeys(robots, now_s)
 
     def partly_examined(self) -> list[str]:
-        """The robots on the floor of which pairs were left out lately, or that are in a crowd; in ascending order."""
-        return sorted((self._left_out_s.keys() | self._crowds.keys()) & self._live.robots.keys())
+        """The robots that were heard lately, and of which pairs were left out lately, or that are in a crowd; in
+        ascending order."""
+        robots = self._live.robots
+        concerned = (self._left_out_s.keys() | self._crowds.keys()) & robots.keys()
+        return sorted(uuid for uuid in concerned if robots[uuid].event_s >= self._now_s - LATELY_S)
 
     def sources(self, robots: Sequence[str]) -> tuple[Ints, Bools]:
         live = self._live

@@ -19,7 +19,7 @@ from tests.helpers.patience import PATIENCE_S
 
 PAIRS, SETTLE_S, FLOOD_S = 8, 10.0, 2.0
 ROBOTS = 60
-HELD = (*FLOODS, "crowd")
+HELD = (*FLOODS, "crowd", "large", "makers", "silent-crowd")
 """The attacks that a service withstands, of those that need no broker."""
 NOW_S = 1_790_000_000
 

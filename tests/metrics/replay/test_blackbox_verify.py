@@ -94,7 +94,15 @@ def test_a_truncated_and_resealed_box_is_detected_by_the_register(file: Path) ->
 
 
 def test_a_removed_box_is_detected_by_the_next_one(floor: Floor, tmp_path: Path) -> None:
-    Archive(tmp_path).add({"file": "blackbox-20000101T000000000Z.jsonl.zst", "bytes": 1, "sha256": "ab" * 32})
+    Archive(tmp_path).add(
+        {
+            "file": "blackbox-20000101T000000000Z.jsonl.zst",
+            "bytes": 1,
+            "sha256": "ab" * 32,
+            "until": "2000-01-01T00:00:00Z",
+            "near_misses": [],
+        }
+    )
     made = write_blackbox(replace(floor.order(), archive=tmp_path))
     assert made
     assert verify(tmp_path / made["file"]).same
