@@ -1,7 +1,8 @@
 """Crowds: many robots that report from one place, where their bodies can't all be.
 
 The places of such robots are doubted. A fleet does so that reports (0, 0) until it knows where it is, or an attacker.
-Robots are compared with those of their vendor, and with those of their source, since a source can invent vendors.
+Robots are compared with those of their vendor; then with those of their source, since a source can invent vendors; then
+with all. Who overlaps with those of their vendor makes nobody else overlap, and so on: these are doubted already.
 """
 
 from collections import defaultdict
@@ -13,7 +14,7 @@ import numpy as np
 
 from deconflict.contention.crowds.overlapping_robots import CELL_M, overlapping
 from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Floats, Ints
 
 FEWEST = 9
 """Fewer overlapping robots in one heap are no crowd."""
@@ -23,15 +24,18 @@ that is in a crowd when it falls silent stays in it."""
 HELD_S = 5.0
 """A robot is in a crowd until it has not overlapped with it for this long."""
 
+NONE, OF_VENDOR, OF_SOURCE, OF_ALL = range(4)
+"""With whom a robot overlaps: nobody, those of its vendor, those of its source, or others."""
+
 Cell = tuple[float, float, float, float]
 """Floor, side, and numbers along x and y."""
 
 
 class Crowd(NamedTuple):
-    """The crowded robots of one vendor, or of several vendors of one source, on one floor."""
+    """The crowded robots of one vendor, of several vendors of one source, or of several sources, on one floor."""
 
     label: str
-    """The vendor; or the source, and that its robots are of several vendors."""
+    """The vendor; or that they are several, and where they send from."""
     datum: str
     robots: tuple[str, ...]
     """In ascending order."""
@@ -59,12 +63,12 @@ class Crowds:
 
     def step(self, now_s: float) -> dict[str, bool]:
         """The robots that have come to a crowd (True) or left one since the last step."""
-        live, (slots, is_of_vendor) = self._live, self._overlapping(now_s)
+        live, (slots, kind) = self._live, self._overlapping(now_s)
         for heap in _heaps(live, slots) if len(slots) >= FEWEST else ():
             if len(heap) >= FEWEST:
                 for slot in heap.tolist():
                     uuid = live.uuids[slot]
-                    self._found_s[uuid], self._labels[uuid] = now_s, _label(live.robots[uuid], is_of_vendor[slot])
+                    self._found_s[uuid], self._labels[uuid] = now_s, _label(live.robots[uuid], kind[slot])
         if not self._found_s and not self._numbers:
             return {}
         self._found_s = {
@@ -79,8 +83,8 @@ class Crowds:
     def _number(self, label: str) -> int:
         return self._label_numbers.setdefault(label, len(self._label_numbers) + 1)
 
-    def _overlapping(self, now_s: float) -> tuple[Ints, Bools]:
-        """The slots of overlapping robots, and (slots,) which robots overlap with those of their vendor.
+    def _overlapping(self, now_s: float) -> tuple[Ints, Ints]:
+        """The slots of overlapping robots, and (slots,) with whom each overlaps, see `OF_VENDOR`.
 
         Those that reported are looked at; if some overlap, all that were heard, or fell silent in a crowd.
         """
@@ -93,14 +97,16 @@ class Crowds:
         self._some_overlap = len(found[0]) > 0
         return found
 
-    def _overlap(self, slots: Ints, at: Floats) -> tuple[Ints, Bools]:
-        """The slots of those of `slots` that overlap at places `at` (slots, 5); and which of all robots overlap with
-        those of their vendor. These make no other robot of their source overlap: their places are doubted already."""
-        live, is_of_vendor = self._live, np.zeros(len(at), np.bool_)
-        is_of_vendor[slots] = overlapping(slots, at, live.sizes_m, live.vendor, live.came_s)
-        at = np.where(is_of_vendor[:, None], np.nan, at)
-        is_of_source = overlapping(slots, at, live.sizes_m, live.source, live.came_s)
-        return slots[is_of_vendor[slots] | is_of_source], is_of_vendor
+    def _overlap(self, slots: Ints, at: Floats) -> tuple[Ints, Ints]:
+        """The slots of those of `slots` that overlap at places `at` (slots, 5), and (slots,) with whom."""
+        live, kind = self._live, np.full(len(at), NONE)
+        for number, group in ((OF_VENDOR, live.vendor), (OF_SOURCE, live.source), (OF_ALL, np.zeros_like(live.vendor))):
+            found = slots[overlapping(slots, at, live.sizes_m, group, live.came_s)]
+            kind[found] = number
+            if len(found):
+                at = at.copy()
+                at[found] = np.nan
+        return slots[kind[slots] != NONE], kind
 
     def standing(self) -> Iterator[Crowd]:
         """The crowds, by label and floor."""
@@ -119,8 +125,10 @@ class Crowds:
         return Crowd(label, live.floors[int(live.at[slots[0], 2])], robots, *middle_m.tolist())
 
 
-def _label(robot: LiveRobot, is_of_vendor: bool) -> str:
-    return robot.vendor if is_of_vendor else f"several vendors at {robot.source}"
+def _label(robot: LiveRobot, kind: int) -> str:
+    if kind == OF_VENDOR:
+        return robot.vendor
+    return f"several vendors at {robot.source}" if kind == OF_SOURCE else "several vendors at several addresses"
 
 
 def _heaps(live: LiveRobots, slots: Ints) -> list[Ints]:

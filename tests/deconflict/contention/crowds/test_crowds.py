@@ -18,13 +18,13 @@ class Stage:
         self.fleet, self.live, self.now_s = fleet_of(SITE, Measures()), LiveRobots(), NOW_S
         self.crowds = Crowds(self.live)
 
-    def says(self, places: dict[str, Place], vendor: str = "Mallory") -> dict[str, bool]:
+    def says(self, places: dict[str, Place], vendor: str = "Mallory", peer: str = "") -> dict[str, bool]:
         """Who comes to a crowd and who leaves one when these robots report, a second later."""
         self.now_s += 1.0
         for name, (x, y, datum) in places.items():
-            self.fleet.receive(identity(name, self.now_s, manufacturerName=vendor), self.now_s, Connection(1))
+            self.fleet.receive(identity(name, self.now_s, manufacturerName=vendor), self.now_s, Connection(1, peer))
             location = {"x": x, "y": y, "angle": {"x": 0, "y": 0, "z": 0, "w": 1}, "planarDatum": datum}
-            self.fleet.receive(status(name, self.now_s, location=location), self.now_s, Connection(1))
+            self.fleet.receive(status(name, self.now_s, location=location), self.now_s, Connection(1, peer))
         batch = self.fleet.next_batch(self.now_s)
         self.live.update(batch)
         self.live.remove(batch.gone)
@@ -74,6 +74,15 @@ def test_invented_vendors_of_one_source_are_one_crowd() -> None:
     assert stage.crowds.numbers.keys() == uuids(heap(12))
     (crowd,) = stage.crowds.standing()
     assert crowd.label.startswith("several vendors at ")
+
+
+def test_robots_of_many_sources_are_one_crowd() -> None:
+    stage = Stage()
+    for n, (name, place) in enumerate(heap(12).items()):
+        stage.says({name: place}, f"Maker {n}", f"10.0.0.{n}")
+    assert stage.crowds.numbers.keys() == uuids(heap(12))
+    (crowd,) = stage.crowds.standing()
+    assert crowd.label == "several vendors at several addresses"
 
 
 def test_the_first_robots_of_a_crowd_are_found_with_the_others() -> None:
