@@ -20,6 +20,8 @@ HEADER = slice(0, 16)
 MAGIC = b"SQLite format 3\0"
 AT_VERSION = slice(60, 64)
 """Where the first page of a database has `PRAGMA user_version`."""
+MOST_NEWER = 1000
+"""A format that is further ahead is damage, which keeps no service from starting."""
 LOCKED_S = 1.0
 """A database that is locked for longer is taken as it says in its first page."""
 
@@ -29,7 +31,7 @@ def refuse_newer(data: Path) -> None:
     problems = []
     for name, (format_of, known) in FILES.items():
         found = format_of(data / name) if (data / name).is_file() else None
-        if found is not None and found > known:
+        if found is not None and known < found <= known + MOST_NEWER:
             problems.append(f"{data / name} has format {found} and this release reads up to {known}")
     if problems:
         text = "; ".join(problems)
@@ -60,7 +62,7 @@ def _json_format(path: Path) -> int | None:
     return found if isinstance(found, int) else None
 
 
-def _learned_stateat(path: Path) -> int | None:
+def _learned_format(path: Path) -> int | None:
     try:
         return learned_state.format_of(path.read_bytes())
     except OSError:
@@ -72,6 +74,6 @@ FILES: dict[str, tuple[Callable[[Path], int | None], int]] = {
     loss_ledger.FILE_NAME: (_database_format, len(ledger_formats.UPGRADES)),
     kept_rows.FILE_NAME: (_database_format, kept_rows.FORMAT),
     owner_file.FILE_NAME: (_json_format, owner_register.FORMAT),
-    learned_file.FILE_NAME: (_learned_stateat, learned_state.FORMAT),
+    learned_file.FILE_NAME: (_learned_format, learned_state.FORMAT),
 }
 """By name, what reads the format, and the newest that this release reads."""

@@ -187,3 +187,9 @@ async def test_register_lines_that_cannot_be_read_are_kept_and_the_others_stay(d
     assert len(archive.boxes()) == 2
     assert register.with_name(REGISTER + ASIDE).read_bytes() == content
     assert len(register.read_bytes().splitlines()) == 2
+
+
+def test_a_wild_format_is_damage_and_no_newer_release(tmp_path: Path) -> None:
+    for name in DATABASES:
+        (tmp_path / name).write_bytes(b"SQLite format 3\0" + b"i_]S" * 2000)
+    refuse_newer(tmp_path)
