@@ -102,7 +102,7 @@ class PairNeeds(NamedTuple):
 
 
 def chosen_pairs(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:
-    """(p,) which pairs to examine: such that cost not much more than `most`, by the rules of this module.
+    """(p,) which pairs to examine. They cost `most`, or not much more; see the rules of this module.
 
     Pairs that are watched, and the first `ALWAYS` of each robot, are chosen whatever their number.
     """
@@ -129,9 +129,9 @@ def _within_shares(needs: PairNeeds, ranks: Ints, is_later: Bools, source: Ints,
 
 
 def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
-    """(p,) the place of each pair among those of a robot with one source, the most urgent first; and (p,) its place
-    among all of a robot, which takes one pair of each source after the other. Of the two robots' places the smaller
-    one, without those of crowded robots."""
+    """Two places (p,) of each pair, the most urgent first: among the pairs of a robot with one source, and among all
+    pairs of a robot, which takes one pair of each source after the other. The smaller place of the two robots counts.
+    A robot in a crowd gives none."""
     gap = np.minimum(needs.gap_m / _GAP_M, _GAPS - 1).astype(np.int64)
     urgency = np.minimum(needs.moment, _MOMENTS - 1) * _GAPS + gap
     urgency[~needs.is_watched] += 2 * _MOMENTS * _GAPS
@@ -183,7 +183,7 @@ class PairChoice:
         self.most_found = MOST_FOUND if claims else EVERY
         """See `SweptBoxes.overlapping_pairs`."""
         self.left_out = 0
-        """Pairs that were left out so far."""
+        """Pairs that were left out in this pass."""
 
     def examined(
         self, pairs: Pairs, most: int, table: SlotTable, boxes: NDArray[Any], marks: tuple[Bools, Bools]

@@ -52,7 +52,7 @@ class PairCandidates:
         doubted = self._robots.slots_of(self._claims.partly_examined()) if self._claims else ()
         if not self._claims or not len(doubted):
             return pairs
-        _, is_left_out = self._claims.sources([name or "" for name in self._robots.names.tolist()])
+        _, is_left_out = self._sources(self._claims)
         is_left_out[doubted] = True
         a, b = slots_of(pairs["code"])
         return pairs[~(is_left_out[a] | is_left_out[b])]
@@ -90,8 +90,11 @@ class PairCandidates:
         watched = self._codes_of(claims.watched())
         between_m = pending.newest[a, 1:3] - pending.newest[b, 1:3]
         needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched), np.ones_like(a))
-        source, is_new = claims.sources([name or "" for name in robots.names.tolist()])
-        return found[chosen_pairs(needs, Sharers(source, is_new, robots.is_crowded()), most)]
+        return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded()), most)]
+
+    def _sources(self, claims: Claims) -> tuple[Ints, Bools]:
+        """(slots,) of each robot, see `Claims.sources`."""
+        return claims.sources([name or "" for name in self._robots.names.tolist()])
 
 
 def _held(table: Pairs, has_news: Bools) -> int:
