@@ -246,12 +246,15 @@ class Batch:
     """(n,) who reports each robot, as `ingest.port.connection` says it. If not given, the vendors."""
     examined: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
     """(n,) whether the robot is compared with others. If not given, all are."""
+    came_s: Floats = field(default_factory=lambda: np.empty(0))
+    """(n,) since when the robot is known without a break. If not given, since the tick."""
 
     def __post_init__(self) -> None:
-        if self.robots and not self.sources:
-            object.__setattr__(self, "sources", self.vendors)
-        if self.robots and not len(self.examined):
-            object.__setattr__(self, "examined", np.ones(len(self.robots), np.bool_))
+        n = len(self.robots)
+        missing = {"sources": self.vendors, "examined": np.ones(n, np.bool_), "came_s": np.full(n, self.now_s)}
+        for name, values in missing.items() if n else ():
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, values)
 
     def __len__(self) -> int:
         return len(self.robots)
@@ -300,8 +303,7 @@ class Batch:
         """The batch that `to_bytes` wrote. The arrays are read-only views of `data`."""
         head, _, body = data.partition(b"\n")
         document: dict[str, Any] = msgspec.json.decode(head)
-        arrays: dict[str, Any] = {}
-        offset = 0
+        arrays, offset = dict[str, Any](), 0
         for name, kind, length in document.pop("layout"):
             arrays[name] = np.frombuffer(body, kind, length, offset)
             offset += arrays[name].nbytes
@@ -341,6 +343,7 @@ _ARRAYS = (
     "basis",
     "doubt_m",
     "reports_within_s",
+    "came_s",
     "examined",
     "amounts",
 )

@@ -15,6 +15,7 @@ from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import Sweeper
+from deconflict.sweep.pair_choice import LATER_S
 from ingest.batch import Batch, Bools, Floats, Forecasts, Ints, Pair
 from ingest.measures.measures import Measures
 
@@ -23,8 +24,6 @@ GROWTH_STEP_M = 0.1
 
 NEW_S = 300.0
 """A robot came lately if it did so within this time."""
-TOGETHER_S = 10.0
-"""Robots that come within this time of the first came with it."""
 LATELY_S = 10.0
 """A robot is partly examined for so long after a pair of it was left out."""
 
@@ -53,16 +52,16 @@ class PairClaims:
         concerned = (self._left_out_s.keys() | self._crowds.keys()) & robots.keys()
         return sorted(uuid for uuid in concerned if robots[uuid].event_s >= self._now_s - LATELY_S)
 
-    def sources(self, robots: Sequence[str]) -> tuple[Ints, Bools]:
+    def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
         live = self._live
         if not live.robots:
-            return np.zeros(len(robots), np.int64), np.zeros(len(robots), np.bool_)
+            return np.zeros(len(robots), np.int64), np.zeros(len(robots)), np.zeros(len(robots), np.bool_)
         known = list(live.robots.values())
         of_known = np.array([robot.slot for robot in known])
         newest_s, first_s = live.event_s[of_known].max(), live.came_s[of_known].min()
         slots = np.array([live.robots[uuid].slot if uuid in live.robots else of_known[0] for uuid in robots], np.int64)
         came_s = live.came_s[slots]
-        return live.source[slots], (came_s > newest_s - NEW_S) & (came_s > first_s + TOGETHER_S)
+        return live.source[slots], came_s, (came_s > newest_s - NEW_S) & (came_s > first_s + LATER_S)
 
     def watched(self) -> Iterable[Pair]:
         return self._conflicts.pairs.all()

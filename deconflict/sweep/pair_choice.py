@@ -5,9 +5,13 @@ one robot on 25 m2, and no more than the budget at three times that density. Mor
 true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
 
 1. Pairs that are watched, and the most urgent ones of each robot, are examined in any case.
-2. Robots that were there before the others come first, then newcomers.
-3. A source that needs little gets all that it needs. What is left is shared equally by the others (max-min fairness).
-4. Within a source, each robot is compared with the most urgent one of each source first, then with the second one.
+2. Newcomers come last: they get what the others leave.
+3. The robots that are known longest get all that they need, up to half of the budget. So whoever comes later, of
+   whatever source, takes nothing from them.
+4. The rest is for the sources. One that needs little gets all that it needs. What is left is shared equally by the
+   others (max-min fairness). The source of the robot that came later pays for a pair.
+5. Within a source, each robot is compared with the most urgent one of each source first, then with the second one.
+   Robots that came later than it follow those that did not.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,6 +27,8 @@ from ingest.batch import Bools, Floats, Ints, Pair
 
 MOST_OF_SOURCE = 24
 """A robot is compared with so many others of one source."""
+LATER_S = 10.0
+"""Robots that are known for this much longer than others were there before."""
 ALWAYS = 2
 """The most urgent pairs of each robot are examined whatever the budget."""
 NO_CROWDS: Mapping[str, int] = {}
@@ -34,9 +40,9 @@ _GAP_M, _GAPS, _MOMENTS, _SOURCES, _MOST_TURNS = 0.05, 1 << 18, 1 << 6, 1 << 12,
 class Claims(Protocol):
     """Which claims robots and pairs have to be examined."""
 
-    def sources(self, robots: Sequence[str]) -> tuple[Ints, Bools]:
-        """(n,) a number of each robot's source, from 0 on; and whether the robot came lately, when others were there
-        already. "" is no robot, and has any."""
+    def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
+        """(n,) a number of each robot's source, from 0 on; since when the robot is known; and whether it came lately,
+        when others were there already. "" is no robot, and has any."""
 
     def watched(self) -> Iterable[Pair]:
         """The pairs of robots that are watched."""
@@ -67,7 +73,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(18, 1000, 24, 2000, 9), Budget(10, 100, 6, 300, 5)
+BOXES, PAIRS = Budget(18, 900, 24, 2000, 9), Budget(10, 100, 6, 250, 5)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 
@@ -76,6 +82,8 @@ class Sharers(NamedTuple):
 
     source: Ints
     """(slots,) a number of its source, from 0 on."""
+    came_s: Floats
+    """(slots,) since when it is known."""
     is_new: Bools
     """(slots,) whether it came lately, when others were there already."""
     is_crowded: Bools
@@ -106,23 +114,39 @@ def chosen_pairs(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:
 
     Pairs that are watched, and the first `ALWAYS` of each robot, are chosen whatever their number.
     """
+    _, source = np.unique(sharers.source, return_inverse=True)
+    sharers = sharers._replace(source=source)
     ranks, places = _ranks(needs, sharers)
     always = needs.is_watched | (places < ALWAYS)
     is_new = sharers.is_new[needs.a] | sharers.is_new[needs.b]
-    is_within = np.zeros(len(always), np.bool_)
-    for rows in (np.flatnonzero(~is_new), np.flatnonzero(is_new)):
-        is_within[rows] = _within_shares(needs.of(rows), ranks[rows], ~always[rows], sharers.source, most)
-        most -= int(needs.costs[rows][is_within[rows]].sum())
-    return always | (is_within & (ranks < MOST_OF_SOURCE))
+    chosen, payer, can_be = always.copy(), _payers(needs, sharers), ranks < MOST_OF_SOURCE
+    for is_of_class in (~is_new, is_new):
+        most -= int(needs.costs[always & is_of_class].sum())
+        rows = np.flatnonzero(is_of_class & can_be & ~always)
+        rows = rows[np.argsort(ranks[rows], kind="stable")]
+        is_within = _of_known_longest(needs.of(rows), sharers, most // 2)
+        chosen[rows[is_within]] = True
+        most -= int(needs.costs[rows[is_within]].sum())
+        rows = rows[~is_within]
+        is_within = _within_shares(needs.costs[rows], payer[rows], most)
+        chosen[rows[is_within]] = True
+        most -= int(needs.costs[rows[is_within]].sum())
+    return chosen
 
 
-def _within_shares(needs: PairNeeds, ranks: Ints, is_later: Bools, source: Ints, most: int) -> Bools:
-    """(p,) which pairs are within the shares of their sources, of `most` in all: those that are not `is_later` (p,)
-    first, then in the order of `ranks` (p,)."""
-    payer = _payers(needs, source)
-    order, needed = np.lexsort((ranks, is_later, payer)), np.bincount(payer, needs.costs).astype(np.int64)
-    costs, payers = needs.costs[order], payer[order]
-    before = np.cumsum(costs) - costs - (np.cumsum(needed) - needed)[payers]
+def _of_known_longest(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:
+    """(p,) which pairs are of the robots that are known longest, as many of these as need no more than `most` in all.
+    The later robot of a pair counts, and robots that came within `LATER_S` count together."""
+    came = np.maximum(sharers.came_s[needs.a], sharers.came_s[needs.b]) // LATER_S
+    _, turn = np.unique(came, return_inverse=True)
+    return (np.cumsum(np.bincount(turn, needs.costs)) <= most)[turn] if len(turn) else np.zeros(0, np.bool_)
+
+
+def _within_shares(costs: Ints, payer: Ints, most: int) -> Bools:
+    """(p,) which pairs are within the shares of their sources `payer` (p,), of `most` in all, in their order."""
+    order, needed = np.argsort(payer, kind="stable"), np.bincount(payer, costs).astype(np.int64)
+    ordered, payers = costs[order], payer[order]
+    before = np.cumsum(ordered) - ordered - (np.cumsum(needed) - needed)[payers]
     is_within = np.empty(len(order), np.bool_)
     is_within[order] = before < _shares(needed, most)[payers]
     return is_within
@@ -139,7 +163,8 @@ def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
     for own, other in ((needs.a, needs.b), (needs.b, needs.a)):
         rows = np.flatnonzero(~sharers.is_crowded[own])
         others = other[rows]
-        keys = urgency[rows] + sharers.is_new[others] * _MOMENTS * _GAPS
+        came_later = sharers.came_s[others] > sharers.came_s[own[rows]] + LATER_S
+        keys = urgency[rows] + came_later * _MOMENTS * _GAPS
         of_source = _places(own[rows] * _SOURCES + sharers.source[others] % _SOURCES, keys)
         in_turn = _places(own[rows], np.minimum(of_source, _MOST_TURNS) * (4 * _MOMENTS * _GAPS) + keys)
         ranks[rows], places[rows] = np.minimum(ranks[rows], of_source), np.minimum(places[rows], in_turn)
@@ -156,11 +181,13 @@ def _places(groups: Ints, keys: Ints) -> Ints:
     return places
 
 
-def _payers(needs: PairNeeds, source: Ints) -> Ints:
-    """(p,) the source of each pair that pays for it: that of its two which needs more in all."""
-    a, b = source[needs.a], source[needs.b]
+def _payers(needs: PairNeeds, sharers: Sharers) -> Ints:
+    """(p,) the source of each pair that pays for it: that of the robot which came later; if they came together, the one
+    that needs more in all."""
+    a, b = sharers.source[needs.a], sharers.source[needs.b]
     needed = np.bincount(np.concatenate([a, b]), np.tile(needs.costs, 2))
-    return np.where(needed[a] > needed[b], a, b)
+    later_s = sharers.came_s[needs.a] - sharers.came_s[needs.b]
+    return np.where(np.where(np.abs(later_s) > LATER_S, later_s > 0.0, needed[a] > needed[b]), a, b)
 
 
 def _shares(needed: Ints, most: int) -> Ints:
@@ -230,8 +257,8 @@ def _are_watched(pairs: Pairs, table: SlotTable, claims: Claims) -> Bools:
 def _sharers(table: SlotTable, claims: Claims, is_crowded: Bools) -> Sharers:
     slots = len(table)
     pullers = pulled_by(table.robots[:slots])
-    source, is_new = claims.sources(table.keys[:slots].tolist())
-    return Sharers(source[pullers], is_new[pullers], is_crowded)
+    source, came_s, is_new = claims.sources(table.keys[:slots].tolist())
+    return Sharers(source[pullers], came_s[pullers], is_new[pullers], is_crowded)
 
 
 class CrowdedPairs:

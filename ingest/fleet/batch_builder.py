@@ -41,6 +41,7 @@ def batch(
         claims=claims,
         sources=tuple(_values(robots, "source")),
         examined=_column(robots, "examined", np.bool_),
+        came_s=_column(robots, "came_s"),
     )
 
 

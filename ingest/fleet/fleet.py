@@ -188,7 +188,7 @@ class Fleet:
     def _admit(self, uuid: str, arrival_s: float, connection: Connection, sender: TopicSender | None) -> Robot:
         vendor, clock = self.owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
         robot = self.robots[uuid] = Robot(uuid, vendor, clock, connection.language, sender.serial if sender else "")
-        robot.arrival_s = arrival_s
+        robot.arrival_s = robot.came_s = arrival_s
         self.owners.add(robot)
         return robot
 

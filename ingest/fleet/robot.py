@@ -51,6 +51,8 @@ class Robot:
     """When the first of them arrived."""
     arrival_s: float = nan
     """When its newest message arrived."""
+    came_s: float = nan
+    """When its first one did, of those that this fleet knows: after a restart, of those that were kept."""
     seen: Sighting | None = None
     """The newest sighting, reconciled with the one before it."""
     frame: Frame | None = None

@@ -79,6 +79,7 @@ def batch_of(*knots: int) -> Batch:
         claims=(Claim("Alder", "Mallory", ("r1", "r2"), 3, 1792000000.0),),
         sources=tuple(f"10.0.0.{i}" for i in range(n)),
         examined=np.arange(n) % 2 == 0,
+        came_s=np.arange(n, dtype=np.float64) - 100.0,
     )
 
 
@@ -91,8 +92,8 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
         np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
     for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims", "sources"):
         assert getattr(back, name) == getattr(batch, name)
-    arrays = "statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "examined"
-    for name in arrays:
+    arrays = "statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "came_s"
+    for name in (*arrays, "examined"):
         np.testing.assert_array_equal(getattr(back, name), getattr(batch, name))
     for name in Amounts._fields:
         np.testing.assert_array_equal(back.amounts[name], batch.amounts[name])

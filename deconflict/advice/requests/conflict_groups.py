@@ -77,10 +77,10 @@ class ConflictGroups:
     def _take_groups(self, changed: Iterable[Pair]) -> list[ConflictGroup]:
         """Remove the groups with a robot of these pairs."""
         found = (self._of_robot.get(robot) for pair in changed for robot in pair)
-        groups = {group.pairs: group for group in found if group}
-        for pairs in groups:
-            del self.all[pairs]
-            for robot in chain.from_iterable(pairs):
+        groups = {id(group): group for group in found if group}  # the hash of all pairs would take long
+        for group in groups.values():
+            del self.all[group.pairs]
+            for robot in chain.from_iterable(group.pairs):
                 self._of_robot.pop(robot, None)
         return list(groups.values())
 

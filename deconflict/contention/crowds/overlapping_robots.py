@@ -9,6 +9,7 @@ import numba
 import numpy as np
 
 from deconflict.sweep.geometry.knots import FARTHEST_M
+from deconflict.sweep.pair_choice import LATER_S
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
@@ -17,11 +18,11 @@ COVERED = 2.0
 that circle so many times. Robots that stand side by side stay below, as they can't overlap."""
 CELL_M = 2.0
 """Side of a cell. Robots are compared with those in the cells around them."""
+SMALLEST_M = 0.25
+"""Side of the smallest body. A smaller one counts as a square of this side: there is no room for more of them on a
+floor, since nobody lets them drive so near to each other."""
 MOST_COMPARED = 200
 """A robot is compared with at most so many others, so that many above each other cost no more."""
-LATER_S = 10.0
-"""Robots that came so much later than a robot do not make it overlap. So whoever reports from the place of a robot that
-has long been on the floor does not take the robot's warnings from it."""
 
 _INTS, _MATRIX = numba.int64[::1], numba.float64[:, ::1]
 
@@ -50,10 +51,8 @@ def _overlaps(slot: int, at: Floats, sizes_m: Floats, group: Ints, came_s: Float
     The robots of a place are `last` (places,), then the one `before` (slots,) that, and so on to -1.
     """
     x_m, y_m, on_floor, bottom_m, top_m = at[slot]
-    radius_m = hypot(sizes_m[slot, 0], sizes_m[slot, 1]) / 2
+    radius_m = hypot(max(sizes_m[slot, 0], SMALLEST_M), max(sizes_m[slot, 1], SMALLEST_M)) / 2
     circle_m2, area_m2, compared = pi * radius_m * radius_m, 0.0, 0
-    if not radius_m > 0.0:
-        return False
     (west, south), (east, north) = _cell(x_m - radius_m, y_m - radius_m), _cell(x_m + radius_m, y_m + radius_m)
     for x in range(west, east + 1):
         for y in range(south, north + 1):
@@ -62,11 +61,12 @@ def _overlaps(slot: int, at: Floats, sizes_m: Floats, group: Ints, came_s: Float
                 other_x_m, other_y_m, other_floor, other_bottom_m, other_top_m = at[other]
                 is_beside = group[other] == group[slot] and other_floor == on_floor
                 is_beside = is_beside and _cell(other_x_m, other_y_m) == (x, y)
-                compared += is_beside
                 is_beside = is_beside and came_s[other] <= came_s[slot] + LATER_S
                 is_beside = is_beside and bottom_m <= other_top_m and other_bottom_m <= top_m
+                compared += is_beside
                 if is_beside and hypot(other_x_m - x_m, other_y_m - y_m) <= radius_m:
-                    area_m2 += min(sizes_m[other, 0] * sizes_m[other, 1], circle_m2)
+                    length_m, width_m = max(sizes_m[other, 0], SMALLEST_M), max(sizes_m[other, 1], SMALLEST_M)
+                    area_m2 += min(length_m * width_m, circle_m2)
                 if area_m2 > COVERED * circle_m2:
                     return True
                 other = before[other]

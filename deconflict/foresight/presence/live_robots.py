@@ -122,7 +122,7 @@ class LiveRobots:
     source: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     """(slots,) the number of the source, see `Batch.sources`."""
     came_s: Floats = field(default_factory=lambda: np.empty(0))
-    """(slots,) when each robot came to the floor."""
+    """(slots,) since when each robot is known, see `Batch.came_s`: a restart of the engine does not change it."""
     _is_changed: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
     """(slots,) whether a robot has come or reported since the last `take_changed`."""
     _slots: RobotSlots = field(default_factory=RobotSlots)
@@ -155,7 +155,7 @@ class LiveRobots:
         self.at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
         self.sizes_m[slots, 0], self.sizes_m[slots, 1] = forecasts.length_m, forecasts.width_m
         self.event_s[slots], self._is_changed[slots] = batch.event_s, True
-        self.came_s[slots[new_rows]] = batch.now_s
+        self.came_s[slots[new_rows]] = np.minimum(batch.came_s[new_rows], batch.now_s)
         self.vendor[slots] = _numbered(batch.vendors, self._vendor_numbers)
         self.source[slots] = _numbered(batch.sources, self._source_numbers)
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))

@@ -52,7 +52,7 @@ class PairCandidates:
         doubted = self._robots.slots_of(self._claims.partly_examined()) if self._claims else ()
         if not self._claims or not len(doubted):
             return pairs
-        _, is_left_out = self._sources(self._claims)
+        *_, is_left_out = self._sources(self._claims)
         is_left_out[doubted] = True
         a, b = slots_of(pairs["code"])
         return pairs[~(is_left_out[a] | is_left_out[b])]
@@ -92,7 +92,7 @@ class PairCandidates:
         needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched), np.ones_like(a))
         return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded()), most)]
 
-    def _sources(self, claims: Claims) -> tuple[Ints, Bools]:
+    def _sources(self, claims: Claims) -> tuple[Ints, Floats, Bools]:
         """(slots,) of each robot, see `Claims.sources`."""
         return claims.sources([name or "" for name in self._robots.names.tolist()])
 

@@ -34,6 +34,9 @@ class Floor:
     """By name: maker, course and length."""
     since_s: float = 2.0
     silent_s: float = 1e9
+    meet_s: float = 9.0
+    """When the first two honest robots meet. The next ones do a second later, and so on."""
+    restart_s: float = 1e9
     engine: Engine = field(default_factory=lambda: Engine(SITE))
     raised_s: dict[Pair, float] = field(default_factory=dict)
     boxes: list[float] = field(default_factory=list)
@@ -41,9 +44,12 @@ class Floor:
 
     def run(self, until_s: float) -> None:
         fleet, found = fleet_of(SITE, Measures()), list[PairConflicts]()
-        sweep = self.engine._sweep.find_conflicts
-        self.engine._sweep.find_conflicts = lambda *args: found.append(sweep(*args)) or found[-1]  # type: ignore[method-assign, func-returns-value]
-        courses = {f"H-{n}{side}": ("Alder", crossing(n, side), 0.0) for n in range(HONEST_PAIRS) for side in (0, 1)}
+        self.note_found(found)
+        courses = {
+            f"H-{n}{side}": ("Alder", crossing(n, side, self.meet_s), 0.0)
+            for n in range(HONEST_PAIRS)
+            for side in (0, 1)
+        }
         for tick in range(round(until_s * TICKS_A_S)):
             t_s, reported = tick / TICKS_A_S, 0
             for number, (name, (maker, course, length_m)) in enumerate((courses | self.others).items()):
@@ -56,20 +62,28 @@ class Floor:
                 fleet.receive(identity(name, at_s, manufacturerName=maker, **size), at_s, line)
                 path = points(*((at_s + k, *course(t_s + k)) for k in range(1, 11)))
                 fleet.receive(status(name, at_s, *course(t_s), path=path), at_s, line)
-            self.engine.receive(fleet.next_batch(NOW_S + t_s))
+            if is_restart := t_s == self.restart_s:
+                self.engine = Engine(SITE)
+                self.note_found(found)
+            self.engine.receive(fleet.next_batch(NOW_S + t_s, everything=is_restart))
             for revision in self.engine.step(NOW_S + t_s):
                 if isinstance(revision, ConflictAdvisory):
                     self.raised_s.setdefault(revision.robots, t_s)
             self.boxes.append(found[-1].box_pairs / max(reported, 1))
+
+    def note_found(self, found: list[PairConflicts]) -> None:
+        """Add to `found` what each sweep of the engine finds."""
+        sweep = self.engine._sweep.find_conflicts
+        self.engine._sweep.find_conflicts = lambda *args: found.append(sweep(*args)) or found[-1]  # type: ignore[method-assign, func-returns-value]
 
     def honest_raised_s(self) -> dict[Pair, float]:
         pairs = [tuple(sorted((robot(f"H-{n}0"), robot(f"H-{n}1")))) for n in range(HONEST_PAIRS)]
         return {pair: self.raised_s[pair] for pair in pairs if pair in self.raised_s}
 
 
-def crossing(n: int, side: int) -> Course:
-    """Two courses that cross once, 9 to 16 s after the start."""
-    y, at_s = 12.0 * n, 9.0 + n
+def crossing(n: int, side: int, meet_s: float) -> Course:
+    """Two courses that cross once, `n` seconds after `meet_s`."""
+    y, at_s = 12.0 * n, meet_s + n
     return (lambda t: (t - at_s, y, 0.0)) if side == 0 else (lambda t: (0.0, y + 0.3 + t - at_s, pi / 2))
 
 
@@ -129,6 +143,29 @@ def test_honest_robots_are_warned_as_without_the_others_and_a_pass_examines_few_
     assert all(at_s <= 9.0 + n - 2.0 for n, at_s in enumerate(floor.honest_raised_s().values()))
     busy = sorted(floor.boxes)[len(floor.boxes) // 10 : -len(floor.boxes) // 10]
     assert max(busy) <= MOST_BOXES + 40  # the spare boxes of a pass, for each of the few robots of one
+
+
+FOLLOWERS = 12
+"""Of each honest robot."""
+
+
+def follower(n: int) -> tuple[str, Course, float]:
+    """It reports from where an honest robot is, or a little beside."""
+    honest, number = divmod(n, FOLLOWERS)
+    course, beside_m = crossing(*divmod(honest, 2), MEET_AFTER_FOLLOWERS_S), 0.05 * (number - FOLLOWERS // 2)
+    return "Alder", lambda t: (course(t)[0] + beside_m, course(t)[1] + beside_m, course(t)[2]), 0.0
+
+
+MEET_AFTER_FOLLOWERS_S = 22.0
+
+
+def test_robots_that_were_there_before_others_are_so_after_a_restart_of_the_engine() -> None:
+    others = {f"H-F{n}": follower(n) for n in range(2 * HONEST_PAIRS * FOLLOWERS)}
+    floor = Floor(others, since_s=11.0, meet_s=MEET_AFTER_FOLLOWERS_S, restart_s=14.0)
+    floor.run(29.0)
+    assert len(floor.honest_raised_s()) == HONEST_PAIRS
+    for n, at_s in enumerate(floor.honest_raised_s().values()):
+        assert at_s <= MEET_AFTER_FOLLOWERS_S + n - 2.0
 
 
 def test_robots_that_are_compared_with_some_others_only_are_counted_and_listed() -> None:

@@ -6,6 +6,7 @@ import pytest
 from deconflict.sweep.pair_choice import (
     ALWAYS,
     BOXES,
+    LATER_S,
     MOST_OF_SOURCE,
     PairNeeds,
     Sharers,
@@ -34,11 +35,11 @@ def needs(a: Ints, b: Ints, moment: Ints | None = None, is_watched: Bools | None
     )
 
 
-def sharers(sources: int = 2, *, is_new: bool = False, is_crowded: bool = False) -> Sharers:
+def sharers(sources: int = 2, *, is_new: bool = False, is_crowded: bool = False, later_s: float = 0.0) -> Sharers:
     """Honest robots of source 0; attackers of source 0 too, or of the others."""
     is_attacker = np.arange(SLOTS) >= HONEST
     source = np.where(is_attacker, np.arange(SLOTS) % max(sources - 1, 1) + (sources > 1), 0)
-    return Sharers(source, is_attacker & is_new, is_attacker & is_crowded)
+    return Sharers(source, np.where(is_attacker, later_s, 0.0), is_attacker & is_new, is_attacker & is_crowded)
 
 
 def honest(a: Ints, b: Ints) -> Bools:
@@ -60,6 +61,22 @@ def test_within_one_source_robots_that_were_there_come_before_newcomers() -> Non
     chosen = chosen_pairs(needs(a, b, moment), sharers(1, is_new=True), MOST)
     assert chosen[honest(a, b)].all()
     assert chosen.sum() < MOST + ALWAYS * SLOTS
+
+
+def test_within_one_source_robots_that_were_there_come_first_also_once_nobody_is_new() -> None:
+    a, b = all_pairs()
+    moment = np.where(honest(a, b), 9, 0)
+    chosen = chosen_pairs(needs(a, b, moment), sharers(1, later_s=2 * LATER_S), MOST)
+    assert chosen[honest(a, b)].all()
+    assert chosen.sum() < MOST + ALWAYS * SLOTS
+
+
+@pytest.mark.parametrize("sources", [64, 150])
+def test_who_came_later_pays_for_pairs_with_robots_that_were_there(sources: int) -> None:
+    a, b = all_pairs()
+    moment = np.where(honest(a, b), 9, 0)
+    assert chosen_pairs(needs(a, b, moment), sharers(sources, later_s=2 * LATER_S), MOST)[honest(a, b)].all()
+    assert not chosen_pairs(needs(a, b, moment), sharers(sources), MOST)[honest(a, b)].all()
 
 
 def test_a_watched_pair_is_never_left_out_for_a_new_one() -> None:

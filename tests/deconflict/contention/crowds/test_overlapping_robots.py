@@ -5,7 +5,8 @@ from math import hypot, inf, pi
 import numpy as np
 import pytest
 
-from deconflict.contention.crowds.overlapping_robots import COVERED, LATER_S, overlapping
+from deconflict.contention.crowds.overlapping_robots import COVERED, MOST_COMPARED, overlapping
+from deconflict.sweep.pair_choice import LATER_S
 from ingest.batch import Bools, Floats, Ints
 
 ONE_VENDOR, AT_ONCE_S = np.zeros(400, np.int64), np.zeros(400)
@@ -72,6 +73,20 @@ def test_those_that_come_later_make_nobody_overlap_who_was_there() -> None:
     overlaps = overlapping(np.arange(20), spot, sizes_m, ONE_VENDOR[:20], came_s)
     assert not overlaps[:2].any()
     assert overlaps[2:].all()
+
+
+def test_many_that_came_later_hide_no_crowd() -> None:
+    n = MOST_COMPARED + 50
+    came_s = np.where(np.arange(n) >= n - 20, 0.0, LATER_S + 1)
+    overlaps = overlapping(
+        np.arange(n), at(np.zeros(n), np.zeros(n)), np.tile([1.0, 0.5], (n, 1)), ONE_VENDOR[:n], came_s
+    )
+    assert overlaps.all()
+
+
+def test_bodies_smaller_than_any_robot_overlap_where_robots_have_no_room() -> None:
+    x, y = np.meshgrid(np.arange(10) * 0.1, np.arange(10) * 0.1)
+    assert found(at(x.ravel(), y.ravel()), 0.05, 0.05).all()
 
 
 def brute_force(places: Floats, sizes_m: Floats, vendor: Ints) -> list[bool]:

@@ -337,3 +337,18 @@ async def test_a_file_that_is_removed_while_the_service_runs_has_all_robots_agai
     keeping.cancel()
     await asyncio.gather(keeping, return_exceptions=True)
     assert set(rows(tmp_path)) == {robot("A-1")}
+
+
+def test_a_robot_is_known_after_a_restart_since_its_kept_report(tmp_path: Path) -> None:
+    running = fleet(ALDER)
+    kept = kept_of(running, tmp_path)
+    running.receive(identity("A-1", NOW_S), NOW_S, FROM_ALDER)
+    kept.write(-inf, NOW_S)
+    again = restored(tmp_path, NOW_S + 3600.0, ALDER)
+    again.receive(status("A-1", NOW_S + 3600.0, 0.0, 0.0, 0.0), NOW_S + 3600.0, FROM_ALDER)
+    again.receive(status("A-2", NOW_S + 3600.0, 5.0, 0.0, 0.0), NOW_S + 3600.0, FROM_ALDER)
+    batch = again.next_batch(NOW_S + 3600.0)
+    assert dict(zip(batch.robots, batch.came_s.tolist(), strict=True)) == {
+        robot("A-1"): NOW_S,
+        robot("A-2"): NOW_S + 3600.0,
+    }
