@@ -14,12 +14,12 @@ from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
 from deconflict.foresight.losses.blockers import KnownRobots
 from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
-from deconflict.foresight.losses.loss_kernels import LOSING, ORDER, REFERENCES, lost_times
+from deconflict.foresight.losses.loss_kernels import LOSING, ORDER, REFERENCES, RESTS, lost_times
 from deconflict.foresight.losses.travel_states import travel_states
 from deconflict.foresight.losses.usual_times import MOST_KINDS, no_usual_times
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from deconflict.sweep.robot_slots import lengthen
-from ingest.batch import Batch, Floats, Ints
+from ingest.batch import Batch, Bools, Floats, Ints
 
 LEAST_LOST_S = 0.7
 """Smaller losses are left out: forecasts are not as exact."""
@@ -110,13 +110,22 @@ class LossFinder:
         self._states["blocker"][rows], self._has_way[rows] = NOBODY, False
 
     def receive(
-        self, batch: Batch, slots: Ints, track: Floats, usual_m: Floats, half_m: Floats, levels_m: Floats, vendor: Ints
+        self,
+        batch: Batch,
+        slots: Ints,
+        track: Floats,
+        usual_m: Floats,
+        half_m: Floats,
+        levels_m: Floats,
+        vendor: Ints,
+        is_crowded: Bools,
     ) -> list[Interaction]:
         """Add the n robots of a batch, which have these slots (n,). Returns the interactions of which they show
         something new; `take` returns the losses.
 
         `track` and `usual_m` are as in `InteractionReports`. By slot are the half sides `half_m` (2, slots), bottom and
-        top `levels_m` (2, slots), and the number of the `vendor` (slots,).
+        top `levels_m` (2, slots), the number of the `vendor` (slots,), and whether a robot is in a crowd (slots,): such
+        a robot loses nothing, since it isn't where it reports to be.
         """
         reports = interaction_reports(batch, slots, track, usual_m)
         interactions = self._interactions.receive(reports, half_m, levels_m, vendor)
@@ -127,20 +136,23 @@ class LossFinder:
         self._reports_paths[slots] |= states.plans >= ORDER
         self._names_destinations[slots] |= states.has_destination
         self._names.update(zip(rows.tolist(), zip(batch.robots, batch.vendors, batch.models, strict=True), strict=True))
-        robots = self._known(half_m, levels_m, vendor)
-        if len(self._kinds) > MOST_KINDS:
-            self._usual, self._kinds = no_usual_times(), {}
-        models = zip(batch.vendors, batch.models, strict=True)
-        kinds = [self._kinds.setdefault(model, len(self._kinds)) for model in models]
+        robots, kinds = self._known(half_m, levels_m, vendor), self._kinds_of(batch)
+        goes = np.where(is_crowded[slots], RESTS, states.goes)
         lost = lost_times(
-            self._states, self._references, robots, rows, reports.event_s, states.goes, states.plans, self._usual,
-            np.array(kinds, np.int64),
+            self._states, self._references, robots, rows, reports.event_s, goes, states.plans, self._usual, kinds
         )  # fmt: skip
         by_row = dict(zip(rows[lost["row"]].tolist(), lost, strict=True))
         for row in rows.tolist():
             if row in by_row or row in self._open:
                 self._update(row, by_row.get(row), robots)
         return interactions
+
+    def _kinds_of(self, batch: Batch) -> Ints:
+        """(n,) the numbers of vendor and model of its robots. What is usual is forgotten if there are too many."""
+        if len(self._kinds) > MOST_KINDS:
+            self._usual, self._kinds = no_usual_times(), {}
+        models = zip(batch.vendors, batch.models, strict=True)
+        return np.array([self._kinds.setdefault(model, len(self._kinds)) for model in models], np.int64)
 
     def _fit(self) -> None:
         """Have as many rows as the history of reports."""

@@ -170,7 +170,8 @@ class ProbabilityEstimator:
         """Find which robots gave way to each other, by the reports of a batch, and note it in their pairs."""
         usual_m = self.following.bands_m[reports.kind, :GIVES_WAY_AHEAD_S, 2]
         robots, reported = self._robots, (reports.slot, reports.track, usual_m)
-        for interaction in self.losses.receive(batch, *reported, robots.half_m, robots.levels_m, robots.vendor):
+        bodies, is_crowded = (robots.half_m, robots.levels_m), robots.is_crowded()
+        for interaction in self.losses.receive(batch, *reported, *bodies, robots.vendor, is_crowded):
             self._note_interaction(interaction)
 
     def _note_interaction(self, interaction: Interaction) -> None:

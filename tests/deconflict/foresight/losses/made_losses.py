@@ -32,6 +32,7 @@ class Robot:
     """While it stands, it reports no path."""
     turn_radps: float = 0.0
     """Turn rate while it stands."""
+    is_crowded: bool = False
 
     def stands(self, t_s: float) -> bool:
         return self.stops_s < t_s < self.until_s
@@ -60,10 +61,11 @@ def losses(robots: Sequence[Robot], until_s: int) -> list[Loss]:
     levels_m = np.tile(np.array([[0.0], [1.0]]), (1, n))
     numbers = {vendor: number for number, vendor in enumerate(dict.fromkeys(robot.vendor for robot in robots))}
     vendor = np.array([numbers[robot.vendor] for robot in robots])
+    is_crowded = np.array([robot.is_crowded for robot in robots])
     for t_s in range(until_s):
         track = np.array([robot.track(float(t_s)) for robot in robots])
         usual_m = np.zeros((n, AHEAD_S))
-        finder.receive(_batch(robots, float(t_s)), np.arange(n), track, usual_m, half_m, levels_m, vendor)
+        finder.receive(_batch(robots, float(t_s)), np.arange(n), track, usual_m, half_m, levels_m, vendor, is_crowded)
         found += finder.take()
     finder.forget(np.arange(n))
     return found + finder.take()

@@ -1,5 +1,7 @@
 """Losses: how much time robots lose to which others."""
 
+from dataclasses import replace
+
 import pytest
 
 from deconflict.foresight.losses.loss import LossKind, kind_of
@@ -22,6 +24,10 @@ def test_a_robot_loses_the_time_that_it_stands_behind_another() -> None:
 
 def test_a_robot_that_stands_with_nobody_in_its_way_loses_nothing_to_others() -> None:
     assert losses([STOPPED, FAR_AWAY], 30) == []
+
+
+def test_a_robot_in_a_crowd_loses_nothing() -> None:
+    assert losses([replace(STOPPED, is_crowded=True), IN_THE_WAY], 30) == []
 
 
 def test_a_robot_that_says_why_it_stands_loses_nothing_to_others() -> None:
