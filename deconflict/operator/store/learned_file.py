@@ -42,9 +42,8 @@ class LearnedFile:
         try:
             replace_file(self.path, data)
         except OSError as error:
-            self._failed(
-                "write", "can't keep the learned state: " + with_advice(error, "free some space, or check the owner")
-            )
+            advised = with_advice(error, "free some space, or check the owner")
+            self._failed("write", f"can't keep the learned state: {advised}")
 
     def set_parts_aside(self, reasons: Mapping[str, str]) -> None:
         """Keep a copy of a file of which these parts can't be used; the engine goes on with the others."""

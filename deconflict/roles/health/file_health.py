@@ -90,8 +90,8 @@ class FileHealth:
 
 def _content(path: Path, kind: FileKind) -> frozenset[str] | None:
     """The inode of a database, the names in a folder, and nothing of a file that is replaced at each write. None if
-    there is none, and for what is there only at times."""
-    if kind is FileKind.RARE_FILE:
+    there is none, for what is there only at times, and for what is no database."""
+    if kind is FileKind.RARE_FILE or (kind is FileKind.DATABASE and not path.is_file()):
         return None
     try:
         inode = path.stat().st_ino

@@ -1,4 +1,4 @@
-"""A pipe, a device, a directory or a huge file has the place of a file of the data directory: no role waits or fails."""
+"""Something else has the place of a file of the data directory: no role waits, fails or replaces it."""
 
 import asyncio
 from collections.abc import Callable, Iterator
@@ -17,29 +17,25 @@ from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers
+from deconflict.roles.health import file_health
 from deconflict.roles.processes.data_formats import refuse_newer
 from deconflict.runtime.data_lock import locked
 from deconflict.settings.site import LossSettings, Site
-from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.owner_file import OwnerFile
 from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import LogReader
 from ingest.recording.plain_files import UnfitFileError
 from tests.deconflict.roles.made_service import CROSSING, Running, drive, running
-from tests.helpers.made_site import fleet
 from tests.helpers.patience import PATIENCE_S
+from tests.ingest.fleet.made_fleet import fleet
 
 pytestmark = pytest.mark.usefixtures("ends_in_time")
 
 WORDS = {pipe: "is a pipe where", device: "is a device where", blocked: "is a directory where", huge: "are read; move"}
-LARGE_IS_READ = ("advisories.db", "losses.db", "robots.db", "log/log-1.jsonl")
-"""Files of which a part is read at a time."""
 SEGMENT, LOCK = "log/log-1.jsonl", ".face.lock"
-
-
-def made_fleet() -> Fleet:
-    return fleet()
+READ_IN_PARTS = ("advisories.db", "losses.db", "robots.db", SEGMENT)
+"""These may be large."""
 
 
 def use_store(data: Path) -> str:
@@ -55,14 +51,14 @@ def use_ledger(data: Path) -> str:
 
 
 def use_robots(data: Path) -> None:
-    of = made_fleet()
+    of = fleet()
     kept = KeptMessages(data, of, of.measures)
     assert kept.read(0.0) == []
     kept.write(0.0, 0.0)
 
 
 def use_owners(data: Path) -> None:
-    of = made_fleet()
+    of = fleet()
     owners = OwnerFile(data, of.owners, of.measures)
     of.owners.register.changes += 1
     owners.write()
@@ -115,6 +111,12 @@ USES: dict[str, Callable[[Path], str | None]] = {
 }
 
 
+@pytest.fixture(autouse=True)
+def often_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(file_health, "REMOVED_SHOWN_S", 3.0)
+    monkeypatch.setattr(file_health, "LOOK_EVERY_S", 0.2)
+
+
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
     for folder in ("log", FOLDER):
@@ -122,13 +124,13 @@ def data(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("fault", WORDS, ids=lambda fault: fault.__name__)
-@pytest.mark.parametrize("file", USES)
+CASES = [(file, fault) for file in USES for fault in WORDS if fault is not huge or file not in READ_IN_PARTS]
+
+
+@pytest.mark.parametrize(("file", "fault"), CASES, ids=lambda part: getattr(part, "__name__", part))
 def test_no_use_of_a_file_opens_or_replaces_what_is_no_file(
     data: Path, file: str, fault: Fault, caplog: pytest.LogCaptureFixture
 ) -> None:
-    if fault is huge and file in LARGE_IS_READ:
-        pytest.skip("it is read in parts")
     with fault(data / file):
         before = (data / file).lstat()
         refuse_newer(data)
@@ -141,7 +143,7 @@ def test_no_use_of_a_file_opens_or_replaces_what_is_no_file(
 @contextmanager
 def all_unfit(data: Path, fault: Fault) -> Iterator[list[str]]:
     """Every file that can be so is; the names of those of which health speaks."""
-    files = [file for file in USES if fault is not huge or file not in LARGE_IS_READ]
+    files = [file for file, possible in CASES if possible is fault]
     with ExitStack() as faults:
         for file in files:
             faults.enter_context(fault(data / file))
