@@ -1,9 +1,13 @@
 """What all tests share."""
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
+
+from tests.helpers.patience import PATIENCE_S
 
 hypothesis.settings.register_profile("untimed", deadline=None)
 hypothesis.settings.load_profile("untimed")
@@ -38,6 +42,20 @@ SLOW = (
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Do not even import the slow tests for `make check`."""
     return (config.option.markexpr == "not slow" and is_slow(collection_path)) or None
+
+
+@pytest.fixture
+def ends_in_time() -> Iterator[None]:
+    """A test that waits for a file without end fails."""
+
+    def fail(*_: object) -> None:
+        raise AssertionError(f"it still waits after {PATIENCE_S:g} s")
+
+    before = signal.signal(signal.SIGALRM, fail)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE_S)
+    yield
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGALRM, before)
 
 
 def is_slow(path: Path) -> bool:

@@ -75,6 +75,11 @@ def cases() -> Iterator[Case]:
             if not is_at_start:
                 yield Case(file, "missing", faults.missing, is_at_start)
             yield Case(file, "a file" if file in FOLDERS else "a directory", faults.blocked, is_at_start)
+            if file not in FOLDERS:
+                yield Case(file, "a pipe", faults.pipe, is_at_start)
+                yield Case(file, "a device", faults.device, is_at_start)
+            if file in SMALL_FILES:
+                yield Case(file, "huge", faults.huge, is_at_start)
             yield Case(file, "read-only", faults.read_only, is_at_start)
         yield Case(DISK, "full", faults.full_disk, is_at_start)
         yield Case(DISK, "missing", faults.missing_disk, is_at_start)

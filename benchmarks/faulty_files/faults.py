@@ -1,5 +1,6 @@
 """Faults of files, real ones: each holds until the end of its block. Disks are mounted, which needs root."""
 
+import os
 import shutil
 import sqlite3
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 
 Fault = Callable[[Path], AbstractContextManager[None]]
 SIDE_FILES = ("-wal", "-shm", "-journal")
+HUGE_BYTES = 100 << 30
 
 
 @contextmanager
@@ -40,16 +42,42 @@ def missing(path: Path) -> Iterator[None]:
 
 @contextmanager
 def blocked(path: Path) -> Iterator[None]:
-    """A directory has the place of a file, or a file that of a directory. What was there before comes back, unless the
-    service has made another."""
+    """A directory has the place of a file, or a file that of a directory."""
+    with _replaced(path, Path.touch if path.is_dir() else Path.mkdir):
+        yield
+
+
+@contextmanager
+def pipe(path: Path) -> Iterator[None]:
+    with _replaced(path, os.mkfifo):
+        yield
+
+
+@contextmanager
+def device(path: Path) -> Iterator[None]:
+    """A link to a device that has no end."""
+    with _replaced(path, lambda place: place.symlink_to("/dev/zero")):
+        yield
+
+
+@contextmanager
+def huge(path: Path) -> Iterator[None]:
+    """A file that is larger than any memory, and takes no room on the disk."""
+    with _replaced(path, lambda place: place.touch() or os.truncate(place, HUGE_BYTES)):
+        yield
+
+
+@contextmanager
+def _replaced(path: Path, make: Callable[[Path], object]) -> Iterator[None]:
+    """What was there before comes back, unless the service has made another."""
     aside = path.with_name(f"{path.name}.aside")
     with suppress(FileNotFoundError):
         path.rename(aside)
-    is_folder = aside.is_dir()
-    path.touch() if is_folder else path.mkdir()
+    make(path)
+    made = path.lstat().st_ino
     yield
-    with suppress(OSError):
-        path.unlink() if is_folder else path.rmdir()
+    if os.path.lexists(path) and path.lstat().st_ino == made:
+        path.rmdir() if path.is_dir() else path.unlink()
     if aside.exists() and not path.exists():
         aside.rename(path)
 

@@ -187,7 +187,10 @@ class OperatorSources:
             raise StoreError(f"the ledger of losses can't be read: {error}") from error
 
     def blackboxes(self) -> list[dict[str, Any]]:
-        return self._archive.boxes()
+        try:
+            return self._archive.boxes()
+        except OSError as error:
+            raise StoreError(f"the register of black boxes can't be read: {error}") from error
 
     def blackbox(self, file: str) -> Path | None:
         return self._archive.path(file)

@@ -7,9 +7,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from ingest.recording.plain_files import opened
+
 OTHERS = 0o027
 """Rights that nobody gets: writing for the group, and all for others."""
 ELSEWHERE = "set another store.directory, or --data"
+LOCKS = ".*.lock"
+"""Matches the names of the files that are locked."""
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +53,7 @@ def locked(directory: Path, parts: Iterable[str]) -> Iterator[None]:
     with ExitStack() as locks:
         for part in parts:
             try:
-                lock = locks.enter_context((directory / f".{part}.lock").open("w"))
+                lock = locks.enter_context(opened(directory / f".{part}.lock", os.O_RDWR | os.O_CREAT))
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise DataDirectoryError(f"{directory} is in use by another service; {ELSEWHERE}") from error

@@ -6,6 +6,9 @@ from contextlib import closing
 from enum import Enum
 from pathlib import Path
 
+from ingest.recording.plain_files import unfit, unfit_database
+from ingest.recording.replaced_file import new_name
+
 LEAST_FREE_BYTES = 1 << 16
 """A disk with less is full."""
 LOCKED_S = 1.0
@@ -13,16 +16,27 @@ LOCKED_S = 1.0
 
 
 class FileKind(Enum):
-    FILE, DATABASE, FOLDER = range(3)
+    FILE, DATABASE, FOLDER, RARE_FILE = range(4)
+    """A rare file is there only at times: what it is counts, not whether it can be made."""
 
 
 def file_fault(path: Path, kind: FileKind) -> str | None:
     """Why a file can't be written, and what to do; None if it can, or can be made. May wait for the disk."""
     try:
-        fault = _place_fault(path, kind)
+        fault = _unfit(path, kind) or (None if kind is FileKind.RARE_FILE else _place_fault(path, kind))
     except OSError as error:
         fault = f"{path}: {error.strerror}; check its disk"
     return fault or (_lock_fault(path) if kind is FileKind.DATABASE and path.exists() else None)
+
+
+def _unfit(path: Path, kind: FileKind) -> str | None:
+    """What is no file, of a file with what is written beside it, or in a folder. Raises `OSError`."""
+    if kind is FileKind.DATABASE:
+        return unfit_database(path)
+    if kind is not FileKind.FOLDER:
+        return unfit(path) or (unfit(beside, None) if (beside := new_name(path)).is_dir() else None)
+    entries = path.iterdir() if path.is_dir() else ()
+    return next((reason for entry in entries if not entry.is_dir() and (reason := unfit(entry, None))), None)
 
 
 def _place_fault(path: Path, kind: FileKind) -> str | None:
@@ -32,9 +46,8 @@ def _place_fault(path: Path, kind: FileKind) -> str | None:
     if not path.exists():
         if not os.access(path.parent, os.W_OK | os.X_OK):
             return f"{path} can't be made; {_why_not(path.parent)}"
-    elif path.is_dir() != (kind is FileKind.FOLDER):
-        found, wanted = ("a directory", "a file") if path.is_dir() else ("a file", "a directory")
-        return f"{path} is {found} where {wanted} is expected; move it away"
+    elif kind is FileKind.FOLDER and not path.is_dir():
+        return f"{path} is a file where a directory is expected; move it away"
     elif not os.access(path, os.W_OK):
         return f"{path} can't be written; {_why_not(path)}"
     status = os.statvfs(path if path.exists() else path.parent)

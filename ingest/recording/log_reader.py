@@ -228,10 +228,13 @@ def begun_s(segment: Path) -> float:
 
 
 def segments(path: Path) -> list[Path]:
-    """The file itself, or the logs of a directory by name. For the service's own logs that is the order of time."""
+    """The file itself, or the logs of a directory by name. For the service's own logs that is the order of time.
+
+    What is in a directory and no file, such as a pipe, is left out.
+    """
     if not path.is_dir():
         return [path]
-    return sorted(file for file in path.iterdir() if ".jsonl" in file.suffixes and not file.is_dir())
+    return sorted(file for file in path.iterdir() if ".jsonl" in file.suffixes and file.is_file())
 
 
 def lines_of(file: Path) -> Iterator[bytes]:

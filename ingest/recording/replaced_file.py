@@ -1,16 +1,40 @@
-"""A small file that a write replaces as a whole, so that it is never half written."""
+"""A file that a write replaces as a whole, so that it is never half written."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
+
+from ingest.recording.plain_files import check_file
 
 ASIDE = ".unreadable"
 
 
+def new_name(path: Path) -> Path:
+    """Where a file is until it is whole."""
+    return path.with_suffix(".new")
+
+
 def replace_file(path: Path, data: bytes) -> None:
-    """Replace the file. The new one is synchronised to disk before it gets the name. Raises `OSError`."""
-    new = path.with_suffix(".new")
-    with new.open("wb") as file:
+    """Replace the file. Raises `OSError`."""
+    with replacing(path) as file:
         file.write(data)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A new file, which is synchronised to disk before it gets the name. Raises `OSError`.
+
+    Something else in the place of the file stays there (`UnfitFileError`).
+    """
+    check_file(path)
+    new = new_name(path)
+    with suppress(IsADirectoryError):
+        new.unlink(missing_ok=True)  # left by a kill; a pipe or a link would take what is written
+    check_file(new)
+    with new.open("xb") as file:
+        yield file
         file.flush()
         os.fsync(file.fileno())
     new.replace(path)

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -12,7 +11,8 @@ from typing import Any
 import msgspec
 
 from deconflict.operator.blackbox.hash_chain import FIRST_HASH
-from ingest.recording.replaced_file import set_file_aside
+from ingest.recording.plain_files import read_file
+from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
 
@@ -116,7 +116,7 @@ class Archive:
         path = self.directory / REGISTER
         boxes: list[Box] = []
         problems: list[str] = []
-        for line in path.read_bytes().splitlines() if path.exists() else ():
+        for line in read_file(path).splitlines() if path.exists() else ():
             try:
                 _LINE.decode(line)
                 boxes.append(json.loads(line))
@@ -133,12 +133,7 @@ class Archive:
         """
         if self._read()[1]:
             set_file_aside(self.directory / REGISTER)
-        new = self.directory / (REGISTER + ".new")
-        with new.open("w", encoding="utf-8") as file:
-            file.writelines(json.dumps(box) + "\n" for box in boxes)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(self.directory / REGISTER)
+        replace_file(self.directory / REGISTER, "".join(json.dumps(box) + "\n" for box in boxes).encode())
 
 
 def _bytes(box: Box) -> int:

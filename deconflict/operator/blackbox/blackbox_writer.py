@@ -10,7 +10,6 @@ The last messages of each robot before the lead come first, so that no quiet rob
 
 import base64
 import json
-import os
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
@@ -45,6 +44,7 @@ from ingest.recording.log_reader import (
     segments_until,
 )
 from ingest.recording.recorder import line_of
+from ingest.recording.replaced_file import replacing
 
 OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "mqtt_sources", "store", "recorder", "blackbox"}
 """Sections of the site that a replay does not need."""
@@ -69,15 +69,13 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
     chain = HashChain(archive.head())
     name = f"blackbox-{datetime.fromtimestamp(misses[0].nearest.began_s, UTC):%Y%m%dT%H%M%S%f}"[:-3] + "Z.jsonl.zst"
     path = request.archive / name
-    new = path.with_suffix(".new")
-    with new.open("wb") as file:
-        with zstandard.ZstdCompressor().stream_writer(file, closefd=False) as compressed:
-            for line in _lines(request, identities, published, misses):
-                compressed.write(chain.link(line))
-            compressed.write(chain.end())
-        file.flush()
-        os.fsync(file.fileno())
-    new.replace(path)
+    with (
+        replacing(path) as file,
+        zstandard.ZstdCompressor().stream_writer(file, closefd=False) as compressed,
+    ):
+        for line in _lines(request, identities, published, misses):
+            compressed.write(chain.link(line))
+        compressed.write(chain.end())
     box: Box = {
         "file": name,
         "bytes": path.stat().st_size,

@@ -21,7 +21,8 @@ from deconflict.settings.site import Site
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import ends_s
-from ingest.recording.replaced_file import set_file_aside
+from ingest.recording.plain_files import check_file, read_file
+from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
 
@@ -171,8 +172,9 @@ class Keeper:
         try:
             if self._pending:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(json.dumps([pair for _, pair in self._pending]))
+                replace_file(path, json.dumps([pair for _, pair in self._pending]).encode())
             else:
+                check_file(path)
                 path.unlink(missing_ok=True)
         except OSError as error:
             log.warning("%s can't be written: %s", path, error)
@@ -181,7 +183,7 @@ class Keeper:
         """Resume with the pairs that were pending when the service ended."""
         path = self.archive.directory / PENDING
         try:
-            pairs = _PAIRS.decode(path.read_bytes()) if path.exists() else []
+            pairs = _PAIRS.decode(read_file(path)) if path.exists() else []
             if not all(0.0 <= pair.at_s <= LATEST_AT_S for pair in pairs):
                 raise ValueError("a time in it is no time")
         except (msgspec.MsgspecError, ValueError, RecursionError) as error:

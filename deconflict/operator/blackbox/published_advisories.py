@@ -8,6 +8,7 @@ from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
 from deconflict.operator.store.pending_writes import PendingWrites, open_at_time
 from deconflict.operator.store.tables import between, open_at, read_only
+from ingest.recording.plain_files import check_database
 
 
 class PublishedAdvisories(NamedTuple):
@@ -24,6 +25,7 @@ def published_in(store: Path, pending: PendingWrites, span: BoxSpan) -> Publishe
 
     Raises `sqlite3.Error`.
     """
+    check_database(store)
     with read_only(store) as db:
         stored_open = advisories_of(open_at(db, span.engine_s))
         stored = advisories_of(between(db, span.engine_s, span.until_s))

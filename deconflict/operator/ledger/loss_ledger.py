@@ -27,6 +27,7 @@ from deconflict.operator.ledger.loss_questions import (
 )
 from deconflict.operator.store.pruning import used_bytes
 from deconflict.settings.site import LossSettings
+from ingest.recording.plain_files import check_database
 
 log = logging.getLogger(__name__)
 
@@ -175,6 +176,8 @@ class LossLedger:
         return db
 
     def _connected(self) -> sqlite3.Connection:
+        if self._path:
+            check_database(self._path)
         return sqlite3.connect(self._path or IN_MEMORY, isolation_level=None, check_same_thread=False)
 
     def _writing(self) -> AbstractContextManager[sqlite3.Connection]:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ingest.measures.measures import Measures
+from ingest.recording.plain_files import UnfitFileError, read_file, with_advice
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
@@ -28,7 +29,10 @@ class LearnedFile:
     def read(self) -> bytes:
         """The bytes written last; empty if there is no file, or it can't be read."""
         try:
-            return self.path.read_bytes() if self.path.exists() else b""
+            return read_file(self.path) if self.path.exists() else b""
+        except UnfitFileError as error:
+            self._failed("read", f"{error}; learning begins anew")
+            return b""
         except OSError as error:
             self.set_aside(str(error))
             return b""
@@ -38,7 +42,8 @@ class LearnedFile:
         try:
             replace_file(self.path, data)
         except OSError as error:
-            self._failed("write", f"can't keep the learned state: {error}; free some space, or check the owner")
+            advised = with_advice(error, "free some space, or check the owner")
+            self._failed("write", f"can't keep the learned state: {advised}")
 
     def set_parts_aside(self, reasons: Mapping[str, str]) -> None:
         """Keep a copy of a file of which these parts can't be used; the engine goes on with the others."""
@@ -47,7 +52,7 @@ class LearnedFile:
             log.warning("%s: the part %r is set aside: %s; it is learned anew", self.path, part, reason)
         self._failed("read", f"{self.path} is kept as {FILE_NAME}{ASIDE}, and the engine goes on with its other parts")
         try:
-            replace_file(self.path.with_name(FILE_NAME + ASIDE), self.path.read_bytes())
+            replace_file(self.path.with_name(FILE_NAME + ASIDE), read_file(self.path))
         except OSError as error:
             log.warning("%s can't be kept: %s", self.path, error)
 

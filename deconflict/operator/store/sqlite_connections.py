@@ -17,6 +17,7 @@ from deconflict.operator.store.migrations import TABLES, UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers
 from deconflict.operator.store.recovery.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
+from ingest.recording.plain_files import UnfitDatabaseError, check_database
 
 log = logging.getLogger(__name__)
 
@@ -157,6 +158,7 @@ class SqliteConnections:
         return file
 
     def _connect(self) -> sqlite3.Connection:
+        check_database(self.path)
         db = sqlite3.connect(self.path, timeout=self._open_timeout_s(), isolation_level=None, check_same_thread=False)
         try:
             db.execute("PRAGMA journal_mode = WAL")
@@ -243,6 +245,8 @@ class SqliteConnections:
     def _explained_errors(self) -> Iterator[None]:
         try:
             yield
+        except UnfitDatabaseError as error:
+            raise StoreError(str(error)) from error
         except sqlite3.Error as error:
             if getattr(error, "sqlite_errorname", "").startswith(DAMAGE) or str(error) == DAMAGED_DOCUMENT:
                 self._is_damaged = True

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from deconflict.operator.blackbox.archive import FOLDER
+from deconflict.operator.blackbox.archive import FOLDER, REGISTER
+from deconflict.operator.blackbox.keeper import PENDING
 from deconflict.operator.ledger import loss_ledger
 from deconflict.operator.store import learned_file, sqlite_connections
 from deconflict.operator.store.recovery import reserved_numbers
+from deconflict.runtime.data_lock import LOCKS
 from deconflict.settings.site import Site
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
@@ -31,10 +33,14 @@ def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
     databases = sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME
     small = owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME
     folders = {"log": site.recorder.enabled, FOLDER: site.recorder.enabled and site.blackbox.enabled}
+    rare = sorted(data.glob(LOCKS))
+    if folders[FOLDER]:
+        rare += [data / FOLDER / REGISTER, data / FOLDER / PENDING]
     return [
         *((data / name, FileKind.DATABASE) for name in databases),
         *((data / name, FileKind.FILE) for name in small),
         *((data / name, FileKind.FOLDER) for name, is_kept in folders.items() if is_kept),
+        *((path, FileKind.RARE_FILE) for path in rare),
     ]
 
 
@@ -84,7 +90,9 @@ class FileHealth:
 
 def _content(path: Path, kind: FileKind) -> frozenset[str] | None:
     """The inode of a database, the names in a folder, and nothing of a file that is replaced at each write. None if
-    there is none."""
+    there is none, for what is there only at times, and for what is no database."""
+    if kind is FileKind.RARE_FILE or (kind is FileKind.DATABASE and not path.is_file()):
+        return None
     try:
         inode = path.stat().st_ino
         if kind is FileKind.FOLDER:

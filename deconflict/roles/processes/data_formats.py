@@ -15,6 +15,7 @@ from deconflict.runtime import learned_state
 from deconflict.runtime.data_lock import DataDirectoryError
 from ingest.fleet.owners import owner_file, owner_register
 from ingest.fleet.recovery import kept_rows
+from ingest.recording.plain_files import check_database, opened, read_file
 
 HEADER = slice(0, 16)
 MAGIC = b"SQLite format 3\0"
@@ -41,7 +42,8 @@ def refuse_newer(data: Path) -> None:
 def _database_format(path: Path) -> int | None:
     """`PRAGMA user_version`; None if it can't be read."""
     try:
-        with path.open("rb") as file:
+        check_database(path)
+        with opened(path, most_bytes=None) as file:
             page = file.read(AT_VERSION.stop)
         if page[HEADER] != MAGIC:
             return None
@@ -56,7 +58,7 @@ def _database_format(path: Path) -> int | None:
 def _json_format(path: Path) -> int | None:
     """The `format` of a JSON document; None if it can't be read."""
     try:
-        found = json.loads(path.read_bytes())["format"]
+        found = json.loads(read_file(path))["format"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return found if isinstance(found, int) else None
@@ -64,7 +66,7 @@ def _json_format(path: Path) -> int | None:
 
 def _learned_format(path: Path) -> int | None:
     try:
-        return learned_state.format_of(path.read_bytes())
+        return learned_state.format_of(read_file(path))
     except OSError:
         return None
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.measures.measures import Measures
+from ingest.recording.plain_files import read_file, with_advice
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 FILE_NAME = "owners.json"
@@ -33,12 +34,12 @@ class OwnerFile:
     def _read(self) -> bytes | None:
         """The content of the file; None if there is none, or it can't be read for now."""
         try:
-            data = self._path.read_bytes()
+            data = read_file(self._path)
         except FileNotFoundError:
             data = None
         except OSError as error:
             if not self._is_unread:
-                self._fail("read", f"{error}; it is read later; check its owner and its disk")
+                self._fail("read", with_advice(error, "it is read later; check its owner and its disk"))
             self._is_unread = True
             return None
         self._is_unread = False
@@ -78,7 +79,7 @@ class OwnerFile:
         try:
             replace_file(self._path, data)
         except OSError as error:
-            self._fail("write", f"{error}; free some space, or check the owner of the directory")
+            self._fail("write", with_advice(error, "free some space, or check the owner of the directory"))
         else:
             self._written = changes
 

@@ -36,6 +36,7 @@ from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.measures.measures import Measures
 from ingest.port.connection import KEPT, Connection
 from ingest.recording.log_reader import Received
+from ingest.recording.plain_files import check_database, with_advice
 from ingest.recording.replaced_file import ASIDE, set_file_aside
 
 WRITE_EVERY_S, RETRY_S = 1.0, 10.0
@@ -95,7 +96,10 @@ class KeptMessages:
                 self._set_aside("read", error)
             else:
                 self._lacks_none = self._is_unread = True
-                self._fail("read", f"{error}; it is read later; check {FILE_NAME}: its owner, and what keeps it locked")
+                self._fail(
+                    "read",
+                    with_advice(error, f"it is read later; check {FILE_NAME}: its owner, and what keeps it locked"),
+                )
         return []
 
     async def _read_late(self, now_s: float) -> None:
@@ -197,6 +201,7 @@ class KeptMessages:
     def _write(self, changes: Changes) -> bool | None:
         """Write the changes. Returns whether the file is new; None if it can't be written. For any thread."""
         try:
+            check_database(self._path)
             with closing(sqlite3.connect(self._path, timeout=BUSY_TIMEOUT_S)) as db, db:
                 version = file_version(db)
                 if version < FORMAT:
@@ -209,7 +214,7 @@ class KeptMessages:
             if is_damage(error):
                 self._set_aside("write", error)
             else:
-                self._fail("write", f"{error}; free some space, or check the owner of the directory")
+                self._fail("write", with_advice(error, "free some space, or check the owner of the directory"))
         return None
 
     def _note_written(self, changes: Changes, is_new: bool | None) -> None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import msgspec
 
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.recording.plain_files import check_database
 
 FILE_NAME = "robots.db"
 FORMAT = 2
@@ -65,6 +66,7 @@ def read_rows(path: Path, timeout_s: float = BUSY_TIMEOUT_S) -> tuple[list[Row],
     """
     if not path.exists():
         return [], 0
+    check_database(path)
     with closing(sqlite3.connect(path, timeout=timeout_s)) as db:
         if not (version := file_version(db)):
             return [], 0

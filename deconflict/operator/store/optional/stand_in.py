@@ -18,6 +18,7 @@ from deconflict.advisory import EVERY_KIND, SITUATION
 from deconflict.operator.store import tables
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
+from ingest.recording.plain_files import unfit_database
 
 log = logging.getLogger(__name__)
 
@@ -86,6 +87,8 @@ def readable_state(path: Path) -> State | None:
     A file that another program keeps locked can often be read. On a full disk SQLite has no room for the memory that
     connections share, and one connection alone needs none. On a read-only disk a file without a log is whole by itself.
     """
+    if unfit_database(path):
+        return None
     uri, log_file = path.absolute().as_uri(), path.with_name(f"{path.name}-wal")
     attempts = [("mode=ro", ""), ("mode=rw", "PRAGMA locking_mode = EXCLUSIVE")]
     with suppress(OSError):

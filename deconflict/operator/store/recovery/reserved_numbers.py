@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from deconflict.operator.store.pending_writes import MOST_PENDING
+from ingest.recording.plain_files import UnfitFileError, read_file
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
@@ -57,7 +58,7 @@ class ReservedNumbers:
     def _read(self) -> int | None:
         """0 if there is no file; None for one that can't be read, since any number may be reserved."""
         try:
-            text = self._path.read_text()
+            text = read_file(self._path).decode()
             last = int(text)
             if not (0 <= last <= HIGHEST and text.endswith("\n")):
                 raise ValueError(f"{last} is no number of a revision, or is cut off")
@@ -65,6 +66,9 @@ class ReservedNumbers:
             return 0
         except ValueError as error:
             log.warning("%s can't be read: %s; it is kept as %s and written anew", self._path, error, self._set_aside())
+            return None
+        except UnfitFileError as error:
+            log.warning("%s", error)
             return None
         except OSError as error:
             log.warning("%s can't be read and is written anew: %s", self._path, error)

@@ -1,0 +1,94 @@
+"""What is opened in a data directory: regular files only, and those read whole only up to a size.
+
+A pipe would make a role wait without end, a device or a huge file would fill its memory. Links are followed.
+"""
+
+import os
+import sqlite3
+import stat
+from pathlib import Path
+from typing import IO
+
+MOST_BYTES = 256 << 20
+"""A file that is read whole is not larger."""
+SIDE_FILES = ("-wal", "-shm", "-journal")
+"""What SQLite has beside a database."""
+OTHER_KINDS = {
+    stat.S_IFDIR: "a directory",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+class UnfitFileError(OSError):
+    """Something has the place of a file that can't be one. The message says what, and what to do."""
+
+
+class UnfitDatabaseError(sqlite3.OperationalError):
+    """As `UnfitFileError`, where errors of SQLite are expected."""
+
+
+def unfit(path: Path, most_bytes: int | None = MOST_BYTES) -> str | None:
+    """Why a file is not to be opened, and what to do; None if it may be, or is not there. Raises `OSError`."""
+    try:
+        return _unfit(path, path.stat(), most_bytes)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def unfit_database(path: Path) -> str | None:
+    """As `unfit`, of a database and the files beside it."""
+    parts = path, *(path.with_name(path.name + suffix) for suffix in SIDE_FILES)
+    return next((reason for part in parts if (reason := unfit(part, None))), None)
+
+
+def opened(path: Path, flags: int = os.O_RDONLY, most_bytes: int | None = MOST_BYTES) -> IO[bytes]:
+    """Open a regular file with these flags of `os.open`. Never waits for another program.
+
+    Raises `UnfitFileError` and other `OSError`.
+    """
+    if reason := unfit(path, most_bytes):
+        raise UnfitFileError(reason)
+    descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+    if reason := _unfit(path, os.fstat(descriptor), most_bytes):
+        os.close(descriptor)
+        raise UnfitFileError(reason)
+    return os.fdopen(descriptor, "rb" if flags == os.O_RDONLY else "r+b", buffering=0)
+
+
+def read_file(path: Path) -> bytes:
+    """The content of a file. Raises `UnfitFileError` and other `OSError`."""
+    with opened(path) as file:
+        return file.read()
+
+
+def check_file(path: Path) -> None:
+    """Raises `UnfitFileError` if something else has the place of a file."""
+    if reason := unfit(path):
+        raise UnfitFileError(reason)
+
+
+def check_database(path: Path) -> None:
+    """To be called before SQLite opens it. Raises `UnfitDatabaseError`."""
+    try:
+        reason = unfit_database(path)
+    except OSError as error:
+        reason = str(error)
+    if reason:
+        raise UnfitDatabaseError(reason)
+
+
+def with_advice(error: Exception, advice: str) -> str:
+    """The words of an error with what to do, unless it says so itself."""
+    return str(error) if isinstance(error, UnfitFileError | UnfitDatabaseError) else f"{error}; {advice}"
+
+
+def _unfit(path: Path, status: os.stat_result, most_bytes: int | None) -> str | None:
+    if not stat.S_ISREG(status.st_mode):
+        found = OTHER_KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        return f"{path} is {found} where a file is expected; move it away"
+    if most_bytes is not None and status.st_size > most_bytes:
+        return f"{path} has {status.st_size} bytes, and at most {most_bytes} are read; move it away"
+    return None
