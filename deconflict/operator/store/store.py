@@ -1,8 +1,7 @@
 """The advisories and situations on disk: every published revision, numbered once, in one SQLite file.
 
 A revision is stored before anybody receives it, and its number is never used again, neither after a crash nor after old
-advisories are removed. If the disk fails or stalls, revisions are still numbered, published and read. They are stored
-under their numbers as soon as the disk works again.
+advisories are removed. If the disk fails or stalls, revisions are still published, and stored once the disk works.
 
 SQLite synchronises its write-ahead log at each commit (`synchronous=FULL`). What `append` has returned survives the
 death of the process, and a loss of power if the drive flushes as it reports. A drive that does not may lose the last
@@ -12,7 +11,7 @@ commits, but not the file.
 import sqlite3
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence, Set
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from datetime import datetime
 from itertools import chain, islice
 from operator import attrgetter
@@ -53,12 +52,13 @@ class Store:
         self.path = self._connections.path
         self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []
-        """Numbered revisions that are not in the file yet, ascending by number."""
+        """Numbered, and not in the file yet, ascending by number."""
         self.outlets = pruning.OutletPositions()
         self.unwritable: deque[tuple[AnyRevision, Exception]] = deque()
-        """Revisions that could not be written though others could, each once. The publisher takes them from here."""
+        """What could not be written though others could, each once. The publisher takes it from here."""
 
     def close(self) -> None:
+        self.note_unstored()
         self._connections.close()
 
     def set_aside(self, at: datetime) -> Path:
@@ -131,8 +131,12 @@ class Store:
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._answers.stored_to(pending[-1].seq if pending else 0)
-            unstored = self.outlets.unstored.items()
-            self.outlets.unstored = {outlet: seq for outlet, seq in unstored if positions.get(outlet) != seq}
+            self.outlets.stored(positions)
+        self.note_unstored()
+
+    def note_unstored(self) -> None:
+        """Have a start after a crash begin a new epoch if revisions wait for the disk now."""
+        self._connections.note_unstored(lambda: bool(self._pending))
 
     def append(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
@@ -141,16 +145,18 @@ class Store:
         stored already (same advisory id and revision) is returned as it was first stored, with its first number. So a
         sender that does not know whether it succeeded may send again.
         """
-        with self._number_lock, self._writing_after_flush() as db:
-            seq = tables.last_seq(db)
-            stored = []
-            for advisory in advisories:
-                known = tables.stored_revision(db, advisory.id, advisory.revision)
-                if known is None:
-                    known = self._answers.numbered(db, advisory, seq + 1)
-                    seq = known.seq
-                    tables.write_revision(db, known)
-                stored.append(known)
+        stored = []
+        with self._number_lock:
+            self.flush()
+            with self._connections.writing() as db:
+                seq = tables.last_seq(db)
+                for advisory in advisories:
+                    known = tables.stored_revision(db, advisory.id, advisory.revision)
+                    if known is None:
+                        known = self._answers.numbered(db, advisory, seq + 1)
+                        seq = known.seq
+                        tables.write_revision(db, known)
+                    stored.append(known)
         return stored
 
     def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
@@ -338,10 +344,6 @@ class Store:
         with self._connections.long_reading() if long else self._connections.reading() as db:
             last = tables.last_seq(db)
             yield db, [revision for revision in pending if revision.seq > last]
-
-    def _writing_after_flush(self) -> AbstractContextManager[sqlite3.Connection]:
-        self.flush()
-        return self._connections.writing()
 
 
 def _last(db: sqlite3.Connection, pending: PendingWrites) -> int:

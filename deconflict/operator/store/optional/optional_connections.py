@@ -6,7 +6,7 @@ One connection to that database stands for all four.
 import logging
 import sqlite3
 import time
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from pathlib import Path
 from threading import Lock
@@ -101,6 +101,10 @@ class OptionalConnections(SqliteConnections):
             self._is_damaged = False
             stand_in.db.close()
         log.warning("%s is in use again", self.path)
+
+    def note_unstored(self, has_unstored: Callable[[], bool]) -> None:
+        """The numbers of an epoch in memory need no note: none of them is given again."""
+        super().note_unstored(lambda: has_unstored() or (self.is_in_memory and self._reserved.has_unstored))
 
     def _begin(self) -> None:
         if not self._follows_stream and not self._known_seq:
