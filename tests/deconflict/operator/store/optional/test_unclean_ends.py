@@ -12,6 +12,7 @@ from benchmarks.faulty_files.faults import locked
 from deconflict.advisory import EVERY_KIND
 from deconflict.operator.store import publisher as publishing
 from deconflict.operator.store.optional.optional_store import OptionalStore
+from deconflict.operator.store.optional.stand_in import STEP
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.recovery import reserved_numbers
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
@@ -123,3 +124,19 @@ async def test_a_stuck_disk_that_takes_no_note_delays_no_revision(data: Path, mo
             await publisher.publish([made(number)])
         assert time.monotonic() - began_s < 10.0
         free.set()
+
+
+def test_a_kill_while_much_is_handed_over_gives_no_number_twice(data: Path) -> None:
+    with locked(data / FILE_NAME):
+        store = OptionalStore(data)
+        given = store.append([made(number) for number in range(10, 10 + STEP + 5)])
+    file = store._connections.opened_again()
+    assert file
+    left = as_killed(data)
+    file.close()
+    with closing(OptionalStore(left)) as after_kill:
+        assert after_kill.append([made(6)])[0].seq > given[-1].seq
+    assert store.attach()
+    store.close()
+    with closing(OptionalStore(data)) as again:
+        assert [each.seq for each in again.append([made(6)])] == [given[-1].seq + 1]
