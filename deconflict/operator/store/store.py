@@ -85,15 +85,14 @@ class Store:
 
         A revision that has a number keeps it: it comes from a stream that this store follows. A known revision is
         returned as it was. One that can't be written is left out, and is in `unwritable`. Raises `StoreError`, also if
-        too many revisions wait for the disk already: so any number is accepted once the disk works.
+        too many wait for the disk already: so any number is accepted once the disk works.
         """
         with self._number_lock:
-            if len(self._pending) >= MOST_PENDING:
-                raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
+            self._refuse_too_many()
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
             unwritable: list[tuple[AnyRevision, Exception]] = []
             with self._connections.numbering() as db:
-                seq = max(tables.last_seq(db), pending[-1].seq if pending else 0)
+                seq = _last(db, pending)
                 for advisory in advisories:
                     try:
                         known = known_pending.get((advisory.id, advisory.revision))
@@ -110,6 +109,10 @@ class Store:
             self._pending = pending
             self.unwritable += unwritable
         return accepted
+
+    def _refuse_too_many(self) -> None:
+        if len(self._pending) >= MOST_PENDING:
+            raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
 
     def flush(self) -> None:
         """Store pending revisions and positions in one transaction. After a `StoreError` they are still pending.
@@ -170,14 +173,12 @@ class Store:
         """Number the newest revision once more, with the answer, and keep it for `flush`; None for an unknown advisory.
 
         `seq` is the number if the stream that this store follows gave one; an answer with a number that is stored
-        already is not stored twice. Every later revision of the advisory has the answer too. Raises `StoreError`, also
-        while revisions wait for the disk. It does not wait for the disk itself: no new revision waits for an answer.
+        already is not stored twice. Every later revision has the answer too. Raises `StoreError`, as `accept` does.
         """
         with self._number_lock, self._connections.numbering() as db:
-            last = tables.last_seq(db)
-            if any(revision.seq > last for revision in self._pending):
-                raise StoreError(f"{self.path}: revisions wait for the disk; acknowledge once they are stored")
-            newest = tables.newest(db, advisory_id)
+            self._refuse_too_many()
+            last = _last(db, self._pending)
+            newest = newest_by_id(self._pending).get(advisory_id) or tables.newest(db, advisory_id)
             if newest is None or (seq is not None and seq <= last):
                 return newest
             answered = newest.model_copy(update={"seq": seq or last + 1, "acknowledgement": answer})
@@ -234,8 +235,7 @@ class Store:
         return list(dict.fromkeys([*stored, *unstored]))
 
     def open_at(self, now_s: float, limit: int = MOST_PAST) -> list[AnyRevision]:
-        """What was open at a time, the newest `limit`: the newest revision by then of each that changed in the hour
-        before."""
+        """The newest `limit` open at a time: the newest revision by then of each that changed in the hour before."""
         with self._file_and_pending(long=True) as (db, pending):
             stored = tables.open_at(db, now_s, limit)
         return open_at_time(stored, pending, now_s)[-limit:]
@@ -347,4 +347,4 @@ class Store:
 
 
 def _last(db: sqlite3.Connection, pending: PendingWrites) -> int:
-    return pending[-1].seq if pending else tables.last_seq(db)
+    return max(tables.last_seq(db), pending[-1].seq if pending else 0)
