@@ -7,7 +7,7 @@ position of no other subscriber: it keeps the highest removed numbers, so that o
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from sys import maxsize
 from threading import Lock
@@ -121,6 +121,10 @@ class OutletPositions:
         """By outlet, the last number of its newest page."""
         self._removed_to = 0
         """The highest number that was removed since the start."""
+
+    def stored(self, positions: Mapping[str, int]) -> None:
+        """These positions are in the file."""
+        self.unstored = {outlet: seq for outlet, seq in self.unstored.items() if positions.get(outlet) != seq}
 
     def begin_page(self, outlet: str) -> int | None:
         """The outlet reads its next page: until `end_page`, no removal that begins takes what it may still send.

@@ -90,6 +90,7 @@ class Publisher:
         self.failing: str | None = None
         """Why revisions are not stored at present; None if they are."""
         self._storing: asyncio.Task[None] | None = None
+        self._noting: asyncio.Task[None] | None = None
         self._ended = False
         measures.begin("deconflict_advisories_stored_total", "deconflict_store_failures_total")
         measures.level("deconflict_store_unstored", {(): 0})
@@ -133,7 +134,16 @@ class Publisher:
             storing.result()
         elif not self.failing:
             self._fail("the disk is slow")
+        if self._store.unstored:
+            await self._note_unstored()
         self.measures.level("deconflict_store_unstored", {(): self._store.unstored})
+
+    async def _note_unstored(self) -> None:
+        """Before numbers are given that are not on the disk. Waits for it as `store_pending` does."""
+        is_stuck = self._noting is not None and not self._noting.done()
+        if self._noting is None or not is_stuck:
+            self._noting = asyncio.create_task(asyncio.to_thread(self._store.note_unstored))
+        await asyncio.wait({self._noting}, timeout=0 if is_stuck else DISK_TIMEOUT_S)
 
     def _begin_storing(self) -> asyncio.Task[None]:
         """The task that stores pending writes; starts one if none runs."""

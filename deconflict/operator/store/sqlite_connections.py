@@ -7,7 +7,7 @@ import logging
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Lock
@@ -81,6 +81,9 @@ class SqliteConnections:
         self.renewal: Renewal | None = None
         """The last one since the start."""
         self._reserved = ReservedNumbers(directory)
+        self._lost_some = self._reserved.lost_some and not follows_stream
+        """Whether the file, once it is opened, begins a new epoch: numbers beyond its last may have been given."""
+        self._note_lock = Lock()
         self._known_seq = 0 if follows_stream else self._reserved.last
         """Every number up to this may be in use; those of revisions that wait for the disk are above it."""
         self._begin()
@@ -99,6 +102,15 @@ class SqliteConnections:
         if not self._follows_stream:
             self._reserved.reserve(seq)
         self._known_seq = seq
+
+    def note_unstored(self, has_unstored: Callable[[], bool]) -> None:
+        """Have a later start know whether numbers were given that the file does not hold. It may wait for the disk.
+
+        It does what it can: a disk may take neither revisions nor this.
+        """
+        if not self._follows_stream:
+            with self._note_lock, suppress(OSError):
+                self._reserved.note_unstored(has_unstored=has_unstored())
 
     def reading(self) -> AbstractContextManager[sqlite3.Connection]:
         return self._transaction(lambda: self._reader, self._read_lock, "BEGIN")
@@ -150,6 +162,9 @@ class SqliteConnections:
             file = FileConnections(*(opened.enter_context(closing(self._connect())) for _ in range(4)))
             self._check_tables(file.writer)
             self._upgrade(file.writer)
+            if self._lost_some:
+                self._lost_some = False
+                self.note_unstored(lambda: False)
             for db in file:
                 db.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_S * 1000:.0f}")
             for reader in file[1:]:
@@ -191,9 +206,10 @@ class SqliteConnections:
                 db.execute(statement)
             if version < len(UPGRADES):
                 db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
-            if version == 0 and self._known_seq:
+            if self._known_seq and (version == 0 or self._lost_some):
                 if self._reserved.last:
-                    log.warning("%s is new; its numbers continue after %d", self.path, self._known_seq)
+                    why = "is new" if version == 0 else "may lack numbers that were given before the service was killed"
+                    log.warning("%s %s; its numbers continue after %d", self.path, why, self._known_seq)
                 begin_after(db, self._known_seq)
             self._known_seq = last_seq(db)
 

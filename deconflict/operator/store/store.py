@@ -1,8 +1,7 @@
 """The advisories and situations on disk: every published revision, numbered once, in one SQLite file.
 
 A revision is stored before anybody receives it, and its number is never used again, neither after a crash nor after old
-advisories are removed. If the disk fails or stalls, revisions are still numbered, published and read. They are stored
-under their numbers as soon as the disk works again.
+advisories are removed. If the disk fails or stalls, revisions are still published, and stored once the disk works.
 
 SQLite synchronises its write-ahead log at each commit (`synchronous=FULL`). What `append` has returned survives the
 death of the process, and a loss of power if the drive flushes as it reports. A drive that does not may lose the last
@@ -12,7 +11,7 @@ commits, but not the file.
 import sqlite3
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence, Set
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from datetime import datetime
 from itertools import chain, islice
 from operator import attrgetter
@@ -53,12 +52,13 @@ class Store:
         self.path = self._connections.path
         self._number_lock, self._answers = RLock(), JoinedAnswers()
         self._pending: list[AnyRevision] = []
-        """Numbered revisions that are not in the file yet, ascending by number."""
+        """Numbered, and not in the file yet, ascending by number."""
         self.outlets = pruning.OutletPositions()
         self.unwritable: deque[tuple[AnyRevision, Exception]] = deque()
-        """Revisions that could not be written though others could, each once. The publisher takes them from here."""
+        """What could not be written though others could, each once. The publisher takes it from here."""
 
     def close(self) -> None:
+        self.note_unstored()
         self._connections.close()
 
     def set_aside(self, at: datetime) -> Path:
@@ -85,15 +85,14 @@ class Store:
 
         A revision that has a number keeps it: it comes from a stream that this store follows. A known revision is
         returned as it was. One that can't be written is left out, and is in `unwritable`. Raises `StoreError`, also if
-        too many revisions wait for the disk already: so any number is accepted once the disk works.
+        too many wait for the disk already: so any number is accepted once the disk works.
         """
         with self._number_lock:
-            if len(self._pending) >= MOST_PENDING:
-                raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
+            self._refuse_too_many()
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
             unwritable: list[tuple[AnyRevision, Exception]] = []
             with self._connections.numbering() as db:
-                seq = max(tables.last_seq(db), pending[-1].seq if pending else 0)
+                seq = _last(db, pending)
                 for advisory in advisories:
                     try:
                         known = known_pending.get((advisory.id, advisory.revision))
@@ -110,6 +109,10 @@ class Store:
             self._pending = pending
             self.unwritable += unwritable
         return accepted
+
+    def _refuse_too_many(self) -> None:
+        if len(self._pending) >= MOST_PENDING:
+            raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
 
     def flush(self) -> None:
         """Store pending revisions and positions in one transaction. After a `StoreError` they are still pending.
@@ -131,8 +134,12 @@ class Store:
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._answers.stored_to(pending[-1].seq if pending else 0)
-            unstored = self.outlets.unstored.items()
-            self.outlets.unstored = {outlet: seq for outlet, seq in unstored if positions.get(outlet) != seq}
+            self.outlets.stored(positions)
+        self.note_unstored()
+
+    def note_unstored(self) -> None:
+        """Have a start after a crash begin a new epoch if revisions wait for the disk now."""
+        self._connections.note_unstored(lambda: bool(self._pending))
 
     def append(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
@@ -141,16 +148,18 @@ class Store:
         stored already (same advisory id and revision) is returned as it was first stored, with its first number. So a
         sender that does not know whether it succeeded may send again.
         """
-        with self._number_lock, self._writing_after_flush() as db:
-            seq = tables.last_seq(db)
-            stored = []
-            for advisory in advisories:
-                known = tables.stored_revision(db, advisory.id, advisory.revision)
-                if known is None:
-                    known = self._answers.numbered(db, advisory, seq + 1)
-                    seq = known.seq
-                    tables.write_revision(db, known)
-                stored.append(known)
+        stored = []
+        with self._number_lock:
+            self.flush()
+            with self._connections.writing() as db:
+                seq = tables.last_seq(db)
+                for advisory in advisories:
+                    known = tables.stored_revision(db, advisory.id, advisory.revision)
+                    if known is None:
+                        known = self._answers.numbered(db, advisory, seq + 1)
+                        seq = known.seq
+                        tables.write_revision(db, known)
+                    stored.append(known)
         return stored
 
     def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
@@ -164,14 +173,12 @@ class Store:
         """Number the newest revision once more, with the answer, and keep it for `flush`; None for an unknown advisory.
 
         `seq` is the number if the stream that this store follows gave one; an answer with a number that is stored
-        already is not stored twice. Every later revision of the advisory has the answer too. Raises `StoreError`, also
-        while revisions wait for the disk. It does not wait for the disk itself: no new revision waits for an answer.
+        already is not stored twice. Every later revision has the answer too. Raises `StoreError`, as `accept` does.
         """
         with self._number_lock, self._connections.numbering() as db:
-            last = tables.last_seq(db)
-            if any(revision.seq > last for revision in self._pending):
-                raise StoreError(f"{self.path}: revisions wait for the disk; acknowledge once they are stored")
-            newest = tables.newest(db, advisory_id)
+            self._refuse_too_many()
+            last = _last(db, self._pending)
+            newest = newest_by_id(self._pending).get(advisory_id) or tables.newest(db, advisory_id)
             if newest is None or (seq is not None and seq <= last):
                 return newest
             answered = newest.model_copy(update={"seq": seq or last + 1, "acknowledgement": answer})
@@ -228,8 +235,7 @@ class Store:
         return list(dict.fromkeys([*stored, *unstored]))
 
     def open_at(self, now_s: float, limit: int = MOST_PAST) -> list[AnyRevision]:
-        """What was open at a time, the newest `limit`: the newest revision by then of each that changed in the hour
-        before."""
+        """The newest `limit` open at a time: the newest revision by then of each that changed in the hour before."""
         with self._file_and_pending(long=True) as (db, pending):
             stored = tables.open_at(db, now_s, limit)
         return open_at_time(stored, pending, now_s)[-limit:]
@@ -339,10 +345,6 @@ class Store:
             last = tables.last_seq(db)
             yield db, [revision for revision in pending if revision.seq > last]
 
-    def _writing_after_flush(self) -> AbstractContextManager[sqlite3.Connection]:
-        self.flush()
-        return self._connections.writing()
-
 
 def _last(db: sqlite3.Connection, pending: PendingWrites) -> int:
-    return pending[-1].seq if pending else tables.last_seq(db)
+    return max(tables.last_seq(db), pending[-1].seq if pending else 0)

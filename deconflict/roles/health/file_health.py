@@ -11,6 +11,7 @@ from deconflict.operator.blackbox.keeper import PENDING
 from deconflict.operator.ledger import loss_ledger
 from deconflict.operator.store import learned_file, sqlite_connections
 from deconflict.operator.store.recovery import reserved_numbers
+from deconflict.roles.health.lost_databases import LostDatabases
 from deconflict.runtime.data_lock import LOCKS
 from deconflict.settings.site import Site
 from ingest.fleet.owners import owner_file
@@ -21,7 +22,7 @@ LOOK_EVERY_S = 2.0
 SILENT_S = 8.0
 """A disk that answers no look for so long is reported."""
 REMOVED_SHOWN_S = 30.0
-"""That a file was removed is reported for so long, also if it was made anew."""
+"""That a file was removed is reported for so long, also if it was made anew; of a database, until it is put back."""
 
 FROM_MEMORY = (kept_rows.FILE_NAME, owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME)
 """Files that are made anew with all that they had."""
@@ -55,6 +56,7 @@ class FileHealth:
         """As of `_content`, of the files that were there at the last look."""
         self._removed_s: dict[str, float] = {}
         """By name, when a file was seen to be removed."""
+        self._databases = LostDatabases()
         self._looked_s = time.monotonic()
 
     async def run(self) -> None:
@@ -67,9 +69,14 @@ class FileHealth:
         """Look at each file. May wait for the disk."""
         self._faults = {path.name: fault for path, kind in self._files if (fault := file_fault(path, kind))}
         found = {path: content for path, kind in self._files if (content := _content(path, kind)) is not None}
+        removed_s = dict(self._removed_s)
         for path, before in self._contents.items():
             if path not in found or (before and not before & found[path]):
-                self._removed_s[path.name] = now_s
+                removed_s[path.name] = now_s
+                self._databases.lost(path)
+        found_again = {path.name for path in self._databases.found_again()}
+        self._removed_s = {name: at_s for name, at_s in removed_s.items() if name not in found_again}
+        self._databases.hold(path for path, kind in self._files if kind is FileKind.DATABASE and path in found)
         self._contents, self._looked_s = found, time.monotonic()
 
     def document(self, now_s: float, outages: Mapping[str, str | None] | None = None) -> dict[str, Any]:

@@ -127,7 +127,7 @@ def held(path: Path) -> Iterator[None]:
         holding.execute("COMMIT")
 
 
-async def test_an_answer_on_a_stalled_disk_delays_no_advisory_and_a_second_one_is_refused(tmp_path: Path) -> None:
+async def test_answers_on_a_stalled_disk_delay_no_advisory_and_are_stored_later(tmp_path: Path) -> None:
     store = Store(tmp_path)
     publisher, given = Publisher(store, Measures()), Acknowledgement(name="Kim", reason="seen", at=START)
     await publisher.publish([made(1)])
@@ -139,20 +139,29 @@ async def test_an_answer_on_a_stalled_disk_delays_no_advisory_and_a_second_one_i
         answered = await answering
         assert answered is not None
         assert answered.acknowledgement == given
-        with pytest.raises(StoreError, match="acknowledge once"):
-            await publisher.acknowledge("advisory-2", given)
-        assert store.unstored == 3
+        second = await publisher.acknowledge("advisory-2", given)
+        assert second is not None
+        assert (second.seq, second.acknowledgement) == (5, given)
+        again = Acknowledgement(name="Lee", reason="me too", at=START)
+        await publisher.acknowledge("advisory-1", again)
+        (third,) = await publisher.publish([made(1, 3)])
+        assert third.acknowledgement == again
+        assert await publisher.acknowledge("advisory-9", given) is None
+        assert store.unstored == 6
     async with asyncio.timeout(PATIENCE_S):
         while store.unstored:
             await publisher.store_pending()
     store.close()
-    again = Store(tmp_path)
-    assert [(each.revision, each.seq, each.acknowledgement) for each in again.get("advisory-1")] == [
+    reopened = Store(tmp_path)
+    assert [(each.revision, each.seq, each.acknowledgement) for each in reopened.get("advisory-1")] == [
         (1, 1, None),
         (1, 2, given),
         (2, 3, given),
+        (2, 6, again),
+        (3, 7, again),
     ]
-    again.close()
+    assert [(each.seq, each.acknowledgement) for each in reopened.get("advisory-2")] == [(4, None), (5, given)]
+    reopened.close()
 
 
 async def test_a_stalled_disk_is_waited_for_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ One connection to that database stands for all four.
 import logging
 import sqlite3
 import time
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from pathlib import Path
 from threading import Lock
@@ -77,6 +77,7 @@ class OptionalConnections(SqliteConnections):
                 file = self._opened_or_renewed()
                 at_error.callback(file.close)
                 while len(rows := self._next_rows(self._stand_in)) == STEP:
+                    super().note_unstored(lambda: True)  # a kill between the steps leaves numbers that it lacks
                     self._write_rows(self._stand_in, file.writer, rows)
             except (StoreError, sqlite3.Error, OSError) as error:
                 self.outage = str(error)
@@ -101,6 +102,10 @@ class OptionalConnections(SqliteConnections):
             self._is_damaged = False
             stand_in.db.close()
         log.warning("%s is in use again", self.path)
+
+    def note_unstored(self, has_unstored: Callable[[], bool]) -> None:
+        """The numbers of an epoch in memory need no note: none of them is given again."""
+        super().note_unstored(lambda: has_unstored() or (self.is_in_memory and self._reserved.has_unstored))
 
     def _begin(self) -> None:
         if not self._follows_stream and not self._known_seq:

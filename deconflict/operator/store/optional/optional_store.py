@@ -38,6 +38,7 @@ class OptionalStore(Store):
             with self._number_lock:
                 self.flush()
                 self._connections.use_again(file)
+            self.note_unstored()
         return bool(why or file)
 
     def close(self) -> None:

@@ -33,8 +33,11 @@ STEP = 500
 """Revisions that are handed over in one transaction."""
 READ_TIMEOUT_S = 0.5
 BECAUSE = "the service could not read it when it started"
-KEPT = f"""WITH kept AS (
-    SELECT seq, id FROM revisions WHERE seq IN (SELECT seq FROM advisories WHERE open = 1)
+HELD = f"""SELECT * FROM advisories AS a WHERE open = 1 OR EXISTS (
+    SELECT 1 FROM positions AS p WHERE p.seq < a.seq AND p.seq >= {tables.FIRST_SEQ})"""  # noqa: S608 - a constant
+"""What is open, or an outlet has not been told to be over."""
+KEPT = f"""WITH held AS ({HELD}), kept AS (
+    SELECT seq, id FROM held UNION SELECT {tables.FIRST_SEQ}, id FROM held AS a
     UNION SELECT * FROM (SELECT seq, id FROM revisions WHERE seq > (SELECT min(seq) FROM positions)
         ORDER BY seq DESC LIMIT {MOST_UNSENT})
     UNION SELECT * FROM (SELECT seq, id FROM revisions ORDER BY seq DESC LIMIT {NEWEST}))"""  # noqa: S608 - constants
@@ -47,6 +50,9 @@ STATE = {
     "positions": "SELECT * FROM positions",
 }
 """By table, which rows it begins with."""
+MISSED = f"""SELECT document FROM advisories AS a JOIN revisions AS r ON r.seq = a.seq
+WHERE open = 0 AND a.seq > :delivered AND a.seq <= :last AND {tables.FIRST_SEQ} <= :delivered"""  # noqa: S608 - a constant
+"""What an outlet was not told to be over, up to a number."""
 GIVEN = """SELECT seq, document, EXISTS (
     SELECT 1 FROM revisions AS first WHERE first.id = r.id AND first.revision = r.revision AND first.seq < r.seq)
 FROM revisions AS r WHERE seq > ? ORDER BY seq LIMIT ?"""
@@ -132,10 +138,12 @@ class StandIn:
         unstored = [revision for revision in pending if revision.seq > self._begun_after]
         for revision in unstored:
             tables.write_one(self.db, revision, answered)
+        self._epoch = 0
+        """The last number before its epoch; 0 if a stream gives the numbers."""
         if reserved is not None:
-            first = max(tables.last_seq(self.db), reserved, epoch(time.time()))
-            tables.begin_after(self.db, first)
-            self._begun_after = self._begun_after if unstored else first
+            self._epoch = max(tables.last_seq(self.db), reserved, epoch(time.time()))
+            tables.begin_after(self.db, self._epoch)
+            self._begun_after = self._begun_after if unstored else self._epoch
         self._shift: int | None = None
         """What is added to its numbers for the file, which has given them to others; None until the file is known."""
         self._handed_to = self._begun_after
@@ -159,16 +167,19 @@ class StandIn:
         return shift
 
     def _begin(self, file: sqlite3.Connection) -> int:
-        """Let the file continue beyond the numbers of this epoch; returns what to add to them."""
+        """Let the file continue beyond the numbers of this epoch; returns what to add to them.
+
+        Who returns with a number of before reads again: another epoch in memory may have been lost since.
+        """
         last = tables.last_seq(file)
         shift = 0 if self._follows_stream else max(last - self._begun_after, 0)
         if self.state and self.state.is_lacked(file):
             self.state.write(file)
             tables.note_removed(file, ((kind, self.state.last_seq) for kind in EVERY_KIND))
-        if shift:
-            tables.note_removed(file, ((kind, last) for kind in EVERY_KIND))
-        elif self._begun_after > tables.last_seq(file):
+        if not shift and self._begun_after > tables.last_seq(file):
             tables.use_up_number(file, self._begun_after)
+        if not self._follows_stream:
+            tables.note_removed(file, ((kind, self._epoch + shift) for kind in EVERY_KIND))
         return shift
 
     def handed_over(self, rows: list[tuple[int, str, int]], shift: int) -> None:
@@ -177,13 +188,16 @@ class StandIn:
             self._handed_to = rows[-1][0]
 
     def finish(self, file: sqlite3.Connection, now_s: float) -> None:
-        """Hand over what is not a revision, and clear what nobody here knows to be open."""
+        """Hand over what is not a revision, and clear what nobody here knows to be open, or an outlet to be over."""
+        known, shift = tables.positions(file), self._shift or 0
+        positions = {outlet: seq + shift for outlet, seq in tables.positions(self.db).items()}
         if self.state is None and not self._follows_stream:
-            for revision in list(self._unknown(file)):
+            skipping = [seq for outlet, seq in known.items() if seq < positions.get(outlet, 0)]
+            for revision in [*self._unknown(file), *_missed(file, skipping, self._begun_after + shift)]:
                 cleared = revision.cleared_revision(now_s, BECAUSE)
                 tables.write_one(file, cleared.model_copy(update={"seq": tables.last_seq(file) + 1}), ())
-        known = tables.positions(file)
-        positions = {outlet: seq + (self._shift or 0) for outlet, seq in tables.positions(self.db).items()}
+        removed = self.db.execute("SELECT kind, seq FROM removed").fetchall()
+        tables.note_removed(file, ((kind, seq + shift) for kind, seq in removed))
         for outlet, seq in known.items():
             if self.state is None and seq < positions.get(outlet, 0):
                 log.warning("%s was not sent what the file had after number %d", outlet, seq)
@@ -195,3 +209,16 @@ class StandIn:
             is_forgotten = document.kind == SITUATION or self.has_engine
             if is_forgotten and tables.newest(self.db, document.id) is None:
                 yield tables.revision_of(document.text)
+
+
+def _missed(file: sqlite3.Connection, skipping: Iterable[int], last: int) -> list[AnyRevision]:
+    """The newest revisions of what ended up to the number `last`, and outlets that continue beyond it hold open.
+
+    `skipping` are the numbers that the file has as their positions.
+    """
+    documents = {
+        document: None
+        for delivered in skipping
+        for (document,) in file.execute(MISSED, {"delivered": delivered, "last": last})
+    }
+    return tables.readable((document,) for document in documents)

@@ -1,6 +1,11 @@
-"""A number beyond every number of a revision, in a file beside the database: it survives damage to the database."""
+"""A number beyond every number of a revision, in a file beside the database: it survives damage to the database.
+
+Its sign says whether numbers may have been given that the database does not hold: minus if so. A write of one byte
+changes it, which needs no room on the disk.
+"""
 
 import logging
+import os
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -30,10 +35,14 @@ class ReservedNumbers:
 
     def __init__(self, directory: Path) -> None:
         self._path = directory / FILE_NAME
+        self.has_unstored = False
+        """What the file says: numbers were given that the database may not hold."""
         known = self._read()
         self._reserved = known or 0
         """What the file says, as far as it was read or written."""
-        self.last = epoch(time.time()) if known is None else known
+        self.lost_some = self.has_unstored
+        """Whether an earlier service ended before the database had every number that it gave."""
+        self.last = max(epoch(time.time()), known or 0) if known is None or self.lost_some else known
 
     def reserve(self, seq: int) -> None:
         """Reserve well beyond a number that is about to be stored. Raises `OSError` if a later start would read a
@@ -42,7 +51,7 @@ class ReservedNumbers:
             return
         last = seq + BLOCK
         try:
-            replace_file(self._path, f"{last}\n".encode())
+            replace_file(self._path, _text(last, has_unstored=self.has_unstored))
         except OSError:
             known = self._read()
             if known is not None and known < seq:
@@ -50,16 +59,34 @@ class ReservedNumbers:
         else:
             self._reserved = self.last = last
 
+    def note_unstored(self, *, has_unstored: bool) -> None:
+        """Have a later start know whether numbers were given that the database may not hold. Raises `OSError`."""
+        if has_unstored == self.has_unstored:
+            return
+        if self._is_signed():
+            with self._path.open("r+b", buffering=0) as file:
+                file.write(_sign(has_unstored=has_unstored))
+                os.fsync(file.fileno())
+        else:
+            replace_file(self._path, _text(self._reserved, has_unstored=has_unstored))
+        self.has_unstored = has_unstored
+
     def renew_if_removed(self) -> None:
         """Write the file again if somebody has removed it. Raises `OSError`."""
         if self._reserved and not self._path.exists():
-            replace_file(self._path, f"{self._reserved}\n".encode())
+            replace_file(self._path, _text(self._reserved, has_unstored=self.has_unstored))
+
+    def _is_signed(self) -> bool:
+        """Not if there is no file, or an older release wrote it."""
+        with suppress(FileNotFoundError), self._path.open("rb") as file:
+            return file.read(1) in (b"+", b"-")
+        return False
 
     def _read(self) -> int | None:
         """0 if there is no file; None for one that can't be read, since any number may be reserved."""
         try:
             text = read_file(self._path).decode()
-            last = int(text)
+            last = abs(int(text))
             if not (0 <= last <= HIGHEST and text.endswith("\n")):
                 raise ValueError(f"{last} is no number of a revision, or is cut off")
         except FileNotFoundError:
@@ -73,6 +100,7 @@ class ReservedNumbers:
         except OSError as error:
             log.warning("%s can't be read and is written anew: %s", self._path, error)
             return None
+        self.has_unstored = text.startswith("-")
         return last
 
     def _set_aside(self) -> str:
@@ -80,3 +108,11 @@ class ReservedNumbers:
         with suppress(OSError):
             return set_file_aside(self._path).name
         return self._path.name
+
+
+def _text(last: int, *, has_unstored: bool) -> bytes:
+    return _sign(has_unstored=has_unstored) + f"{last}\n".encode()
+
+
+def _sign(*, has_unstored: bool) -> bytes:
+    return b"-" if has_unstored else b"+"

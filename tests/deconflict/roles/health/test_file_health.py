@@ -53,3 +53,33 @@ def test_a_disk_that_does_not_answer_is_reported(data: Path) -> None:
 def test_what_is_not_kept_is_not_looked_at(data: Path) -> None:
     site = Site(blackbox=BlackBox(enabled=False))
     assert "blackbox" not in {path.name for path, _ in data_files(site, data)}
+
+
+@pytest.mark.parametrize("is_made_anew", [False, True])
+def test_a_database_that_is_put_back_is_no_longer_called_missing(data: Path, is_made_anew: bool) -> None:
+    health = FileHealth(data_files(Site(), data))
+    health.look(0.0)
+    path, aside = data / "advisories.db", data / "aside"
+    path.rename(aside)
+    if is_made_anew:
+        path.touch()
+    health.look(health._looked_s)
+    assert "what it had is missing" in health.document(health._looked_s)["reason"]
+    if is_made_anew:
+        health.look(health._looked_s + 2 * REMOVED_SHOWN_S)
+    aside.replace(path)
+    health.look(health._looked_s)
+    assert health.document(health._looked_s) == {"status": "ok"}
+
+
+def test_another_database_with_the_number_of_a_removed_one_is_not_taken_for_it(data: Path) -> None:
+    health = FileHealth(data_files(Site(), data))
+    path = data / "advisories.db"
+    health.look(0.0)
+    for _ in range(5):
+        path.unlink()
+        path.touch()
+        health.look(health._looked_s)
+        assert "what it had is missing" in health.document(health._looked_s)["reason"]
+        health._removed_s.clear()
+        health.look(health._looked_s)

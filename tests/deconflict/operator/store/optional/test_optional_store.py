@@ -4,12 +4,14 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
 from benchmarks.faulty_files.faults import blocked, held_alone, locked, read_only, remove
 from deconflict.advisory import EVERY_KIND, Acknowledgement
+from deconflict.operator.store.optional import stand_in
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.optional.stand_in import BECAUSE, STEP
 from deconflict.operator.store.publisher import Publisher
@@ -256,3 +258,66 @@ def test_a_disk_with_no_room_for_the_memory_of_connections_is_read_all_the_same(
 
 def _fail(_: object) -> sqlite3.Connection:
     raise sqlite3.OperationalError("database or disk is full")
+
+
+def test_a_subscriber_that_was_away_for_an_epoch_that_was_lost_is_to_read_again(data: Path) -> None:
+    with unreadable(data / FILE_NAME):
+        store = OptionalStore(data)
+        (lost,) = store.append([situation(7)])
+        store.close()
+    time.sleep(0.001)
+    with unreadable(data / FILE_NAME):
+        store = OptionalStore(data)
+        (kept,) = store.append([made(8)])
+    assert store.attach()
+    for known in (4, lost.seq):
+        assert store.page_after(known, EVERY_KIND, 10).removed > known
+    assert store.page_after(kept.seq, EVERY_KIND, 10).removed < kept.seq
+    store.close()
+
+
+def test_an_outlet_that_skips_what_the_file_has_is_told_what_is_over(data: Path) -> None:
+    """It has sent advisories 1 and 2, and continues in a memory that does not know that 1 was cleared."""
+    with closing(Store(data)) as store:
+        store.append([made(5), situation(7), cleared(5)])
+        store.set_position("hook", 5)
+        store.flush()
+        store.append([made(6), cleared(6)])
+    with unreadable(data / FILE_NAME):
+        store = OptionalStore(data)
+        store.set_position("hook", store.last_seq())
+        store.flush()
+        position = store.position("hook") or 0
+    assert store.attach()
+    assert {each.id for each in store.after(position, -1) if each.cleared_at} == {"advisory-5", "situation-7"}
+    assert store.burdens_s() == {}
+    store.close()
+
+
+def test_memory_begins_with_the_end_of_all_that_an_outlet_has_sent_open(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("MOST_UNSENT", "NEWEST"):
+        for table, query in stand_in.STATE.items():
+            monkeypatch.setitem(stand_in.STATE, table, query.replace(f"LIMIT {getattr(stand_in, name)}", "LIMIT 3"))
+    with closing(Store(data)) as store:
+        store.append([made(5), made(2, 2)])
+        store.set_position("hook", 5)
+        store.flush()
+        store.append([cleared(5), *(made(number) for number in range(10, 20)), made(2, 3)])
+        store.append([cleared(number) for number in range(10, 20)])
+    with locked(data / FILE_NAME):
+        store = OptionalStore(data)
+        assert "advisory-5" in {each.id for each in store.after(5, -1) if each.cleared_at}
+        assert ("conflict", "advisory-2") in store.held_at(5, EVERY_KIND), "its first revision is known"
+        store.close()
+
+
+def test_what_was_removed_from_memory_counts_as_removed_in_the_file(data: Path) -> None:
+    with locked(data / FILE_NAME):
+        store = OptionalStore(data)
+        first, last = store.append([made(8), cleared(8)])
+        assert store.prune(cleared(8).updated_at + timedelta(seconds=1.0))
+    assert store.attach()
+    assert store.page_after(first.seq, EVERY_KIND, 10).removed == last.seq
+    store.close()
