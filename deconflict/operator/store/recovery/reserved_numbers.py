@@ -22,7 +22,7 @@ HIGHEST = 1 << 60
 BLOCK = 100_000
 """The file is written once for so many numbers. More than may wait for the disk."""
 EPOCH_NUMBERS = 100_000
-"""Numbers of an epoch for each second since 1970: no service gives so many, so a later epoch begins beyond them."""
+"""An epoch begins at the Unix time times this. No service gives so many a second, so a later epoch begins beyond it."""
 
 
 def epoch(now_s: float) -> int:
