@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,12 @@ from tests.ingest.fleet.made_fleet import fleet
 
 pytestmark = pytest.mark.usefixtures("ends_in_time")
 
-WORDS = {pipe: "is a pipe where", device: "is a device where", blocked: "is a directory where", huge: "are read; move"}
+WORDS: dict[Fault, str] = {
+    pipe: "is a pipe where",
+    device: "is a device where",
+    blocked: "is a directory where",
+    huge: "are read; move",
+}
 SEGMENT, LOCK = "log/log-1.jsonl", ".face.lock"
 READ_IN_PARTS = ("advisories.db", "losses.db", "robots.db", SEGMENT)
 """These may be large."""
@@ -156,6 +162,10 @@ async def said(service: Running, wanted: Callable[[dict[str, Any]], bool]) -> No
             await asyncio.sleep(0.1)
 
 
+def is_said(words: str, health: dict[str, Any]) -> bool:
+    return words in health["files"].get("reason", "")
+
+
 @pytest.mark.parametrize("fault", WORDS, ids=lambda fault: fault.__name__)
 async def test_a_service_starts_and_warns_without_any_file_says_each_and_uses_them_later(
     data: Path, fault: Fault
@@ -169,7 +179,7 @@ async def test_a_service_starts_and_warns_without_any_file_says_each_and_uses_th
                 await service.until("/advisories", lambda answer: bool(answer["advisories"]))
                 for file in files:
                     words = f"{data / file} has" if fault is huge else f"{data / file} {WORDS[fault]}"
-                    await said(service, lambda health, words=words: words in health["files"].get("reason", ""))
+                    await said(service, partial(is_said, words))
                 await driving
                 until_repair.close()
                 await said(service, lambda health: health["files"]["status"] == "ok")
