@@ -140,9 +140,9 @@ def test_no_use_of_a_file_opens_or_replaces_what_is_no_file(
     with fault(data / file):
         before = (data / file).lstat()
         refuse_newer(data)
-        said = USES[file](data)
+        reported = USES[file](data)
         assert (data / file).lstat().st_ino == before.st_ino
-        assert file == SEGMENT or WORDS[fault] in f"{said} {caplog.text}"
+        assert file == SEGMENT or WORDS[fault] in f"{reported} {caplog.text}"
         assert "free some space" not in caplog.text
 
 
@@ -156,7 +156,7 @@ def all_unfit(data: Path, fault: Fault) -> Iterator[list[str]]:
         yield [file for file in files if fault is not blocked or file != SEGMENT]
 
 
-async def said(service: Running, wanted: Callable[[dict[str, Any]], bool]) -> None:
+async def until_health(service: Running, wanted: Callable[[dict[str, Any]], bool]) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while not wanted((await service.get("/healthz")).json()):
             await asyncio.sleep(0.1)
@@ -179,8 +179,8 @@ async def test_a_service_starts_and_warns_without_any_file_says_each_and_uses_th
                 await service.until("/advisories", lambda answer: bool(answer["advisories"]))
                 for file in files:
                     words = f"{data / file} has" if fault is huge else f"{data / file} {WORDS[fault]}"
-                    await said(service, partial(is_said, words))
+                    await until_health(service, partial(is_said, words))
                 await driving
                 until_repair.close()
-                await said(service, lambda health: health["files"]["status"] == "ok")
+                await until_health(service, lambda health: health["files"]["status"] == "ok")
     assert all((data / file).is_file() for file in ("advisories.db", "robots.db", "owners.json", LEARNED))
