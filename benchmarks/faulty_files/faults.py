@@ -63,7 +63,12 @@ def device(path: Path) -> Iterator[None]:
 @contextmanager
 def huge(path: Path) -> Iterator[None]:
     """A file that is larger than any memory, and takes no room on the disk."""
-    with _replaced(path, lambda place: place.touch() or os.truncate(place, HUGE_BYTES)):
+
+    def make(place: Path) -> None:
+        place.touch()
+        os.truncate(place, HUGE_BYTES)
+
+    with _replaced(path, make):
         yield
 
 

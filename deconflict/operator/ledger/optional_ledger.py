@@ -13,6 +13,7 @@ from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
 from deconflict.operator.store.tables import UNWRITABLE
 from deconflict.settings.site import LossSettings
 from ingest.measures.measures import Measures
+from ingest.recording.plain_files import with_advice
 
 log = logging.getLogger(__name__)
 
@@ -132,7 +133,7 @@ class OptionalLedger:
     def _fail(self, error: Exception) -> None:
         if self.outage is None:
             log.error("lost time is kept in memory, and %s is tried again each second: %s", FILE_NAME, error)
-        self.outage = f"{error}; check {self._directory / FILE_NAME} and what keeps it"
+        self.outage = with_advice(error, f"check {self._directory / FILE_NAME} and what keeps it")
         if not getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
             self._close()  # a damaged file is set aside when it is opened, and one that was read-only is opened anew
 

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,12 @@ from tests.ingest.fleet.made_fleet import fleet
 
 pytestmark = pytest.mark.usefixtures("ends_in_time")
 
-WORDS = {pipe: "is a pipe where", device: "is a device where", blocked: "is a directory where", huge: "are read; move"}
+WORDS: dict[Fault, str] = {
+    pipe: "is a pipe where",
+    device: "is a device where",
+    blocked: "is a directory where",
+    huge: "are read; move",
+}
 SEGMENT, LOCK = "log/log-1.jsonl", ".face.lock"
 READ_IN_PARTS = ("advisories.db", "losses.db", "robots.db", SEGMENT)
 """These may be large."""
@@ -134,9 +140,9 @@ def test_no_use_of_a_file_opens_or_replaces_what_is_no_file(
     with fault(data / file):
         before = (data / file).lstat()
         refuse_newer(data)
-        said = USES[file](data)
+        reported = USES[file](data)
         assert (data / file).lstat().st_ino == before.st_ino
-        assert file == SEGMENT or WORDS[fault] in f"{said} {caplog.text}"
+        assert file == SEGMENT or WORDS[fault] in f"{reported} {caplog.text}"
         assert "free some space" not in caplog.text
 
 
@@ -150,10 +156,14 @@ def all_unfit(data: Path, fault: Fault) -> Iterator[list[str]]:
         yield [file for file in files if fault is not blocked or file != SEGMENT]
 
 
-async def said(service: Running, wanted: Callable[[dict[str, Any]], bool]) -> None:
+async def until_health(service: Running, wanted: Callable[[dict[str, Any]], bool]) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while not wanted((await service.get("/healthz")).json()):
             await asyncio.sleep(0.1)
+
+
+def is_said(words: str, health: dict[str, Any]) -> bool:
+    return words in health["files"].get("reason", "")
 
 
 @pytest.mark.parametrize("fault", WORDS, ids=lambda fault: fault.__name__)
@@ -169,8 +179,8 @@ async def test_a_service_starts_and_warns_without_any_file_says_each_and_uses_th
                 await service.until("/advisories", lambda answer: bool(answer["advisories"]))
                 for file in files:
                     words = f"{data / file} has" if fault is huge else f"{data / file} {WORDS[fault]}"
-                    await said(service, lambda health, words=words: words in health["files"].get("reason", ""))
+                    await until_health(service, partial(is_said, words))
                 await driving
                 until_repair.close()
-                await said(service, lambda health: health["files"]["status"] == "ok")
+                await until_health(service, lambda health: health["files"]["status"] == "ok")
     assert all((data / file).is_file() for file in ("advisories.db", "robots.db", "owners.json", LEARNED))
