@@ -208,7 +208,7 @@ def test_a_directory_that_cannot_be_made_is_an_explained_error(tmp_path: Path) -
     with pytest.raises(StoreError, match="choose a directory this user can write to"):
         Store(tmp_path / "file" / "data")
     (tmp_path / "data" / FILE_NAME).mkdir(parents=True)
-    with pytest.raises(StoreError, match="readable and writable"):
+    with pytest.raises(StoreError, match="is a directory where a file is expected; move it away"):
         Store(tmp_path / "data")
 
 
