@@ -164,7 +164,7 @@ def _add_overlaps(
         if n == most:
             return n
         is_new = at > own or (at < own and not asking[others[at]])
-        if is_new and _overlap(box, boxes[at]) and not left_out[others[at]]:
+        if is_new and not left_out[others[at]] and _overlap(box, boxes[at]):
             found[n].a, found[n].b = slot, others[at]
             n += 1
     return n
