@@ -19,8 +19,7 @@ that circle so many times. Robots that stand side by side stay below, as they ca
 CELL_M = 2.0
 """Side of a cell. Robots are compared with those in the cells around them."""
 SMALLEST_M = 0.25
-"""Side of the smallest body. A smaller one counts as a square of this side: there is no room for more of them on a
-floor, since nobody lets them drive so near to each other."""
+"""Shortest side of a body. A shorter one counts as this long: no robots are so small that more of them have room."""
 MOST_COMPARED = 200
 """A robot is compared with at most so many others, so that many above each other cost no more."""
 
@@ -51,7 +50,7 @@ def _overlaps(slot: int, at: Floats, sizes_m: Floats, group: Ints, came_s: Float
     The robots of a place are `last` (places,), then the one `before` (slots,) that, and so on to -1.
     """
     x_m, y_m, on_floor, bottom_m, top_m = at[slot]
-    radius_m = hypot(max(sizes_m[slot, 0], SMALLEST_M), max(sizes_m[slot, 1], SMALLEST_M)) / 2
+    radius_m = hypot(sizes_m[slot, 0], sizes_m[slot, 1]) / 2
     circle_m2, area_m2, compared = pi * radius_m * radius_m, 0.0, 0
     (west, south), (east, north) = _cell(x_m - radius_m, y_m - radius_m), _cell(x_m + radius_m, y_m + radius_m)
     for x in range(west, east + 1):
@@ -65,8 +64,7 @@ def _overlaps(slot: int, at: Floats, sizes_m: Floats, group: Ints, came_s: Float
                 is_beside = is_beside and bottom_m <= other_top_m and other_bottom_m <= top_m
                 compared += is_beside
                 if is_beside and hypot(other_x_m - x_m, other_y_m - y_m) <= radius_m:
-                    length_m, width_m = max(sizes_m[other, 0], SMALLEST_M), max(sizes_m[other, 1], SMALLEST_M)
-                    area_m2 += min(length_m * width_m, circle_m2)
+                    area_m2 += min(sizes_m[other, 0] * sizes_m[other, 1], circle_m2)
                 if area_m2 > COVERED * circle_m2:
                     return True
                 other = before[other]
@@ -80,7 +78,7 @@ def overlapping(robots: Ints, at: Floats, sizes_m: Floats, group: Ints, came_s: 
     `at` (slots, 5) is x_m, y_m, floor, bottom_m and top_m; nan for a free slot. `sizes_m` (slots, 2) is length and
     width, `group` (slots,) a number, `came_s` (slots,) when each robot came to the floor.
     """
-    places = 4
+    sizes_m, places = np.maximum(sizes_m, SMALLEST_M), 4
     while places < 2 * len(at):
         places *= 2
     last, before, overlaps = np.full(places, -1), np.empty(len(at), np.int64), np.zeros(len(robots), np.bool_)
