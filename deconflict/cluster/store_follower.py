@@ -15,7 +15,7 @@ from deconflict.cluster.ingest_calls import IngestCalls
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.loss_stream import LossRecord
-from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.runtime.parcels import REFUSED, packed_parcel
@@ -66,9 +66,9 @@ class StoreFollower:
 
     async def _follow(self) -> None:
         stored = StreamPosition(*json.loads(await self._call_operator("last_stored")))
-        if not await self._bus.revisions.continues_from(stored):
+        if not await answered(lambda: self._bus.revisions.continues_from(stored)):
             raise AnotherStreamError
-        await self._bus.revisions.follow(self._records.put_nowait, after=stored)
+        await answered(lambda: self._bus.revisions.follow(self._records.put_nowait, after=stored))
         while True:
             records, queued_s = [await self._records.get()], time.monotonic()
             self._check_stream()
@@ -81,7 +81,7 @@ class StoreFollower:
     async def _follow_losses(self) -> None:
         """Add the losses of all engines to the ledger of the operator face."""
         sender, number = json.loads(await self._call_operator("last_losses"))
-        await self._bus.losses.follow(self._losses.put_nowait, sender, number)
+        await answered(lambda: self._bus.losses.follow(self._losses.put_nowait, sender, number))
         while True:
             record = await self._losses.get()
             await self._call_operator("add_losses", json.dumps(record._asdict()).encode())

@@ -4,12 +4,14 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable, Coroutine
-from typing import Any
+from typing import Any, TypeVar
 
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 
 log = logging.getLogger(__name__)
+
+Result = TypeVar("Result")
 
 BEAT_EVERY_S = 0.5
 CANCEL_AGAIN_S = 0.2
@@ -46,6 +48,16 @@ async def beat_repeatedly(bus: Bus, beat: Callable[[], Awaitable[None]]) -> None
         except BUS_ERRORS as error:
             log.warning("%s has no connection: %s", bus.name, error or type(error).__name__)
         await asyncio.sleep(max(BEAT_EVERY_S - (time.monotonic() - began_s), 0.05))
+
+
+async def answered(call: Callable[[], Awaitable[Result]]) -> Result:
+    """The result of a call, repeated until a server answers it: one that restarted may lack its streams at first."""
+    while True:
+        try:
+            return await call()
+        except BUS_ERRORS as error:
+            log.warning("a NATS server does not answer a call: %s", error or type(error).__name__)
+            await asyncio.sleep(BEAT_EVERY_S)
 
 
 async def run_until(stop: asyncio.Event, *coroutines: Coroutine[Any, Any, None]) -> None:

@@ -1,6 +1,7 @@
 """Which stream an operator face follows, with a real NATS server."""
 
 import asyncio
+import json
 import time
 from pathlib import Path
 
@@ -10,9 +11,14 @@ from deconflict.advisory import AnyAdvisory
 from deconflict.client import Client, PositionLostError
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S
 from deconflict.cluster.nats.stream_records import StreamPosition
+from deconflict.cluster.store_follower import StoreFollower
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store
+from deconflict.roles.service import runtime_directory
+from deconflict.runtime.parcels import STORED
+from deconflict.runtime.rpc import listening, socket_path
 from ingest.measures.measures import Measures
 from tests.deconflict.cluster.made_cluster import HOME, Broker, Machines, buses, face, needs_server, until
 from tests.deconflict.roles.made_service import Served, healthy
@@ -144,3 +150,32 @@ async def test_a_position_shows_whether_a_stream_continues_from_it(tmp_path: Pat
 
 async def going_on(bus: Bus, seen: list[StreamPosition]) -> list[bool]:
     return [await bus.revisions.continues_from(stream_position) for stream_position in seen]
+
+
+async def test_losses_are_followed_once_a_server_that_lost_its_streams_has_them_again(tmp_path: Path) -> None:
+    broker, stop, added = Broker(tmp_path / "nats"), asyncio.Event(), asyncio.Event()
+    machines = Machines(tmp_path, broker)
+    async with buses(broker, 1) as (bus,), asyncio.timeout(PATIENCE_S):
+
+        async def last_losses(_: bytes) -> bytes:
+            await bus.connection.js.delete_stream(f"{bus.name}-lost")
+            return json.dumps(["", 0]).encode()
+
+        async def last_stored(_: bytes) -> bytes:
+            return json.dumps(StreamPosition(0, "", 0)).encode()
+
+        async def add_losses(_: bytes) -> bytes:
+            added.set()
+            return STORED
+
+        with runtime_directory() as runtime:
+            calls = {"last_losses": last_losses, "last_stored": last_stored, "add_losses": add_losses}
+            async with listening(socket_path(Path(runtime), "operator"), calls):
+                follower = StoreFollower(machines.site(), machines.settings, Path(runtime))
+                following = asyncio.create_task(follower.run(stop))
+                await asyncio.wait({following}, timeout=3 * BEAT_EVERY_S)
+                await bus.losses.ensure()
+                await bus.losses.write("1", [])
+                await added.wait()
+                stop.set()
+                await following
