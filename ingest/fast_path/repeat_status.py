@@ -92,7 +92,7 @@ class RepeatReader:
         return self._findings_with_points(scanned, stamp_s) if breaks_a_rule else self.findings
 
     def _findings_with_points(self, scanned: ScannedStatus, stamp_s: float) -> tuple[str, ...]:
-        findings: Findings = dict.fromkeys(self.findings)
+        findings = Findings(self.findings)
         marks, (first_s, last_s, _, latest_s) = scanned.marks, scanned.rows[3].tolist()
         if self.texts.path:
             path_points.check_path(marks[_PATH_END] - marks[OF_PATH], (first_s, last_s), stamp_s, findings)
@@ -165,7 +165,7 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
 
 def _constant_findings(scanned: ScannedStatus, frame: Frame, names_as_uuid: str | None) -> tuple[str, ...]:
     """The deviations of each status of the robot, except those of times and of the number of points."""
-    findings: Findings = {}
+    findings = Findings()
     vocabulary.robot_uuid(scanned.uuid.decode(), names_as_uuid, findings)
     texts = scanned.texts
     for part in (texts.findings, *(part[1] for part in (texts.destinations, texts.path) if part)):

@@ -83,7 +83,7 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
 
     def message(self, names_as_uuid: str | None) -> Status | Rejection:
         """The same as `parser.read`: the status, or a rejection if its UUID can't be read."""
-        findings: Findings = {}
+        findings = Findings()
         try:
             uuid = vocabulary.robot_uuid(self.uuid.decode(), names_as_uuid, findings)
         except RejectedError as rejected:
@@ -175,7 +175,7 @@ def _texts(
 
     Deviations are those of stamps; negative if there are no points.
     """
-    findings: Findings = dict.fromkeys(_STAMP_FINDINGS[stamp_deviation])
+    findings = Findings(_STAMP_FINDINGS[stamp_deviation])
     name, known = vocabulary.state(state.decode(), findings)
     place = vocabulary.datum(_decoded(datum), _decoded(misplaced_datum), findings, empty="datum-missing")
     path = destinations = None
@@ -188,7 +188,7 @@ def _texts(
 
 @lru_cache(_CACHED)
 def _point_texts(deviation: int, datum: bytes | None, misplaced_datum: bytes | None) -> PointTexts:
-    findings: Findings = dict.fromkeys(_STAMP_FINDINGS[deviation])
+    findings = Findings(_STAMP_FINDINGS[deviation])
     return path_points.datum(_decoded(datum), _decoded(misplaced_datum), findings), tuple(findings)
 
 

@@ -7,6 +7,7 @@ from math import nan
 import msgspec
 
 from ingest.batch import Amounts, Basis
+from ingest.languages.rules import Oddity
 from ingest.shapes import Shape
 from ingest.sizes.stated_bodies import Figure, StatedBody
 from ingest.sizes.stated_loads import StatedLoad
@@ -61,6 +62,8 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     """None if it was not sent."""
     findings: tuple[str, ...]
     """Codes of the rules from which the message deviates."""
+    oddities: tuple[Oddity, ...] = ()
+    """The values that deviate, as far as they are named."""
 
     @property
     def body(self) -> StatedBody:
@@ -73,7 +76,7 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
 
     def says_the_same(self, other: "Identity") -> bool:
         """Whether all that it says of the robot is in the other one too, which may be of another time."""
-        mine, others = (msgspec.structs.replace(each, stamp_s=0.0, findings=()) for each in (self, other))
+        mine, others = (msgspec.structs.replace(each, stamp_s=0.0, findings=(), oddities=()) for each in (self, other))
         return msgspec.structs.astuple(mine) == msgspec.structs.astuple(others)
 
 
@@ -121,6 +124,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Its loads, as far as it says where they are. `ingest/sizes` judges their size."""
     reports_within_s: float = 0.0
     """The next status may come as late as this by the rules of the language; 0 if it has no such rule."""
+    oddities: tuple[Oddity, ...] = ()
+    """The values that deviate, as far as they are named."""
 
 
 class Update(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -129,6 +134,8 @@ class Update(msgspec.Struct, frozen=True, gc=False, eq=False):
     uuid: str
     findings: tuple[str, ...]
     """Codes of the rules from which the message deviates."""
+    oddities: tuple[Oddity, ...] = ()
+    """The values that deviate, as far as they are named."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +150,8 @@ class Rejection:
     """The robot's UUID; None if it could not be read."""
     findings: tuple[str, ...] = ()
     """Codes of further rules from which the message deviates."""
+    oddities: tuple[Oddity, ...] = ()
+    """The values that deviate, as far as they are named."""
 
 
 Message = Identity | Status | Update | Rejection

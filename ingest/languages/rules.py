@@ -1,11 +1,44 @@
 """A rule of a standard, and what reading a message against the rules finds. All languages share it."""
 
+import json
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ingest.sizes.size_limit import LOAD_IN_OTHER_UNIT, LOAD_OVER_LIMIT, SIZE_IN_OTHER_UNIT, SIZE_OVER_LIMIT
 
-Findings = dict[str, None]
-"""Codes of the deviations of a message, each once, in the order in which they were found. The values are unused."""
+MOST_ODDITIES, MOST_LETTERS = 20, 60
+"""Oddities of a message that are kept, and letters of each of their values."""
+
+
+class Oddity(NamedTuple):
+    """One value of a message that deviates, named for whoever mends the sender."""
+
+    rule: str
+    """Code of the rule."""
+    path: str
+    """Where it stands in the message, as `agvPosition.mapId` or `loads[0].weight`."""
+    value: str
+    """As sent, in JSON; cut to `MOST_LETTERS`."""
+    reading: str
+    """How it is read, in a few words, as `"3"` or `left out`."""
+    nearest: str = ""
+    """The key that was probably meant, if the standard does not have this one."""
+
+
+class Findings(dict[str, None]):
+    """Codes of the deviations of a message, each once, in the order in which they were found. The values are unused."""
+
+    def __init__(self, codes: Iterable[str] = ()) -> None:
+        super().__init__(dict.fromkeys(codes))
+        self.oddities: list[Oddity] = []
+        """The values that deviate, as far as they are named; at most `MOST_ODDITIES`."""
+
+    def note(self, rule: str, path: str, value: object, reading: str, nearest: str = "") -> None:
+        """Add a deviation and the value that shows it."""
+        self[rule] = None
+        if len(self.oddities) < MOST_ODDITIES:
+            self.oddities.append(Oddity(rule, path[:MOST_LETTERS], _shown(value), reading[:MOST_LETTERS], nearest))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +90,18 @@ def load_rules(clause: str) -> tuple[Rule, Rule]:
             alone=False,
         ),
     )
+
+
+def _shown(value: object) -> str:
+    """A value as JSON spells it, cut to `MOST_LETTERS`. Of a long text or list only the first part is spelt."""
+    if isinstance(value, str | list):
+        value = value[:MOST_LETTERS]
+    if isinstance(value, dict):
+        value = dict(list(value.items())[:MOST_LETTERS])
+    try:
+        return json.dumps(value, ensure_ascii=False)[:MOST_LETTERS]
+    except (TypeError, ValueError, RecursionError):
+        return repr(type(value).__name__)
 
 
 class RejectedError(ValueError):

@@ -88,7 +88,7 @@ class IsoFrontEnd:
             return Rejection(rejected.rule, rejected.reason[:MAX_REASON], parsed.sender.uuid, tuple(findings)), memory
 
     def status(self, raw: bytes, memory: IsoMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
-        return status_of("", memory, {}) if memory else None
+        return status_of("", memory, Findings()) if memory else None
 
     def superseded(self, raw: bytes, topic: str) -> bytes | None:  # noqa: ARG002
         parsed = _parsed_topic(topic)

@@ -37,7 +37,7 @@ def read(report: AmountsReport, findings: Findings) -> Amounts:
 
 def document(report: AmountsReport) -> dict[str, float]:
     """The amounts that were sent, under the keys of the standard."""
-    return {key: value for key, value in _sent(report, {}).items() if value is not None}
+    return {key: value for key, value in _sent(report, Findings()).items() if value is not None}
 
 
 def _sent(report: AmountsReport, findings: Findings) -> dict[str, float | None]:

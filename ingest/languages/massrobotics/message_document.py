@@ -7,6 +7,7 @@ from ingest.languages.massrobotics import amounts, vocabulary
 from ingest.languages.massrobotics.parser import message_stamp
 from ingest.languages.massrobotics.report_models import StatusReport
 from ingest.languages.massrobotics.report_reader import validated_report
+from ingest.languages.rules import Findings
 
 
 def message_document(raw: bytes) -> dict[str, Any]:
@@ -14,20 +15,20 @@ def message_document(raw: bytes) -> dict[str, Any]:
 
     Raises `RejectedError` for a message that `parser.read` rejects.
     """
-    report = validated_report(raw, {})
+    report = validated_report(raw, Findings())
     document = report.model_dump(mode="json", exclude_none=True)
     if vocabulary.is_uuid(report.uuid):
-        document["uuid"] = vocabulary.robot_uuid(report.uuid, None, {})
-    document["timestamp"] = timestamps.write(message_stamp(report.timestamp, {}).t_s)
+        document["uuid"] = vocabulary.robot_uuid(report.uuid, None, Findings())
+    document["timestamp"] = timestamps.write(message_stamp(report.timestamp, Findings()).t_s)
     if isinstance(report, StatusReport):
         _spell_status(document, report)
     elif report.maxRunTime is not None:
-        document["maxRunTime"] = amounts.run_time(report.maxRunTime, {})
+        document["maxRunTime"] = amounts.run_time(report.maxRunTime, Findings())
     return document
 
 
 def _spell_status(document: dict[str, Any], report: StatusReport) -> None:
-    document["operationalState"] = vocabulary.state(report.operationalState, {})[0]
+    document["operationalState"] = vocabulary.state(report.operationalState, Findings())[0]
     document |= amounts.document(report)
     _spell_datum(document["location"], "planarDatum")
     for point in (*document.get("path", ()), *document.get("destinations", ())):
@@ -42,4 +43,4 @@ def _spell_datum(location: dict[str, Any], key: str) -> None:
     keys = (key, *({"planarDatum", "planarDatumUUID"} - {key}))
     datums = [location.pop(each) for each in keys if each in location]
     if datums:
-        location[key] = vocabulary.datum(datums[0], None, {}, empty="datum-empty")
+        location[key] = vocabulary.datum(datums[0], None, Findings(), empty="datum-empty")

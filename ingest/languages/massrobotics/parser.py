@@ -28,7 +28,7 @@ MAX_TEXT = 100
 
 def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status | Rejection:
     """What one message says. `names_as_uuid` is the vendor whose robots may send a name instead of a UUID."""
-    findings: Findings = {}
+    findings = Findings()
     sent_uuid: object = None
     try:
         report = decoded_report(raw, findings)
@@ -49,7 +49,7 @@ def rejection(rejected: RejectedError, sent_uuid: object, names_as_uuid: str | N
 
 def _readable_uuid(sent_uuid: object, names_as_uuid: str | None) -> str | None:
     try:
-        return vocabulary.robot_uuid(sent_uuid, names_as_uuid, {}) if isinstance(sent_uuid, str) else None
+        return vocabulary.robot_uuid(sent_uuid, names_as_uuid, Findings()) if isinstance(sent_uuid, str) else None
     except RejectedError:
         return None
 

@@ -22,7 +22,7 @@ def read_points(times_s: list[float]) -> list[PredictedLocation]:
 
 @given(offsets_s)
 def test_a_path_keeps_its_order_and_its_findings_say_what_is_odd(offsets: list[float]) -> None:
-    findings: Findings = {}
+    findings = Findings()
     read = path(read_points([T + offset for offset in offsets]), T, findings)
     assert [pose[1] for pose in read.poses] == list(range(len(offsets)))
     assert ("path-unordered" in findings) == any(b < a for a, b in pairwise(offsets))
@@ -34,7 +34,7 @@ def test_a_path_keeps_its_order_and_its_findings_say_what_is_odd(offsets: list[f
 
 @given(offsets_s)
 def test_destinations_come_in_the_order_of_their_times(offsets: list[float]) -> None:
-    findings: Findings = {}
+    findings = Findings()
     read = destinations(read_points([T + offset for offset in offsets]), T, findings)
     assert [pose[0] for pose in read.poses] == pytest.approx([T + offset for offset in sorted(offsets)])
     assert ("destinations-unsorted" in findings) == (offsets != sorted(offsets))
@@ -42,14 +42,14 @@ def test_destinations_come_in_the_order_of_their_times(offsets: list[float]) -> 
 
 
 def test_a_path_in_1970_is_no_finding_where_the_robot_itself_is_there() -> None:
-    findings: Findings = {}
+    findings = Findings()
     path(read_points([101.0, 102.0]), 100.0, findings)
     assert findings == {}
 
 
 @pytest.mark.parametrize(("height_m", "twice"), [(0.0, True), (1.5, False)])
 def test_points_that_differ_in_height_alone_are_not_the_same_twice(height_m: float, twice: bool) -> None:
-    findings: Findings = {}
+    findings = Findings()
     lift = [PredictedLocation.model_validate(at(T + 1.0, x=2.0, z=z_m)) for z_m in (0.0, height_m)]
     assert len(path(lift, T, findings).poses) == 2
     assert ("duplicate-items" in findings) == twice
@@ -57,18 +57,20 @@ def test_points_that_differ_in_height_alone_are_not_the_same_twice(height_m: flo
 
 @pytest.mark.parametrize("points", [None, []])
 def test_no_points_are_no_path(points: list[PredictedLocation] | None) -> None:
-    assert path(points, T, {}) is NO_PATH
-    assert destinations(points, T, {}) is NO_PATH
+    assert path(points, T, Findings()) is NO_PATH
+    assert destinations(points, T, Findings()) is NO_PATH
 
 
 @given(st.floats(-3.1, 3.1), st.floats(1e-3, 1e3))
 def test_a_heading_does_not_depend_on_the_length_of_its_quaternion(turn_rad: float, scale: float) -> None:
     scaled = Quaternion(**{part: value * scale for part, value in angle(turn_rad).items()})
-    assert yaw_rad(scaled, {}) == pytest.approx(turn_rad, abs=1e-9)
+    assert yaw_rad(scaled, Findings()) == pytest.approx(turn_rad, abs=1e-9)
 
 
 def test_half_a_turn_either_way_is_the_same_heading() -> None:
-    assert abs(yaw_rad(Quaternion(**angle(pi)), {})) == pytest.approx(abs(yaw_rad(Quaternion(**angle(-pi)), {})))
+    assert abs(yaw_rad(Quaternion(**angle(pi)), Findings())) == pytest.approx(
+        abs(yaw_rad(Quaternion(**angle(-pi)), Findings()))
+    )
 
 
 @pytest.mark.parametrize("position", [(nan, 0.0, 0.0), (0.0, 1.1e7, 0.0), (0.0, 0.0, -1e308)])
@@ -91,11 +93,11 @@ odd_points = st.builds(
 @given(st.lists(odd_points, min_size=1, max_size=12))
 def test_a_conforming_path_is_read_as_it_would_be_point_by_point(expected: list[dict[str, object]]) -> None:
     points = [PredictedLocation.model_validate(point) for point in expected]
-    quick: Findings = {}
+    quick = Findings()
     read = path(points, T, quick)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(path_points, "_conforming_rows", lambda *_: None)
-        slow: Findings = {}
+        slow = Findings()
         one_by_one = path(points, T, slow)
     assert repr(read) == repr(one_by_one)
     assert quick == slow

@@ -21,7 +21,7 @@ REPORT: dict[str, Any] = {
 
 
 def test_a_report_that_needs_no_repair_does_not_change() -> None:
-    findings: Findings = {}
+    findings = Findings()
     assert repaired(REPORT, StatusReport, findings) == REPORT
     assert findings == {}
 
@@ -29,25 +29,25 @@ def test_a_report_that_needs_no_repair_does_not_change() -> None:
 def test_the_given_report_is_not_changed() -> None:
     document = REPORT | {"batteryPercentage": "81", "path": at(T), "location": here(x="1") | {"z": None}}
     before = repr(document)
-    without_misfits(repaired(document, StatusReport, {}), StatusReport, {})
+    without_misfits(repaired(document, StatusReport, Findings()), StatusReport, Findings())
     assert repr(document) == before
 
 
 @pytest.mark.parametrize("timestamp", [1700000000, 1700000000.0])
 def test_a_time_sent_as_a_number_becomes_its_digits(timestamp: float) -> None:
-    assert repaired(REPORT | {"timestamp": timestamp}, StatusReport, {})["timestamp"] == "1700000000"
+    assert repaired(REPORT | {"timestamp": timestamp}, StatusReport, Findings())["timestamp"] == "1700000000"
 
 
 @pytest.mark.parametrize("value", [True, [], {}, nan])
 def test_a_value_that_is_neither_text_nor_number_is_not_changed(value: Any) -> None:
-    findings: Findings = {}
+    findings = Findings()
     copy = repaired(REPORT | {"uuid": value}, StatusReport, findings)
     assert copy["uuid"] is value
     assert findings == {}
 
 
 def test_only_the_misfits_are_left_out() -> None:
-    findings: Findings = {}
+    findings = Findings()
     document = REPORT | {
         "batteryPercentage": [],
         "velocity": {"linear": 1.0, "angular": {"x": 0}},
@@ -65,7 +65,7 @@ def test_only_the_misfits_are_left_out() -> None:
 
 def test_a_required_value_is_never_left_out() -> None:
     expected = {"uuid": 1, "robotModel": [], "baseRobotEnvelope": {"x": "wide", "z": {}}}
-    kept = without_misfits(expected, IdentityReport, {})
+    kept = without_misfits(expected, IdentityReport, Findings())
     assert kept.keys() == expected.keys()
 
 
@@ -83,7 +83,7 @@ def test_one_number_that_is_not_finite_is_found_at_any_depth(value: Any, odd: fl
 
 @pytest.mark.parametrize(("value", "expected"), [("12", 12.0), (" 1e3 ", 1000.0), ("left", "left"), (None, None)])
 def test_a_text_that_spells_a_number_becomes_a_number(value: Any, expected: Any) -> None:
-    assert number(value, {}) == expected
+    assert number(value, Findings()) == expected
 
 
 def test_a_truth_value_is_no_number() -> None:

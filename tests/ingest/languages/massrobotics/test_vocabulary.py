@@ -12,7 +12,7 @@ uuids = st.uuids(version=4)
 
 @given(uuids)
 def test_a_plain_uuid_is_itself(uuid: UUID) -> None:
-    findings: Findings = {}
+    findings = Findings()
     assert robot_uuid(str(uuid), None, findings) == str(uuid)
     assert findings == {}
 
@@ -21,7 +21,7 @@ def test_a_plain_uuid_is_itself(uuid: UUID) -> None:
 def test_every_spelling_of_a_uuid_is_one_robot(uuid: UUID, spell) -> None:  # type: ignore[no-untyped-def]
     text = spell(str(uuid))
     assert is_uuid(text)
-    assert robot_uuid(text, None, {}) == str(uuid)
+    assert robot_uuid(text, None, Findings()) == str(uuid)
 
 
 @given(st.text(st.sampled_from("0123456789abcdefxX_+- \u0663")))
@@ -32,28 +32,28 @@ def test_nothing_else_that_a_number_may_hold_is_a_uuid(text: str) -> None:
 
 
 def test_two_vendors_may_use_the_same_name() -> None:
-    assert robot_uuid("7", "Alder", {}) != robot_uuid("7", "Basalt", {})
-    assert robot_uuid("7", "Alder", {}) == robot_uuid("7", "Alder", {})
+    assert robot_uuid("7", "Alder", Findings()) != robot_uuid("7", "Basalt", Findings())
+    assert robot_uuid("7", "Alder", Findings()) == robot_uuid("7", "Alder", Findings())
 
 
 @pytest.mark.parametrize("text", ["", "  "])
 def test_an_empty_name_is_no_robot(text: str) -> None:
     with pytest.raises(RejectedError, match="names_as_uuid"):
-        robot_uuid(text, "Alder", {})
+        robot_uuid(text, "Alder", Findings())
 
 
 @pytest.mark.parametrize("text", sorted(STATES))
 def test_a_state_of_the_standard_is_itself_in_any_case(text: str) -> None:
     for spelt in (text, text.upper(), text.lower()):
-        assert state(spelt, {}) == (text, True)
+        assert state(spelt, Findings()) == (text, True)
 
 
 def test_the_right_key_of_a_datum_wins_over_the_other() -> None:
-    findings: Findings = {}
+    findings = Findings()
     assert datum("hall", "loft", findings, empty="datum-empty") == "hall"
     assert set(findings) == {"datum-key", "datum-not-uuid"}
 
 
 def test_a_word_that_is_too_long_is_cut() -> None:
-    assert len(datum("x" * 9999, None, {}, empty="datum-empty")) == 80
-    assert len(state("x" * 9999, {})[0]) == 80
+    assert len(datum("x" * 9999, None, Findings(), empty="datum-empty")) == 80
+    assert len(state("x" * 9999, Findings())[0]) == 80
