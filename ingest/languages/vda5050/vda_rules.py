@@ -1,6 +1,6 @@
 """The rules of VDA 5050 by code: rejections and deviations. Rules that MassRobotics has too keep their codes."""
 
-from ingest.languages.rules import Rule, load_rules, size_rules
+from ingest.languages.rules import Rule, load_rules, size_rules, value_rules, word_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -17,7 +17,6 @@ _REJECTING = (
     _rejecting("not-json", "Not JSON; send one JSON object a message.", "JSON"),
     _rejecting("too-deep", "Nested too deep; no message of the standard is.", "JSON"),
     _rejecting("not-object", "JSON, but no object.", "schema"),
-    _rejecting("type-wrong", "A required value can't be read as what belongs there.", "schema"),
     _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send ISO 8601 in UTC.", "header"),
     _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "header"),
     _rejecting("position-absurd", "The position lies more than ten thousand kilometres out.", "state"),
@@ -38,15 +37,19 @@ _REJECTING = (
     ),
 )
 _HEADER = (
-    Rule("key-absent", "A required key is missing or null; the message is read without it.", "schema"),
-    Rule("number-as-text", "A value has another type, but a clear meaning; read.", "schema"),
-    Rule("value-unreadable", "A value can't be read; its key is left out.", "schema"),
+    *value_rules("schema"),
+    Rule("key-unknown", "The standard does not have this key, but one like it; not used.", "schema"),
+    *word_rules("schema"),
     Rule("version-unknown", "The version is neither 2.x nor 3.x; read as these.", "header"),
     Rule("robot-not-of-topic", "The header names another robot than the topic; the topic holds.", "header"),
     Rule("stamp-no-offset", "A timestamp has no offset from UTC; read as UTC.", "header"),
     Rule("stamp-offset-no-colon", "An offset from UTC lacks its colon or its minutes; read.", "header"),
     Rule("stamp-not-utc", "A timestamp has an offset from UTC; converted.", "header"),
-    Rule("stamp-spelling", "A timestamp has a space, a comma or lower-case letters; read.", "header"),
+    Rule(
+        "stamp-spelling",
+        "A timestamp has a space, a comma, lower-case letters, or a Z after an offset; read.",
+        "header",
+    ),
     Rule("stamp-epoch", "A timestamp is a number since 1970; its size gives the unit.", "header"),
     _in_context("message-repeated", "The same message came again, as from a second broker; not used.", "header"),
     _in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", "header"),
@@ -67,7 +70,6 @@ _WHO = (
     _in_context("identity-changed", "Type or size changed; the newest factsheet is used.", "factsheet"),
 )
 _STATE = (
-    Rule("operating-mode-unknown", "The standard does not have this operating mode; read as automatic.", "state"),
     Rule("battery-out-of-range", "The battery is not within 0 to 100 %; clamped.", "state"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "state"),
     *load_rules("state"),
