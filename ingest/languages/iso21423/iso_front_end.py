@@ -3,9 +3,10 @@
 The result of a message is an identity (an identity or a footprint), a status (an odometry), or an update.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from math import isfinite
+from operator import attrgetter
 from typing import Any, NamedTuple
 from uuid import UUID, uuid5
 
@@ -34,7 +35,7 @@ from ingest.languages.iso21423.iso_status import MAX_POSITION_M, path_of, states
 from ingest.languages.model import Identity, Message, Rejection, Status, Update
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.tolerant_json import Names, decoded, document, stamp_of
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, stamp_of
 
 PREFIXES = ("/ISO_21423/v1",)
 ROBOT = "IMR"
@@ -42,7 +43,7 @@ ROBOT = "IMR"
 NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
 MAX_REASON, MAX_TEXT, MAX_SPEED_MPS = 300, 100, 100.0
-NAMES = Names(frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values())))
+NAMES = KnownNames(frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values())))
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("odometry", "localTrajectory"))
 
@@ -137,20 +138,31 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
 
 def _decoded(resource: str, raw: bytes, findings: Findings) -> IsoMessage:
     """The message of a resource. Raises `RejectedError` if it can't be understood."""
-    required = REQUIRED.get(resource, ())
-    message = decoded(RESOURCES[resource], raw, findings, partial(_lacks_key, required), NAMES)
-    for key in required:
+    message = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES)
+    for key in REQUIRED.get(resource, ()):
         if getattr(message, key) is None:
             findings.note("key-absent", KEYS.get(key, key), None, "left out")
     return message
 
 
-def _lacks_key(required: tuple[str, ...], message: IsoMessage) -> bool:
-    """Whether a key is absent that is required or, of a pose, used."""
-    if message.timestamp is None or any(getattr(message, key) is None for key in required):
+def _lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
+    """Whether a required key is absent."""
+    return None in required(message)
+
+
+def _lacks_key_of_pose(message: OdometryMessage) -> bool:
+    """Whether a key of an odometry is absent that is required or used."""
+    pose = message.pose
+    if pose is None or message.velocity is None or message.timestamp is None:
         return True
-    pose = message.pose if isinstance(message, OdometryMessage) else None
-    return pose is not None and (pose.location_point.ccs_id is None or not pose.orientation)
+    return pose.location_point.ccs_id is None or pose.orientation is None or pose.orientation.yaw is None
+
+
+_LACKS_KEY: dict[str, Callable[[Any], bool]] = {
+    resource: partial(_lacks_key, attrgetter("timestamp", *REQUIRED.get(resource, ("timestamp",))))
+    for resource in RESOURCES
+} | {"odometry": _lacks_key_of_pose}
+"""By resource, whether a message is to be read anew, since a key may be there in another spelling."""
 
 
 def _update(uuid: str, findings: Findings) -> Update:

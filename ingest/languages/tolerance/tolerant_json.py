@@ -24,7 +24,7 @@ _JSON_KINDS = {
 }
 
 
-class Names(NamedTuple):
+class KnownNames(NamedTuple):
     """The names of a language as senders have them."""
 
     needed: frozenset[str]
@@ -38,7 +38,7 @@ def decoded(
     raw: bytes,
     findings: Findings,
     lacks_key: Callable[[Any], bool],
-    names: Names,
+    names: KnownNames,
 ) -> Model:
     """The message as a model whose keys are all optional. Raises `RejectedError` if it can't be understood.
 
@@ -98,7 +98,7 @@ def _decoder(model: type[msgspec.Struct]) -> msgspec.json.Decoder[Any]:
     return msgspec.json.Decoder(model)
 
 
-def _repaired(model: type[Model], raw: bytes, findings: Findings, names: Names) -> Model:
+def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:
     """The message read value by value."""
     reader = ValueReader(findings, word_aliases=names.words, needed=names.needed)
     read, _ = reader.read(parsed(raw, findings), object_kind(model))

@@ -85,6 +85,6 @@ def _kind(info: Type) -> Kind:
     if isinstance(info, StructType):
         return object_kind(info.cls)
     if isinstance(info, LiteralType):
-        words = [str(word) for word in info.values if word != UNKNOWN]
-        return Words({folded(word): word for word in reversed(words)})
+        terms = [str(term) for term in info.values if term != UNKNOWN]
+        return Words({folded(term): term for term in reversed(terms)})
     return _SCALARS.get(type(info), object)

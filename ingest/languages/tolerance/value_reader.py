@@ -7,6 +7,7 @@ means something without it, and not the message. Each is counted, and named by i
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
+from operator import is_
 from typing import Any
 
 from ingest.languages.rules import MOST_ODDITIES, Findings
@@ -46,8 +47,7 @@ class ValueReader:
         for key, value in sent.items():
             known = kind.keys.get(key)
             if known is None:
-                if self.keeps_others:
-                    read[key] = _finite(value)
+                self._other(key, value, path, read)
                 continue
             got = self._value(value, known, _under(path, key))
             if got is not UNREADABLE:
@@ -57,6 +57,14 @@ class ValueReader:
                 if self.keeps_others and value is not None:
                     read[key] = value
         return read, not lacks
+
+    def _other(self, key: str, value: Any, path: str, read: dict[str, Any]) -> None:
+        """A key that is not read. It may be kept, with null for numbers that are not finite."""
+        finite = _finite(value)
+        if finite is not value and not self.keeps_others:
+            self.findings.note("value-unreadable", _under(path, key), value, LEFT_OUT)
+        if self.keeps_others:
+            read[key] = finite
 
     def _respelt(self, sent: dict[str, Any], kind: ObjectKind, path: str) -> dict[str, Any]:
         """The object with the schema's spelling of keys that are absent under it."""
@@ -159,13 +167,13 @@ class ValueReader:
         if not text.strip():
             return self._left_out(value, path)
         plain = folded(text)
-        word = words.by_folded.get(plain) or words.by_folded.get(self.word_aliases.get(plain, ""))
-        if word is None:
+        meant = words.by_folded.get(plain) or words.by_folded.get(self.word_aliases.get(plain, ""))
+        if meant is None:
             self.findings.note("word-unknown", path, value, "by what the robot does")
             return UNKNOWN
-        if word != value:
-            self.findings.note("word-spelling", path, value, word)
-        return word
+        if meant != value:
+            self.findings.note("word-spelling", path, value, meant)
+        return meant
 
 
 def _under(path: str, key: str) -> str:
@@ -211,9 +219,13 @@ def _is_finite(value: float) -> bool:
 
 
 def _finite(value: Any) -> Any:
-    """A JSON value with null for each number that is not finite."""
+    """A JSON value with null for each number that is not finite. The value itself if all are."""
     if isinstance(value, float):
         return value if isfinite(value) else None
     if isinstance(value, dict):
-        return {key: _finite(each) for key, each in value.items()}
-    return [_finite(each) for each in value] if isinstance(value, list) else value
+        of_keys = {key: _finite(each) for key, each in value.items()}
+        return value if all(of_keys[key] is each for key, each in value.items()) else of_keys
+    if isinstance(value, list):
+        items = list(map(_finite, value))
+        return value if all(map(is_, items, value)) else items
+    return value

@@ -7,13 +7,13 @@ from typing import Any
 from msgspec.structs import fields
 
 from ingest.languages.rules import Findings
-from ingest.languages.tolerance.tolerant_json import Names, decoded
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded
 from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, VdaMotion
 
 _REQUIRED_KEYS = {kind: attrgetter(*keys) for kind, keys in REQUIRED.items()}
 _READABLE = ("2.", "3.")
 """Versions begin with one of these, or are the whole number."""
-NAMES = Names(
+NAMES = KnownNames(
     frozenset(("agvPosition", "mobileRobotPosition", "x", "y", "theta", "mapId", "velocity", "nodePosition"))
     | {field.encode_name for kind in KINDS for field in fields(KINDS[kind]) if field.name in REQUIRED[kind]},
     {
