@@ -5,7 +5,18 @@ from dataclasses import dataclass
 from math import nan
 from typing import Any
 
-from tests.helpers.vda_saying import factsheet, node, node_states, order, position, state, state_3, vda, visualization
+from tests.helpers.vda_saying import (
+    edge,
+    factsheet,
+    node,
+    node_states,
+    order,
+    position,
+    state,
+    state_3,
+    vda,
+    visualization,
+)
 
 T = 1_790_000_000.0
 LATER = "2026-09-21T14:13:24Z"
@@ -104,7 +115,9 @@ VECTORS = (
     VdaVector("state", state(T, agvPosition=position(mapId=None)), ("map-missing",)),
     VdaVector("visualization", visualization(T, 0.0, 0.0), ()),
     VdaVector("state", state(T, theta=None), ("heading-missing",)),
-    VdaVector("order", order(T, [node(number, 0.0) for number in range(501)]), ("order-too-long",)),
+    VdaVector("order", order(T, [node(number, 0.0) for number in range(3001)]), ("order-too-long",)),
+    VdaVector("order", order(T, [node(0, 0.0), node(1, 1.0, sequenceId=0)]), ("sequence-ids-odd",)),
+    VdaVector("order", order(T, [node(0, 0.0), node(1, 1.0)], [edge(7)]), ("edge-misfit",)),
     VdaVector(
         "order",
         order(T, [node(0, 0.0), node(1, 1.0)], [{"sequenceId": 1, "trajectory": {"controlPoints": []}}]),

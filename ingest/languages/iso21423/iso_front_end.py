@@ -36,14 +36,19 @@ from ingest.languages.model import Identity, Message, Rejection, Status, Update
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, stamp_of
+from ingest.languages.tolerance.value_reader import LEFT_OUT
 
 PREFIXES = ("/ISO_21423/v1",)
 ROBOT = "IMR"
 """The entity type of robots."""
 NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
+LAST_WILL = "disconnection"
+"""A broker sends it for a robot, which can't know when."""
 MAX_REASON, MAX_TEXT, MAX_SPEED_MPS = 300, 100, 100.0
-NAMES = KnownNames(frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values())))
+NAMES = KnownNames(
+    frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values()))
+)
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("odometry", "localTrajectory"))
 
@@ -119,6 +124,9 @@ def _parsed_topic(topic: str) -> _IsoTopic | None:
 
 def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
     message = _decoded(topic.resource, raw, findings)
+    if topic.resource == LAST_WILL and message.timestamp is None:
+        findings.note("key-absent", "timestamp", None, LEFT_OUT)
+        return _update(topic.sender.uuid, findings), memory
     stamp = stamp_of(message.timestamp, findings)
     last_s = memory.heard_s.get(topic.resource)
     if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
@@ -141,7 +149,7 @@ def _decoded(resource: str, raw: bytes, findings: Findings) -> IsoMessage:
     message = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES)
     for key in REQUIRED.get(resource, ()):
         if getattr(message, key) is None:
-            findings.note("key-absent", KEYS.get(key, key), None, "left out")
+            findings.note("key-absent", KEYS.get(key, key), None, LEFT_OUT)
     return message
 
 
@@ -184,10 +192,10 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
     """The memory after a message without pose and size."""
     match message:
         case TrajectoryMessage():
-            path = path_of(message.local_trajectory or [], findings)
+            path = path_of(message.local_trajectory or [], "localTrajectory", findings)
             return replace(memory, path=path, path_stamp_s=stamp.t_s)
         case PlanMessage():
-            return replace(memory, plan=path_of(message.global_plan or [], findings))
+            return replace(memory, plan=path_of(message.global_plan or [], "globalPlan", findings))
         case StatusMessage():
             states = states_of(message.named_states or [], findings)
             if not any(state.startswith("MODE_") for state in states):

@@ -109,14 +109,14 @@ def states_of(sent: list[str], findings: Findings) -> tuple[str, ...]:
     return tuple(states)
 
 
-def path_of(points: list[TimedPoint], findings: Findings) -> Path:
-    """Points with the robot's own times. Their headings are the direction of travel."""
+def path_of(points: list[TimedPoint], key: str, findings: Findings) -> Path:
+    """Points under a key, with the robot's own times. Their headings are the direction of travel."""
     rows: list[Row] = []
     datums: list[str] = []
     for row, point in enumerate(points[:MOST_POINTS]):
         stamp, at = timestamps.parse(point.timestamp), point.location_point
         if stamp is None or not timestamps.plausible(stamp.t_s):
-            findings.note("point-unreadable", f"[{row}].timestamp", point.timestamp, "left out")
+            findings.note("point-unreadable", f"{key}[{row}].timestamp", point.timestamp, "left out")
         elif abs(at.x) > MAX_POSITION_M or abs(at.y) > MAX_POSITION_M:
             findings["point-absurd"] = None
         else:

@@ -140,7 +140,7 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     if isinstance(message, VdaMotion) and stamp:
         return _read_motion(message, topic, stamp, memory, findings)
     if isinstance(message, OrderMessage):
-        orders = with_update(memory.orders, order_of(message, findings), findings)
+        orders = with_update(memory.orders, order_of(message, memory.state, findings), findings)
         is_newer = orders is not memory.orders
         memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_newer or memory.is_order_newer)
     elif isinstance(message, ConnectionMessage):

@@ -86,7 +86,9 @@ _WHERE = (
     _in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),
 )
 _WHERE_TO = (
-    Rule("order-too-long", "More than a thousand nodes and edges; the first thousand used.", "order"),
+    Rule("order-too-long", "More than three thousand nodes; three thousand from the robot's last node used.", "order"),
+    Rule("sequence-ids-odd", "Sequence ids repeat, fall or begin anew; the ids and the order of nodes count.", "order"),
+    Rule("edge-misfit", "An edge fits no two nodes that follow each other; not used, or by its sequence id.", "order"),
     Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; the edge counts as straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
     Rule("order-unseen", "A state names an order that was not heard; only what the state says is used.", "order"),
