@@ -8,6 +8,7 @@ import msgspec
 from pydantic_core import from_json
 
 from ingest.languages import timestamps
+from ingest.languages.model import Path
 from ingest.languages.rules import Findings, RejectedError
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader
@@ -63,16 +64,22 @@ def document(raw: bytes) -> dict[str, Any]:
     return sent
 
 
-def stamp_of(text: str | None, findings: Findings, form: str = "ISO 8601") -> timestamps.Stamp:
-    """The message's own time. Raises `RejectedError` if it can't be read or lies outside 1970 to 2100."""
+def stamp_of(text: str | None, findings: Findings) -> timestamps.Stamp:
+    """The message's own time. `NO_STAMP` if it can't be read or lies outside 1970 to 2100."""
     stamp = timestamps.parse(text or "")
-    if stamp is None:
-        raise RejectedError("stamp-unreadable", f"timestamp {(text or '')[:60]!r} is no {form} date-time in UTC")
-    if not timestamps.plausible(stamp.t_s):
-        raise RejectedError("stamp-absurd", f"timestamp {(text or '')[:60]!r} lies outside 1970 to 2100")
+    if stamp is None or not timestamps.plausible(stamp.t_s):
+        findings.note("stamp-absurd" if stamp else "stamp-unreadable", "timestamp", text, "as of its arrival")
+        return timestamps.NO_STAMP
     for rule in stamp.findings:
         findings.note(rule, "timestamp", text, timestamps.write(stamp.t_s))
     return stamp
+
+
+def time_of(stamp: timestamps.Stamp, *paths: Path) -> float:
+    """The time of a pose. Without a stamp that of the first point of its paths; 0 if it has none."""
+    if stamp.is_known:
+        return stamp.t_s
+    return min((min(path.times) for path in paths if path.poses), default=0.0)
 
 
 def parsed(raw: bytes, findings: Findings) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from ingest.batch import Amounts, Basis
 from ingest.languages import timestamps
 from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
+from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
@@ -203,6 +204,11 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
     if not in_order:
         findings["path-unordered"] = None
     return Path(tuple(rows), ("",) * len(rows), in_order, (times[0], times[-1]))
+
+
+def unstamped(sent: IntermediatePath | None) -> timestamps.Stamp:
+    """In place of the stamp of a pose that has none: the time of the path that came with it."""
+    return timestamps.assumed(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())))
 
 
 def _planned_end(sent: PlannedPath | None, stamp_s: float) -> Path:
