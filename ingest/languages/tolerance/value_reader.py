@@ -12,7 +12,7 @@ from typing import Any
 
 from ingest.languages.rules import MOST_ODDITIES, Findings
 from ingest.languages.tolerance.spelling import folded, nearest
-from ingest.languages.tolerance.value_kinds import UNKNOWN, KeyKind, Kind, ObjectKind, Words
+from ingest.languages.tolerance.value_kinds import TIME_KEYS, UNKNOWN, KeyKind, Kind, ObjectKind, Words
 
 MOST_ITEMS = 20_000
 """Items of a list that are read."""
@@ -97,9 +97,6 @@ class ValueReader:
             return UNREADABLE
         if known.is_list:
             return self._list(value, known, path)
-        if isinstance(value, list) and len(value) == 1 and known.kind is not object:
-            self.findings.note("single-not-list", path, value, "its only item")
-            value = value[0]
         return self._item(value, known, path)
 
     def _list(self, value: Any, known: KeyKind, path: str) -> Any:
@@ -123,6 +120,9 @@ class ValueReader:
 
     def _item(self, value: Any, known: KeyKind, path: str) -> Any:
         kind = known.kind
+        if isinstance(value, list) and len(value) == 1 and kind is not object:
+            self.findings.note("single-not-list", path, value, "its only item")
+            value = value[0]
         if isinstance(kind, ObjectKind):
             if not isinstance(value, dict):
                 return self._left_out(value, path, kind)
@@ -160,6 +160,8 @@ class ValueReader:
             return self._left_out(value, path)
         if not is_time:
             self.findings.note("text-as-number", path, value, f'"{text}"')
+        elif path not in TIME_KEYS:  # `stamp_of` notes the message's own
+            self.findings.note("stamp-epoch", path, value, "since 1970")
         return text
 
     def _word(self, value: Any, words: Words, path: str) -> Any:
