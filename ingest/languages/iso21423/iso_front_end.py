@@ -142,8 +142,8 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
 
 def _decoded(resource: str, raw: bytes, findings: Findings) -> IsoMessage:
     """The message of a resource. Raises `RejectedError` if it can't be understood."""
-    message = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES)
-    for key in REQUIRED.get(resource, ()):
+    message, may_lack_keys = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES)
+    for key in REQUIRED.get(resource, ()) if may_lack_keys else ():
         if getattr(message, key) is None:
             findings.note("key-absent", KEYS.get(key, key), None, LEFT_OUT)
     return message

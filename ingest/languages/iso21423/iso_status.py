@@ -121,7 +121,8 @@ def path_of(points: list[TimedPoint], key: str, findings: Findings) -> Path:
             findings["point-absurd"] = None
         else:
             rows.append((stamp.t_s, at.x, at.y, nan))
-            findings.update(dict.fromkeys(stamp.findings))
+            if stamp.findings:
+                findings.update(dict.fromkeys(stamp.findings))
             datums.append((at.ccs_id or "").lower())
     times = [row[0] for row in rows]
     if not times:

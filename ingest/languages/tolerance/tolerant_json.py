@@ -10,6 +10,7 @@ from pydantic_core import from_json
 from ingest.languages import timestamps
 from ingest.languages.model import Path
 from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.tolerance.null_free import null_free
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader
 
@@ -40,18 +41,19 @@ def decoded(
     findings: Findings,
     lacks_key: Callable[[Any], bool],
     names: KnownNames,
-) -> Model:
-    """The message as a model whose keys are all optional. Raises `RejectedError` if it can't be understood.
+) -> tuple[Model, bool]:
+    """The message as a model whose keys are all optional, and whether it has to be looked at for absent keys.
 
-    A message that lacks a key which it should have is read anew, for the key may be there in another spelling.
+    A message that lacks a key which it should have is read anew, for the key may be there in another spelling. Raises
+    `RejectedError` if it can't be understood.
     """
     try:
         message = cast(Model, _decoder(model).decode(raw))
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return _repaired(model, raw, findings, names)
-    if b"null" in raw or lacks_key(message):
-        return _repaired(model, raw, findings, names)
-    return message
+        return _repaired(model, raw, findings, names), True
+    if lacks_key(message):
+        return _repaired(model, raw, findings, names), True
+    return message, False
 
 
 def document(raw: bytes) -> dict[str, Any]:
@@ -102,7 +104,7 @@ class _Anything(msgspec.Struct):
 
 @cache
 def _decoder(model: type[msgspec.Struct]) -> msgspec.json.Decoder[Any]:
-    return msgspec.json.Decoder(model)
+    return msgspec.json.Decoder(null_free(model))
 
 
 def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:

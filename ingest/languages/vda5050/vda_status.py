@@ -195,7 +195,8 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
         else:
             yaw_rad = nan if point.theta is None else remainder(point.theta, 2 * pi)
             rows.append((stamp.t_s, point.x, point.y, yaw_rad))
-            findings.update(dict.fromkeys(stamp.findings))
+            if stamp.findings:
+                findings.update(dict.fromkeys(stamp.findings))
     if not rows:
         return NO_PATH
     times = [row[0] for row in rows]
