@@ -27,8 +27,8 @@ def renumbered(parts: Parts, number_of: Numbering) -> Parts:
 
 
 def path_by(nodes: Parts, edges: Parts, states: Parts, last: int, **keys: Any) -> Status:
-    said = under_way(T, 0.5, 0.0, [], nodeStates=states, lastNodeId="n0", lastNodeSequenceId=last, **keys)
-    return Listener().status_after(("order", order(T - 1, nodes, edges)), ("state", said))
+    report = under_way(T, 0.5, 0.0, [], nodeStates=states, lastNodeId="n0", lastNodeSequenceId=last, **keys)
+    return Listener().status_after(("order", order(T - 1, nodes, edges)), ("state", report))
 
 
 def states_of(nodes: Parts) -> Parts:
@@ -68,8 +68,8 @@ def test_sequence_ids_that_repeat_or_fall_are_counted_and_the_ids_of_nodes_count
     found = listener.hears("order", order(T - 1, odd_nodes, odd_edges))
     assert "sequence-ids-odd" in found.findings
     assert found.oddities[0].path.startswith("nodes[")
-    said = under_way(T, 0.5, 0.0, [], nodeStates=states_of(odd_nodes[1:]), lastNodeId="n0", lastNodeSequenceId=0)
-    assert listener.status_after(("state", said)).path.poses == usual.path.poses
+    report = under_way(T, 0.5, 0.0, [], nodeStates=states_of(odd_nodes[1:]), lastNodeId="n0", lastNodeSequenceId=0)
+    assert listener.status_after(("state", report)).path.poses == usual.path.poses
 
 
 def test_an_update_that_begins_to_count_anew_continues_the_order() -> None:
