@@ -121,14 +121,17 @@ def _parsed_topic(topic: str) -> _IsoTopic | None:
 
 
 def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
-    message = _decoded(topic.resource, raw, findings)
+    resource = topic.resource
+    message = _decoded(resource, raw, findings, is_first=resource not in memory.heard_s or resource in memory.respelt)
+    if ("key-spelling" in findings) != (resource in memory.respelt):
+        memory = replace(memory, respelt=memory.respelt ^ {resource})
     stamp = stamp_of(message.timestamp, findings)
-    last_s = memory.heard_s.get(topic.resource)
+    last_s = memory.heard_s.get(resource)
     if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
         findings["message-repeated" if stamp.t_s == last_s else "message-reordered"] = None
         return _update(topic.sender.uuid, findings), memory
     if stamp.is_known:
-        memory = replace(memory, heard_s=memory.heard_s | {topic.resource: stamp.t_s})
+        memory = replace(memory, heard_s=memory.heard_s | {resource: stamp.t_s})
     if isinstance(message, OdometryMessage):
         return _read_odometry(message, topic.sender.uuid, stamp, memory, findings)
     if isinstance(message, IdentityMessage | FootprintMessage):
@@ -140,9 +143,9 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     return _update(topic.sender.uuid, findings), memory
 
 
-def _decoded(resource: str, raw: bytes, findings: Findings) -> IsoMessage:
+def _decoded(resource: str, raw: bytes, findings: Findings, *, is_first: bool) -> IsoMessage:
     """The message of a resource. Raises `RejectedError` if it can't be understood."""
-    message, may_lack_keys = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES)
+    message, may_lack_keys = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES, is_first=is_first)
     for key in REQUIRED.get(resource, ()) if may_lack_keys else ():
         if getattr(message, key) is None:
             findings.note("key-absent", KEYS.get(key, key), None, LEFT_OUT)

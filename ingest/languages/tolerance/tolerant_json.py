@@ -41,19 +41,24 @@ def decoded(
     findings: Findings,
     lacks_key: Callable[[Any], bool],
     names: KnownNames,
+    *,
+    is_first: bool,
 ) -> tuple[Model, bool]:
     """The message as a model whose keys are all optional, and whether it has to be looked at for absent keys.
 
-    A message that lacks a key which it should have is read anew, for the key may be there in another spelling. Raises
-    `RejectedError` if it can't be understood.
+    A message that lacks a key which it should have is read anew, for the key may be there in another spelling. So is
+    the first one of a robot, and each further one if that had such a key. Raises `RejectedError` if it can't be
+    understood.
     """
-    try:
-        message = cast(Model, _decoder(model).decode(raw))
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return _repaired(model, raw, findings, names), True
-    if lacks_key(message):
-        return _repaired(model, raw, findings, names), True
-    return message, False
+    if not is_first:
+        try:
+            message = cast(Model, _decoder(model).decode(raw))
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            pass
+        else:
+            if not lacks_key(message):
+                return message, False
+    return _repaired(model, raw, findings, names), True
 
 
 def document(raw: bytes) -> dict[str, Any]:

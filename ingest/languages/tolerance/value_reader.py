@@ -16,6 +16,8 @@ from ingest.languages.tolerance.value_kinds import TIME_KEYS, UNKNOWN, KeyKind, 
 
 MOST_ITEMS = 20_000
 """Items of a list that are read."""
+LARGEST = 1e300
+"""Numbers beyond it are looked at more closely."""
 LEFT_OUT = "left out"
 UNREADABLE: Any = object()
 """Stands for a value that is left out."""
@@ -40,16 +42,15 @@ class ValueReader:
     def read(self, sent: dict[str, Any], kind: ObjectKind, path: str = "") -> tuple[dict[str, Any], bool]:
         """The object with values of the right types, and whether it has all that it can't do without."""
         read: dict[str, Any] = {}
-        lacks = kind.required - sent.keys()
-        if sent.keys() - kind.keys.keys():
+        if not kind.names.issuperset(sent):
             sent = self._respelt(sent, kind, path)
-            lacks = kind.required - sent.keys()
+        lacks = kind.required.difference(sent)
         for key, value in sent.items():
             known = kind.keys.get(key)
             if known is None:
                 self._other(key, value, path, read)
                 continue
-            got = self._value(value, known, _under(path, key))
+            got = value if _is_proper(value, known) else self._value(value, known, _under(path, key))
             if got is not UNREADABLE:
                 read[key] = got
             elif known.is_required:
@@ -176,6 +177,16 @@ class ValueReader:
         if meant != value:
             self.findings.note("word-spelling", path, value, meant)
         return meant
+
+
+def _is_proper(value: Any, known: KeyKind) -> bool:
+    """Whether a value that is no list and no object is as it should be. It may be for others too."""
+    kind, found = known.kind, type(value)
+    if known.is_list:
+        return False
+    if kind is float:
+        return (found is float or found is int) and -LARGEST < value < LARGEST
+    return found is kind or (isinstance(kind, Words) and found is str and value in kind.terms)
 
 
 def _under(path: str, key: str) -> str:

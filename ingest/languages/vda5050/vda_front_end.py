@@ -121,17 +121,20 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
 
 
 def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
-    message = read_message(topic.kind, raw, findings)
+    kind = topic.kind
+    message = read_message(kind, raw, findings, is_first=kind not in memory.heard or kind in memory.respelt)
+    if ("key-spelling" in findings) != (kind in memory.respelt):
+        memory = msgspec.structs.replace(memory, respelt=memory.respelt ^ {kind})
     _compare_names(message, topic.sender, findings)
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
     heard = Heard(message.header_id, time_of(stamp))
-    last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(topic.kind)
+    last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return _update(topic, findings), memory
     if stamp.is_known:
-        memory = msgspec.structs.replace(memory, heard=memory.heard | {topic.kind: heard})
+        memory = msgspec.structs.replace(memory, heard=memory.heard | {kind: heard})
     if isinstance(message, FactsheetMessage):
         identity = factsheets.identity_of(*topic.sender, message, stamp, findings)
         return identity, msgspec.structs.replace(memory, abilities=factsheets.abilities_of(message))

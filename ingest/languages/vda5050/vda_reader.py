@@ -9,13 +9,19 @@ from msgspec.structs import fields
 
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded
+from ingest.languages.tolerance.value_reader import LEFT_OUT
 from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, VdaMotion
 
 _READABLE = ("2.", "3.")
 """Versions begin with one of these, or are the whole number."""
+_REQUIRED = {
+    kind: [(field.name, field.encode_name) for field in fields(KINDS[kind]) if field.name in REQUIRED[kind]]
+    for kind in KINDS
+}
+"""By kind, the required keys as attributes and as spelt in messages."""
 NAMES = KnownNames(
     frozenset(("agvPosition", "mobileRobotPosition", "x", "y", "theta", "mapId", "velocity", "nodePosition"))
-    | {field.encode_name for kind in KINDS for field in fields(KINDS[kind]) if field.name in REQUIRED[kind]},
+    | {name for names in _REQUIRED.values() for _, name in names},
     {
         "false": "none",
         "0": "none",
@@ -32,9 +38,12 @@ NAMES = KnownNames(
 """Keys of which a likeness is noticed, and words that senders use beside those of the enumerations."""
 
 
-def read_message(kind: str, raw: bytes, findings: Findings) -> Header:
-    """The message of a topic that ends in `kind`. Raises `RejectedError` if it can't be understood."""
-    message, may_lack_keys = decoded(KINDS[kind], raw, findings, _LACKS_KEY[kind], NAMES)
+def read_message(kind: str, raw: bytes, findings: Findings, *, is_first: bool) -> Header:
+    """The message of a topic that ends in `kind`. Raises `RejectedError` if it can't be understood.
+
+    `is_first` if it is the robot's first of this kind, or if the last one had keys in another spelling.
+    """
+    message, may_lack_keys = decoded(KINDS[kind], raw, findings, _LACKS_KEY[kind], NAMES, is_first=is_first)
     if may_lack_keys:
         _note_absent(kind, message, findings)
     version = message.version
@@ -62,7 +71,6 @@ _LACKS_KEY = {
 
 
 def _note_absent(kind: str, message: Header, findings: Findings) -> None:
-    names = {field.name: field.encode_name for field in fields(message)}
-    for key in REQUIRED[kind]:
+    for key, name in _REQUIRED[kind]:
         if getattr(message, key) is None:
-            findings.note("key-absent", names[key], None, "left out")
+            findings.note("key-absent", name, None, LEFT_OUT)

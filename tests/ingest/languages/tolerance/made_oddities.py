@@ -119,3 +119,19 @@ def _deviates(value: Any, known: KeyKind) -> bool:
         return True
     types: dict[Any, Any] = {float: (int, float), int: int, str: str, bool: bool}
     return not isinstance(value, types[kind]) or (kind is not bool and isinstance(value, bool))
+
+
+def respelt(random: Random, document: dict[str, Any], kind: ObjectKind) -> Drawn:
+    """The document with one key in another spelling. The place is that of the key as it should be."""
+    place, _ = random.choice([each for each in places(document, kind) if isinstance(each[0][-1], str)])
+    changed = copy.deepcopy(document)
+    holder: Any = changed
+    for part in place[:-1]:
+        holder = holder[part]
+    key = str(place[-1])
+    snake = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in key)
+    other = random.choice(
+        [each for each in (snake, key.upper(), key[0].upper() + key[1:], snake.upper()) if each != key]
+    )
+    holder[other] = holder.pop(key)
+    return Drawn(changed, place, other, is_plain=True)

@@ -14,13 +14,14 @@ from ingest.languages.iso21423.iso_messages import RESOURCES
 from ingest.languages.massrobotics.fast_decoder import struct_of
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.model import Identity, Message, Rejection, Status, Update
+from ingest.languages.tolerance.spelling import folded
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.vda5050.vda_messages import KINDS
 from tests.helpers import iso_saying, vda_saying
 from tests.helpers.saying import HALL, identity, robot
 from tests.helpers.vda_saying import edge, node, node_states
 from tests.helpers.vectors import at, here, said
-from tests.ingest.languages.tolerance.made_oddities import Drawn, Place, drawn
+from tests.ingest.languages.tolerance.made_oddities import Drawn, Place, drawn, respelt
 
 DRAWS = 1500
 T = 1_790_000_000.0
@@ -286,3 +287,53 @@ def test_one_odd_value_of_iso_21423_costs_itself(resource: str) -> None:
         assert isinstance(of_usual, Status)
         assert differing(last, of_usual) <= (set() if odd.is_plain else OF_ISO[resource])
         assert all(isinstance(message, Identity | Status | Update) for message in found)
+
+
+def check_spelling(message: Message, odd: Drawn, usual: Message) -> None:
+    """The key is read as the one that is meant, counted and named."""
+    shown = f"{odd.path} as {odd.value!r}: {message}"
+    assert "key-spelling" in message.findings, shown
+    assert any(oddity.nearest == odd.place[-1] and oddity.path.endswith(odd.value) for oddity in message.oddities), (
+        shown
+    )
+    if isinstance(usual, Status | Identity):
+        assert isinstance(message, Status | Identity), shown
+        assert differing(message, usual) == set(), shown
+
+
+@pytest.mark.parametrize(
+    ("document", "model"), [(MASSROBOTICS_STATUS, StatusReport), (MASSROBOTICS_IDENTITY, IdentityReport)]
+)
+def test_a_key_of_massrobotics_in_another_spelling_is_read(document: dict[str, Any], model: Any) -> None:
+    random, kind, front_end = Random(4), object_kind(struct_of(model)), FRONT_ENDS["massrobotics"]
+    usual, _ = front_end.read(json.dumps(document).encode(), "", None, None)
+    for _ in range(DRAWS // 3):
+        odd = respelt(random, document, kind)
+        check_spelling(front_end.read(json.dumps(odd.document).encode(), "", None, None)[0], odd, usual)
+
+
+@pytest.mark.parametrize(
+    ("kind", "document"), [("state", STATE), ("state", STATE_3), ("factsheet", FACTSHEET), ("order", ORDER)]
+)
+def test_a_key_of_vda_5050_in_another_spelling_is_read_in_each_message(kind: str, document: dict[str, Any]) -> None:
+    random, object_of = Random(5), object_kind(KINDS[kind])
+    messages = [("factsheet", FACTSHEET), ("order", ORDER), ("state", STATE)]
+    later: dict[str, Any] = {"timestamp": "2026-09-21T14:13:21Z", "headerid": 1_000_000}
+    for _ in range(DRAWS // 5):
+        odd = respelt(random, document, object_of)
+        again = {key: later.get(folded(key), value) for key, value in odd.document.items()}
+        usual_again = {key: later.get(folded(key), value) for key, value in document.items()}
+        usual = heard("vda5050", [*messages, (kind, document), (kind, usual_again)][-2:], vda_saying.topic)
+        found = heard("vda5050", [*messages, (kind, odd.document), (kind, again)][-2:], vda_saying.topic)
+        for message, of_usual in zip(found, usual, strict=True):
+            check_spelling(message, odd, of_usual)
+
+
+@pytest.mark.parametrize("resource", ISO)
+def test_a_key_of_iso_21423_in_another_spelling_is_read(resource: str) -> None:
+    random, object_of, row = Random(6), object_kind(RESOURCES[resource]), list(ISO).index(resource)
+    usual = heard("iso21423", list(ISO.items()), iso_saying.topic)
+    for _ in range(DRAWS // 15):
+        odd = respelt(random, ISO[resource], object_of)
+        messages = [(kind, odd.document if kind == resource else ISO[kind]) for kind in ISO]
+        check_spelling(heard("iso21423", messages, iso_saying.topic)[row], odd, usual[row])
