@@ -133,13 +133,13 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return _update(topic, findings), memory
-    if stamp.is_known:
-        memory = msgspec.structs.replace(memory, heard=memory.heard | {kind: heard})
+    changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
+    if isinstance(message, VdaMotion):
+        return _read_motion(message, topic, stamp, memory, changes, findings)
+    memory = msgspec.structs.replace(memory, **changes)
     if isinstance(message, FactsheetMessage):
         identity = factsheets.identity_of(*topic.sender, message, stamp, findings)
         return identity, msgspec.structs.replace(memory, abilities=factsheets.abilities_of(message))
-    if isinstance(message, VdaMotion):
-        return _read_motion(message, topic, stamp, memory, findings)
     if isinstance(message, OrderMessage):
         orders = with_update(memory.orders, order_of(message, memory.state, findings), findings)
         is_newer = orders is not memory.orders
@@ -177,13 +177,18 @@ def _plain(name: str) -> str:
 
 
 def _read_motion(
-    message: VdaMotion, topic: _VdaTopic, stamp: timestamps.Stamp, memory: VdaMemory, findings: Findings
+    message: VdaMotion,
+    topic: _VdaTopic,
+    stamp: timestamps.Stamp,
+    memory: VdaMemory,
+    changes: dict[str, Any],
+    findings: Findings,
 ) -> tuple[Message, VdaMemory]:
+    """What a state or a visualization says. `changes` are those of the memory by any message."""
     position, last = message.position, memory.pose
     is_newest = last is None or not (stamp.is_known and last.stamp.is_known) or stamp.t_s >= last.stamp.t_s
-    changes: dict[str, Any] = {}
     if isinstance(message, StateMessage):
-        changes = {"state": message, "is_order_newer": False, "connection": "ONLINE"}
+        changes = changes | {"state": message, "is_order_newer": False, "connection": "ONLINE"}
     if position is None:
         findings.note("position-missing", "agvPosition", None, "where it was last seen")
     elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):

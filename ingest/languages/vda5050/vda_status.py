@@ -11,7 +11,7 @@ from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
-from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
+from ingest.languages.vda5050.vda_memory import VdaMemory
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
     Load,
@@ -41,7 +41,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     if pose is None:
         return None
     position, stamp = pose.position, pose.stamp
-    operational = _operational_state(memory, state, pose)
+    speed_mps = _speed_mps(pose.velocity)
+    operational = _operational_state(memory, state, speed_mps)
     linear_mps, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
@@ -67,7 +68,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         path,
         tuple(findings),
         path_basis=basis,
-        is_blocked=_is_blocked(state, pose.velocity),
+        is_blocked=_is_blocked(state, speed_mps),
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
@@ -99,15 +100,15 @@ def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | No
     return velocity.vx, velocity.omega
 
 
-def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose) -> str:
+def _operational_state(memory: VdaMemory, state: StateMessage, speed_mps: float) -> str:
     """The state of the MassRobotics standard that comes nearest."""
     if memory.connection in {"OFFLINE", "HIBERNATING"}:
         return "offline"
-    is_moving = _speed_mps(pose.velocity) > MOVING_MPS
+    is_moving = speed_mps > MOVING_MPS
     if (by_mode := _by_mode(state.operating_mode, is_moving)) is not None:
         return by_mode
     power = state.power_supply or state.battery_state
-    if _is_driving(state, pose.velocity) or (state.driving is None and is_moving):
+    if state.driving or speed_mps > DRIVING_MPS or (state.driving is None and is_moving):
         return "navigating"
     if power and power.charging:
         return "charging"
@@ -136,9 +137,9 @@ def _standing_state(state: StateMessage) -> str:
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
-def _is_blocked(state: StateMessage, velocity: Velocity2d | None) -> bool:
+def _is_blocked(state: StateMessage, speed_mps: float) -> bool:
     """Whether it can't move. A robot that drives can, whatever errors, fields and unknown words it reports."""
-    if _speed_mps(velocity) > DRIVING_MPS:
+    if speed_mps > DRIVING_MPS:
         return False
     safety = state.safety_state
     stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
@@ -147,11 +148,6 @@ def _is_blocked(state: StateMessage, velocity: Velocity2d | None) -> bool:
     is_hindered = stop == "UNKNOWN" or bool(safety and safety.field_violation)
     is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
     return (is_hindered or is_faulty) and not state.driving
-
-
-def _is_driving(state: StateMessage, velocity: Velocity2d | None) -> bool:
-    """Whether a robot says that it drives, or reports that it moves."""
-    return bool(state.driving) or _speed_mps(velocity) > DRIVING_MPS
 
 
 def _speed_mps(velocity: Velocity2d | None) -> float:
