@@ -151,8 +151,9 @@ def _is_blocked(state: StateMessage, speed_mps: float) -> bool:
 
 
 def _speed_mps(velocity: Velocity2d | None) -> float:
-    """The reported speed, 0 if none was sent."""
-    return hypot(velocity.vx or 0.0, velocity.vy or 0.0) if velocity else 0.0
+    """The reported speed, 0 if none was sent that a robot can have."""
+    speed_mps = hypot(velocity.vx or 0.0, velocity.vy or 0.0) if velocity else 0.0
+    return speed_mps if speed_mps <= MAX_SPEED_MPS else 0.0
 
 
 def _is_lost(position: Position) -> bool:
