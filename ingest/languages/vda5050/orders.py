@@ -81,6 +81,16 @@ def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> 
     return (*(order for order in known if order is not before), merged)
 
 
+def is_base_extended(known: tuple[Order, ...], newest: Order) -> bool:
+    """Whether an order releases more of an order that was known."""
+    before = next((order for order in known if order.order_id == newest.order_id), None)
+    return before is not None and _base_end(newest) > _base_end(before)
+
+
+def _base_end(order: Order) -> int:
+    return max((number for number, node in order.nodes.items() if node.released), default=-1)
+
+
 def _node(node: VdaNode) -> OrderNode:
     stops = tuple(action.action_id for action in node.actions or () if action.blocking_type in DRIVING_STOPS)
     return OrderNode(node.released, on_earth(node.node_position), stops)
