@@ -130,6 +130,8 @@ def repeat_reader(
 
 def _basis(texts: StatusTexts) -> Basis | None:
     """The basis of the forecasts of a robot that sends its speed. None if its statuses have to be read in full."""
+    if not texts.known_state:
+        return None  # what it means, the motion shows
     if texts.state == "navigating" and not texts.path:
         return None if texts.destinations else Basis.VELOCITY
     if texts.state == "manualOverride" or (texts.state == "idle" and texts.path):

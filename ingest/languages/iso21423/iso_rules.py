@@ -1,6 +1,6 @@
 """The rules of ISO 21423 by code: rejections and deviations. Rules that other languages have too keep their codes."""
 
-from ingest.languages.rules import Rule, size_rules
+from ingest.languages.rules import Rule, size_rules, value_rules, word_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -37,13 +37,15 @@ _REJECTING = (
     ),
 )
 _KEYS = (
-    Rule("key-absent", "A required key is missing or null; the message is read without it.", "JSON"),
-    Rule("number-as-text", "A value has another type, but a clear meaning; read.", "JSON"),
-    Rule("value-unreadable", "A value can't be read; its key is left out.", "JSON"),
+    *value_rules("JSON"),
+    Rule("key-unknown", "The standard does not have this key, but one like it; not used.", "JSON"),
+    *word_rules("status"),
     Rule("stamp-no-offset", "A timestamp has no offset from UTC; read as UTC.", "times"),
     Rule("stamp-offset-no-colon", "An offset from UTC lacks its colon or its minutes; read.", "times"),
     Rule("stamp-not-utc", "A timestamp has an offset from UTC; converted.", "times"),
-    Rule("stamp-spelling", "A timestamp has a space, a comma or lower-case letters; read.", "times"),
+    Rule(
+        "stamp-spelling", "A timestamp has a space, a comma, lower-case letters, or a Z after an offset; read.", "times"
+    ),
     Rule("stamp-epoch", "A timestamp is a number since 1970; its size gives the unit.", "times"),
     _in_context("message-repeated", "A message with the time of the last one came; not used.", "times"),
     _in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", "times"),

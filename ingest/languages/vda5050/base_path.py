@@ -8,7 +8,6 @@ unreleased horizon if its bases are usually extended before it reaches their end
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import atan2, ceil, hypot, inf, isfinite, isnan, nan, pi, remainder
-from operator import attrgetter
 from typing import NamedTuple
 
 import msgspec
@@ -17,7 +16,8 @@ from ingest.frames.angles import turn_between
 from ingest.languages.model import NO_PATH, Path, Row
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import UNDER_WAY_MPS, speed_mps
-from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, on_earth
+from ingest.languages.vda5050.order_numbers import last_between
+from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, numbered_states, on_earth
 from ingest.languages.vda5050.trajectories import Polyline, polyline
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, StateMessage
@@ -39,7 +39,6 @@ TURN_RAD, PART_RAD = 0.1, 0.5
 ON_CURVE_M = 2.0
 """A robot this near to the curve of its edge drives on along it. One further off drives straight to the next node."""
 DONE = frozenset(("FINISHED", "FAILED"))
-_SEQUENCE_ID = attrgetter("sequence_id")
 NO_EDGE = OrderEdge(None, None, None, False, None)
 
 
@@ -98,31 +97,34 @@ def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> l
     """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
     order = next((order for order in reversed(memory.orders) if order.order_id == state.order_id), None)
     if order and memory.is_order_newer and order is memory.orders[-1]:
-        passed = state.last_node_sequence_id if state.last_node_sequence_id is not None else -1
+        passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
     if state.node_states and order is None:
         findings["order-unseen"] = None
-    return list(_legs_of_state(state, order))
+    return list(_legs_of_state(state, order, findings))
 
 
 def _leg(order: Order, number: int, node: OrderNode) -> OrderLeg:
-    return OrderLeg(node.released, node.place, node.stops, order.edges.get(number - 1, NO_EDGE))
+    return OrderLeg(node.released, node.place, node.stops, order.edges.get(number, NO_EDGE))
 
 
-def _legs_of_state(state: StateMessage, order: Order | None) -> Iterator[OrderLeg]:
+def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings) -> Iterator[OrderLeg]:
     edge_states = state.edge_states
     curves = {edge.sequence_id: edge.trajectory for edge in edge_states if edge.trajectory} if edge_states else {}
+    curved = sorted(curves)
     nodes, edges = (order.nodes, order.edges) if order else ({}, {})
     last_number, last_id = state.last_node_sequence_id, state.last_node_id
-    for node in sorted(state.node_states or (), key=_SEQUENCE_ID):
-        number = node.sequence_id
-        if number == last_number and node.node_id == last_id:
+    before = -1 if last_number is None else last_number
+    for number, node in numbered_states(state.node_states or (), order, findings):
+        first, before = before, node.sequence_id
+        if node.sequence_id == last_number and node.node_id == last_id:
             continue
-        ordered, edge = nodes.get(number), edges.get(number - 1)
+        ordered, edge = nodes.get(number), edges.get(number)
         place = on_earth(node.node_position) if node.node_position else None
         place = place or (ordered.place if ordered else None)
-        if edge is None and (trajectory := curves.get(number - 1)):
-            edge = OrderEdge(None, None, None, False, polyline(trajectory))
+        between = last_between(curved, first, node.sequence_id) if edge is None and curved else None
+        if between is not None:
+            edge = OrderEdge(None, None, None, False, polyline(curves[between]))
         yield OrderLeg(node.released, place, ordered.stops if ordered else (), edge or NO_EDGE)
 
 

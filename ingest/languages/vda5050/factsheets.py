@@ -39,6 +39,7 @@ def identity_of(
         figures=(*figures, *_load_figures(message.load_specification)),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
+        oddities=tuple(findings.oddities),
     )
 
 

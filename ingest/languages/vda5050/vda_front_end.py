@@ -17,7 +17,7 @@ from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
 from ingest.languages.model import Message, Rejection, Status, Update
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerant_json import document, stamp_of
+from ingest.languages.tolerance.tolerant_json import document, stamp_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
 from ingest.languages.vda5050.orders import MAX_POSITION_M, is_base_extended, order_of, with_update
@@ -31,7 +31,7 @@ from ingest.languages.vda5050.vda_messages import (
     StateMessage,
     VdaMotion,
 )
-from ingest.languages.vda5050.vda_reader import decoded
+from ingest.languages.vda5050.vda_reader import read_message
 from ingest.languages.vda5050.vda_rules import CHAPTERS, RULES
 from ingest.languages.vda5050.vda_status import status_of
 
@@ -43,6 +43,7 @@ MAX_REASON = 300
 MAX_NAME = 100
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("state", "visualization"))
+_BROKEN = frozenset(("CONNECTIONBROKEN", "CONNECTION_BROKEN"))
 
 
 class _VdaTopic(NamedTuple):
@@ -86,7 +87,9 @@ class VdaFrontEnd:
         try:
             return _read(raw, parsed, before, findings)
         except RejectedError as rejected:
-            return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings)), memory
+            return Rejection(
+                rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings), tuple(findings.oddities)
+            ), memory
 
     def status(self, raw: bytes, memory: VdaMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
         return status_of("", memory, Findings()) if memory else None
@@ -119,7 +122,7 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
 
 
 def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
-    message = decoded(topic.kind, raw, findings)
+    message = read_message(topic.kind, raw, findings)
     _compare_names(message, topic.sender, findings)
     stamp = (
         None
@@ -130,7 +133,7 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     last = None if _is_last_will(message) else memory.heard.get(topic.kind)
     if last and stamp and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
-        return Update(topic.sender.uuid, tuple(findings)), memory
+        return _update(topic, findings), memory
     memory = msgspec.structs.replace(memory, heard=memory.heard | {topic.kind: heard})
     if isinstance(message, FactsheetMessage):
         identity = factsheets.identity_of(*topic.sender, message, stamp, findings)
@@ -138,7 +141,7 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     if isinstance(message, VdaMotion) and stamp:
         return _read_motion(message, topic, stamp, memory, findings)
     if isinstance(message, OrderMessage):
-        orders = with_update(memory.orders, order_of(message, findings), findings)
+        orders = with_update(memory.orders, order_of(message, memory.state, findings), findings)
         is_newer = orders is not memory.orders
         bases = memory.bases
         if is_newer and is_base_extended(memory.orders, orders[-1]) and memory.state and memory.pose:
@@ -147,12 +150,16 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
         memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_order_newer, bases=bases)
     elif isinstance(message, ConnectionMessage):
         memory = _with_connection(memory, message.connection_state or "", heard)
-    return Update(topic.sender.uuid, tuple(findings)), memory
+    return _update(topic, findings), memory
+
+
+def _update(topic: _VdaTopic, findings: Findings) -> Update:
+    return Update(topic.sender.uuid, tuple(findings), tuple(findings.oddities))
 
 
 def _is_last_will(message: Header) -> bool:
     """Whether the broker sent it. The robot stamped it when it connected."""
-    return isinstance(message, ConnectionMessage) and "BROKEN" in (message.connection_state or "")
+    return isinstance(message, ConnectionMessage) and message.connection_state in _BROKEN
 
 
 def _with_connection(memory: VdaMemory, connection: str, heard: Heard) -> VdaMemory:
@@ -165,7 +172,7 @@ def _compare_names(message: Header, sender: TopicSender, findings: Findings) -> 
     """Topics may replace characters that brokers do not allow, so only letters and digits are compared."""
     named = tuple(_plain((name or "")[:MAX_NAME]) for name in (message.manufacturer, message.serial_number))
     if any(named) and named != (_plain(sender.manufacturer), _plain(sender.serial)):
-        findings["robot-not-of-topic"] = None
+        findings.note("robot-not-of-topic", "serialNumber", message.serial_number, "as the topic says")
 
 
 @lru_cache(_TOPICS_CACHED)
@@ -181,12 +188,12 @@ def _read_motion(
     if isinstance(message, StateMessage):
         changes = {"state": message, "is_order_newer": False, "connection": "ONLINE"}
     if position is None:
-        findings["position-missing"] = None
+        findings.note("position-missing", "agvPosition", None, "where it was last seen")
     elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
     elif is_newest:
         pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
-        return status or Update(topic.sender.uuid, tuple(findings)), memory
-    return Update(topic.sender.uuid, tuple(findings)), msgspec.structs.replace(memory, **changes)
+        return status or _update(topic, findings), memory
+    return _update(topic, findings), msgspec.structs.replace(memory, **changes)

@@ -1,12 +1,13 @@
 """The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
 
-from math import hypot, nan, pi, remainder
+from math import nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts, Basis
 from ingest.languages import timestamps
 from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
+from ingest.languages.vda5050.base_ends import UNDER_WAY_MPS, is_under_way, speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
@@ -14,6 +15,7 @@ from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
     Load,
+    OperatingMode,
     PlannedPath,
     Position,
     StateMessage,
@@ -24,7 +26,7 @@ from ingest.sizes.stated_loads import StatedLoad
 MAX_SPEED_MPS = 100.0
 MOVING_MPS = 0.02
 MOST_WAYPOINTS = 200
-BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL"))
+BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL", "UNKNOWN"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
 STANDING_REPORTS_S = 35.0
 """A robot that does not drive sends a state every 30 s. A few seconds are for the way to here."""
@@ -37,7 +39,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     if pose is None:
         return None
     position, stamp = pose.position, pose.stamp
-    operational = _operational_state(memory, state, pose, findings)
+    operational = _operational_state(memory, state, pose)
     linear_mps, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
@@ -63,23 +65,24 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         path,
         tuple(findings),
         path_basis=basis,
-        is_blocked=_is_blocked(state),
+        is_blocked=_is_blocked(state, pose.velocity),
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
+        oddities=tuple(findings.oddities),
     )
 
 
 def datum_of(position: Position, findings: Findings) -> str:
     if not position.map_id:
-        findings["map-missing"] = None
+        findings.note("map-missing", "agvPosition.mapId", position.map_id, "compared with nothing")
     return (position.map_id or "").lower()
 
 
 def _yaw_rad(position: Position, findings: Findings) -> float:
     if position.theta is None:
-        findings["heading-missing"] = None
+        findings.note("heading-missing", "agvPosition.theta", None, "the direction of travel")
         return nan
     return remainder(position.theta, 2 * pi)
 
@@ -94,32 +97,28 @@ def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | No
     return velocity.vx, velocity.omega
 
 
-def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> str:
+def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose) -> str:
     """The state of the MassRobotics standard that comes nearest."""
     if memory.connection in {"OFFLINE", "HIBERNATING"}:
         return "offline"
-    velocity = pose.velocity
-    is_moving = bool(velocity and hypot(velocity.vx or 0.0, velocity.vy or 0.0) > MOVING_MPS)
-    if (by_mode := _by_mode(state.operating_mode, is_moving, findings)) is not None:
+    is_moving = speed_mps(pose.velocity) > MOVING_MPS
+    if (by_mode := _by_mode(state.operating_mode, is_moving)) is not None:
         return by_mode
     power = state.power_supply or state.battery_state
-    if state.driving or (state.driving is None and is_moving):
+    if is_under_way(state, pose.velocity) or (state.driving is None and is_moving):
         return "navigating"
     if power and power.charging:
         return "charging"
     return _standing_state(state)
 
 
-def _by_mode(mode: str | None, is_moving: bool, findings: Findings) -> str | None:
+def _by_mode(mode: OperatingMode | None, is_moving: bool) -> str | None:
     """The state in a mode in which the fleet manager is not in control. None in the others."""
     match mode:
-        case None | "AUTOMATIC" | "SEMIAUTOMATIC":
-            return None
         case "MANUAL" | "INTERVENED":
             return "manualOverride"
         case "SERVICE" | "TEACHIN" | "TEACH_IN" | "STARTUP":
             return "manualOverride" if is_moving else "disabled"
-    findings["operating-mode-unknown"] = None
     return None
 
 
@@ -135,12 +134,17 @@ def _standing_state(state: StateMessage) -> str:
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
-def _is_blocked(state: StateMessage) -> bool:
+def _is_blocked(state: StateMessage, velocity: Velocity2d | None) -> bool:
+    """Whether it can't move. A robot that drives can, whatever errors, fields and unknown words it reports."""
+    if speed_mps(velocity) > UNDER_WAY_MPS:
+        return False
     safety = state.safety_state
-    is_stopped = safety and (
-        (safety.active_emergency_stop or safety.e_stop or "NONE") != "NONE" or bool(safety.field_violation)
-    )
-    return bool(is_stopped) or any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
+    stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
+    if stop not in {"NONE", "UNKNOWN"}:
+        return True
+    is_hindered = stop == "UNKNOWN" or bool(safety and safety.field_violation)
+    is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
+    return (is_hindered or is_faulty) and not state.driving
 
 
 def _is_lost(position: Position) -> bool:
