@@ -104,7 +104,7 @@ class Placement:
         robot.seen, findings = plausibility.reconcile(before, sighting)
         robot.pace.observe(robot.seen)
         robot.pace.kind = None
-        robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen.linear_mps))
+        robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen))
         robot.trailer_yaws_rad = trailer_headings(robot.forecast.shape, robot.trailer_yaws_rad, last, robot.seen)
         if robot.trailer_yaws_rad:
             robot.forecast = with_trailers(robot.forecast, robot.trailer_yaws_rad)

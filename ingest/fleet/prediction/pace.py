@@ -141,10 +141,11 @@ class PaceBook:
 class Paces:
     """How fast one robot will drive and turn."""
 
-    def __init__(self, pace: Pace, now_mps: float | None) -> None:
-        """`now_mps` is its speed now; None if it is not known."""
-        self._pace = pace
-        self._now_mps = abs(now_mps) if now_mps and abs(now_mps) > DRIVES_MPS else None
+    def __init__(self, pace: Pace, here: Sighting) -> None:
+        """`here` has its speed and turn rate now."""
+        self._pace, mps, radps = pace, abs(here.linear_mps or 0.0), abs(here.turn_radps)
+        self._now_mps = mps if mps > DRIVES_MPS else None
+        self._now_radps = radps if radps > TURNS_RADPS and self._now_mps is None else None
 
     def of(self, allowance: Allowance) -> float:
         """Speed, or turn rate, on a piece of its way."""
@@ -153,7 +154,7 @@ class Paces:
         most, kind = allowance
         usual = self._pace.usual(kind)
         if kind == TURN:
-            return min(usual or most if isfinite(most) else usual or ASSUMED_TURN_RADPS, most)
+            return min(self._now_radps or usual or (most if isfinite(most) else ASSUMED_TURN_RADPS), most)
         if self._now_mps is not None and kind == self._pace.kind:
             return min(self._now_mps, most)
         if usual is not None:

@@ -32,7 +32,7 @@ def ahead(here: Sighting = HERE, body: RobotBody = BODY, offset_s: float = 0.0, 
     message = read(status("robot", NOW_S - offset_s, here.x_m, here.y_m, **fields))
     assert isinstance(message, Status)
     here = replace(here, clock_offset_s=offset_s)
-    return forecast(message, here, ForecastContext(body, frame_of, Reading()), Paces(Pace(), here.linear_mps))
+    return forecast(message, here, ForecastContext(body, frame_of, Reading()), Paces(Pace(), here))
 
 
 def straight(speed_mps: float = 1.0, late_s: float = 0.0) -> list[dict[str, Any]]:

@@ -244,3 +244,9 @@ def test_an_order_that_comes_later_keeps_the_speed_that_was_observed() -> None:
     of.receive(factsheet(NOW_S + 2.6, **LIMIT), NOW_S + 2.6, line("factsheet"))
     assert robot.seen is not None
     assert robot.seen.linear_mps == pytest.approx(0.5)
+
+
+def test_a_robot_that_reports_its_turn_rate_turns_at_it() -> None:
+    nodes = [node(0, 0.0), node(1, 0.0, nodePosition={"x": 0.0, "y": 0.0, "mapId": MAP, "theta": 1.5})]
+    moving = under_way(NOW_S, 0.0, 0.0, nodes[1:], velocity={"vx": 0.0, "omega": 0.3})
+    assert at(turning(hall(), order(NOW_S, nodes), moving), NOW_S + 2)[2] == pytest.approx(0.6, abs=0.01)
