@@ -45,10 +45,10 @@ class Finding:
     @property
     def verdict(self) -> str:
         """`yes` if the field makes it no worse; else how it does."""
-        told, alerts = self.more_told["value"], self.more_alerts["value"]
-        if told is not None and told < -LESS_TOLD:
+        more_told, more_alerts = self.more_told["value"], self.more_alerts["value"]
+        if more_told is not None and more_told < -LESS_TOLD:
             return "fewer told"
-        if alerts is None or alerts <= 0:
+        if more_alerts is None or more_alerts <= 0:
             return HOLDS
         return (
             MORE_VAIN if self.having[:, IN_VAIN].sum() > self.lacking[:, IN_VAIN].sum() else "more alerts, none in vain"
