@@ -55,7 +55,7 @@ class SceneScore(NamedTuple):
 
     outcomes: int
     """Encounters that should have had a warning."""
-    told: int
+    told_2s: int
     """Those of which an alert was raised at least 2 s before, and stood."""
     any_alert: int
     alerts: int
