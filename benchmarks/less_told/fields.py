@@ -17,7 +17,8 @@ FIELDS: Mapping[str, Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "path_angle": ("path",),
             "destination": (),
             "destination_time": ("destination",),
-            "max_speed": (),
+            "identity": (),
+            "max_speed": ("identity",),
         },
         "vda5050": {
             "theta": (),

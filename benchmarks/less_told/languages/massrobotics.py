@@ -18,7 +18,8 @@ def uuid_of(robot: Robot) -> str:
 
 def messages(robot: Robot, fields: Fields) -> Iterator[Sent]:
     """All messages of a robot."""
-    yield sent(robot, 0.0, "massrobotics", "", _identity(robot, fields))
+    if "identity" in fields:
+        yield sent(robot, 0.0, "massrobotics", "", _identity(robot, fields))
     for t_s in report_times(robot):
         yield sent(robot, t_s, "massrobotics", "", _status(robot, t_s, fields))
 
