@@ -37,7 +37,8 @@ class KeptFloor:
 
     @property
     def name(self) -> str:
-        return self.log.name.split(".jsonl")[0]
+        """That of its log, or of its directory if `make` wrote it."""
+        return self.log.parent.name if self.log.name == LOG else self.log.name.split(".jsonl")[0]
 
 
 @dataclass(frozen=True, slots=True)
