@@ -6,8 +6,7 @@ over a window of motion is not moved by starts and stops, and follows a change o
 """
 
 from collections import OrderedDict, deque
-from math import hypot, inf, isfinite
-from statistics import median
+from math import ceil, hypot, inf, isfinite
 from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Sighting
@@ -27,9 +26,15 @@ OWN_S, USUAL_S = 30.0, 240.0
 SPACED_S, APART_S = 0.45, 35.0
 """Sightings nearer in time show more noise than motion, those further apart do not show how a robot drives."""
 MOST_MODELS, MOST_KINDS = 1000, 12
-TURN = "turn"
+FULL_TURN = 0.8
+"""Of the turn rates between two reports, this part is too small, since the robot turned only some of the time."""
+TURN, CORNER = "turn", "corner"
+PASSED_M, OVERDUE_S, COUNTS_S = 0.7, 15.0, 5.0
+"""A robot passes a place at this distance or less. One that is later than the second passes it no more. A corner counts
+as this much motion."""
 Kind = float | str
-"""The allowed speed in steps of 0.1 m/s, inf if none is stated and negative in a bend; `TURN` for turns on the spot."""
+"""The allowed speed in steps of 0.1 m/s, inf if none is stated and negative in a bend; `TURN` for turns on the spot;
+`CORNER` for what a corner takes beyond its turn, which is seconds instead of a speed."""
 
 
 class Allowance(NamedTuple):
@@ -49,8 +54,9 @@ def allowance(most_mps: float, *, is_bend: bool = False) -> Allowance:
 class ObservedSpeeds:
     """ObservedSpeeds, or turn rates, over the last seconds of motion."""
 
-    def __init__(self, window_s: float) -> None:
-        self._window_s, self.seen_s = window_s, 0.0
+    def __init__(self, window_s: float, part: float) -> None:
+        """`part` of them are smaller than the usual one."""
+        self._window_s, self._part, self.seen_s = window_s, part, 0.0
         self._samples: deque[tuple[float, float]] = deque()
         self._usual: float | None = None
 
@@ -62,9 +68,9 @@ class ObservedSpeeds:
 
     @property
     def usual(self) -> float:
-        """Their median."""
         if self._usual is None:
-            self._usual = median(speed for _, speed in self._samples)
+            speeds = sorted(speed for _, speed in self._samples)
+            self._usual = speeds[ceil(self._part * len(speeds)) - 1]
         return self._usual
 
 
@@ -82,6 +88,8 @@ class Pace:
         """Of the way on which it is; None if nobody says how fast it may drive there, and it plans its own times."""
         self._from: Sighting | None = None
         """The sighting from which it is observed next."""
+        self._beyond_corner: tuple[float, float, float] | None = None
+        """A place beyond a corner, x and y, and when it would be there if it lost no time by braking and starting."""
 
     def observe(self, now: Sighting) -> None:
         """Take in where the robot is now."""
@@ -96,6 +104,7 @@ class Pace:
         moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
         if not 0.0 < lasted_s <= APART_S:
             return
+        self._pass_corner(before, now)
         if moved_m > DRIVES_MPS * lasted_s:
             if self.kind is not None:
                 self._add(self.kind, lasted_s, moved_m / lasted_s)
@@ -112,11 +121,31 @@ class Pace:
         """The speed of its model on ways of a kind. None if that is not known."""
         return _known(self.of_model.get(kind), kind)
 
+    def expect_beyond_corner(self, x: float, y: float, t_s: float) -> None:
+        """Compare with what is seen when the robot will be beyond a corner, unless it is observed at one already."""
+        self._beyond_corner = self._beyond_corner or (x, y, t_s)
+
+    def _pass_corner(self, before: Sighting, now: Sighting) -> None:
+        if self._beyond_corner is None:
+            return
+        x, y, expected_s = self._beyond_corner
+        dx, dy = now.x_m - before.x_m, now.y_m - before.y_m
+        square = dx * dx + dy * dy
+        share = ((x - before.x_m) * dx + (y - before.y_m) * dy) / square if square else -1.0
+        aside_m = hypot(before.x_m + share * dx - x, before.y_m + share * dy - y)
+        if 0.0 <= share <= 1.0 and aside_m <= PASSED_M:
+            passed_s = before.t_s + share * (now.t_s - before.t_s)
+            self._add(CORNER, COUNTS_S, passed_s - expected_s)
+            self._beyond_corner = None
+        elif now.t_s > expected_s + OVERDUE_S:
+            self._beyond_corner = None
+
     def _add(self, kind: Kind, lasted_s: float, speed: float) -> None:
         for by_kind, window_s in ((self.own, OWN_S), (self.of_model, USUAL_S)):
             if kind not in by_kind and len(by_kind) >= MOST_KINDS:
                 del by_kind[next(iter(by_kind))]
-            by_kind.setdefault(kind, ObservedSpeeds(window_s)).add(lasted_s, speed)
+            part = FULL_TURN if kind == TURN else 0.5
+            by_kind.setdefault(kind, ObservedSpeeds(window_s, part)).add(lasted_s, speed)
 
 
 def _known(speeds: ObservedSpeeds | None, kind: Kind) -> float | None:
@@ -166,6 +195,16 @@ class Paces:
     def note_way(self, kind: Kind) -> None:
         """It is on a way of this kind now."""
         self._pace.kind = kind
+
+    def note_corner(self, x: float, y: float, t_s: float) -> None:
+        """It would pass a place beyond a corner at this time, if it lost no time there."""
+        self._pace.expect_beyond_corner(x, y, t_s)
+
+    @property
+    def corner_s(self) -> float:
+        """What a corner takes beyond its turn, as far as that was seen."""
+        own = self._pace.seen(CORNER)
+        return max(own if own is not None else self._pace.usual(CORNER) or 0.0, 0.0)
 
     @property
     def turn_radps(self) -> float:

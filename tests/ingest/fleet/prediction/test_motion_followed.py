@@ -9,7 +9,8 @@ import pytest
 
 from ingest.batch import Basis
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.prediction.forecast_model import Forecast
+from ingest.fleet.prediction.forecast_model import Forecast, Sighting
+from ingest.fleet.prediction.pace import CORNER, Pace, Paces
 from ingest.fleet.robot import Robot
 from ingest.settings import Datum
 from tests.helpers.saying import HALL, points, robot, status
@@ -250,3 +251,24 @@ def test_a_robot_that_reports_its_turn_rate_turns_at_it() -> None:
     nodes = [node(0, 0.0), node(1, 0.0, nodePosition={"x": 0.0, "y": 0.0, "mapId": MAP, "theta": 1.5})]
     moving = under_way(NOW_S, 0.0, 0.0, nodes[1:], velocity={"vx": 0.0, "omega": 0.3})
     assert at(turning(hall(), order(NOW_S, nodes), moving), NOW_S + 2)[2] == pytest.approx(0.6, abs=0.01)
+
+
+def test_what_a_corner_takes_beyond_its_turn_is_learned() -> None:
+    """The robot turns in the time that is assumed, and loses 1.5 s by braking and starting at each corner."""
+    of, lost_s, side_m, turn_s = hall(), 1.5, 6.0, pi / 2
+    places = [(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)]
+    nodes = [node(number, *places[number % 4]) for number in range(13)]
+    of.receive(order(NOW_S, nodes), NOW_S, line("order"))
+    for s in range(60):
+        side, since_s = divmod(float(s), side_m + turn_s + lost_s)
+        part, number = min(since_s / side_m, 1.0), int(side)
+        (from_x, from_y), (to_x, to_y) = places[number % 4], places[(number + 1) % 4]
+        x, y = from_x + part * (to_x - from_x), from_y + part * (to_y - from_y)
+        yaw_rad = number * pi / 2 + min(max(since_s - side_m - lost_s / 2, 0.0), turn_s)
+        velocity = {"vx": 1.0 if part < 1.0 else 0.0, "omega": 0.0}
+        place = position(x, y, yaw_rad)
+        moving = under_way(NOW_S + s, x, y, nodes[number + 1 :], agvPosition=place, velocity=velocity)
+        of.receive(moving, NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert robot.pace.seen(CORNER) == pytest.approx(lost_s, abs=0.4)
+    assert Paces(Pace(), Sighting(NOW_S, 0, 0.0, 0.0, 0.0)).corner_s == 0.0
