@@ -45,7 +45,8 @@ LIMITS = np.dtype(
         ("slack_s", np.float64),  # `path_points.SLACK_S`
         ("regular_s", np.float64),  # `plausibility.REGULAR_S`
         ("stands_mps", np.float64),  # `plausibility.STANDS_MPS`
-        ("drives_mps", np.float64),  # `plausibility.DRIVES_MPS`
+        ("turns_radps", np.float64),  # `pace.TURNS_RADPS`
+        ("drives_mps", np.float64),  # `pace.DRIVES_MPS`
         ("moved_m", np.float64),  # `plausibility.MOVED_M`
         ("robot_jump_m", np.float64),  # `ownership_claims.JUMP_M`
         ("robot_jump_mps", np.float64),  # `ownership_claims.JUMP_MPS`
@@ -226,7 +227,9 @@ def forecast_repeat(
     before, here = (before_s, before_x, before_y, before_rad), (event_s, x, y, yaw_rad)
     offset_s, knots = event_s - stamp_s, 0
     loaded = not isnan(scanned[2, 2]) and scanned[2, 2] != 100.0
-    if loaded == (limits.loaded != 0.0) and _is_plausible(before, here, speed_mps, turn_radps, limits):
+    turns_on_spot = abs(speed_mps) <= limits.drives_mps and abs(turn_radps) > limits.turns_radps
+    is_same = loaded == (limits.loaded != 0.0) and not turns_on_spot
+    if is_same and _is_plausible(before, here, speed_mps, turn_radps, limits):
         if limits.basis == BY_VELOCITY:
             knots = _by_velocity(here, speed_mps, turn_radps, limits, rows)
         elif limits.basis == BY_PATH:

@@ -18,6 +18,7 @@ from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.prediction.pace import DRIVES_MPS, TURNS_RADPS
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
@@ -162,7 +163,8 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         path_points.SLACK_S,
         plausibility.REGULAR_S,
         plausibility.STANDS_MPS,
-        plausibility.DRIVES_MPS,
+        TURNS_RADPS,
+        DRIVES_MPS,
         plausibility.MOVED_M,
         ownership_claims.JUMP_M,
         ownership_claims.JUMP_MPS,

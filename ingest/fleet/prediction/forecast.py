@@ -31,7 +31,7 @@ from ingest.fleet.prediction.forecast_model import (
     Route,
     Sighting,
 )
-from ingest.fleet.prediction.pace import Paces, allowance
+from ingest.fleet.prediction.pace import DRIVES_MPS, TURNS_RADPS, Paces, allowance
 from ingest.fleet.prediction.path_forecast import MOVING_MPS, knot_at, on_floors, route_by_path
 from ingest.fleet.prediction.plausibility import REGULAR_S
 from ingest.fleet.prediction.way_on import (
@@ -113,7 +113,10 @@ class _Route(NamedTuple):
     def _navigating(self) -> tuple[Basis, Route]:
         status, here = self.status, self.here
         if route := route_by_path(status.path, here, self.context, self.paces, self.findings):
-            return status.path_basis, self._beyond(_with_headings(route[0]), route[1])
+            knots = _with_headings(route[0])
+            if not self._turns_at(knots):
+                return status.path_basis, self._beyond(knots, route[1])
+            return Basis.VELOCITY, self._by_velocity()
         has_speed = here.linear_mps is not None and not isnan(here.yaw_rad)
         if has_speed and (abs(here.linear_mps or 0.0) > MOVING_MPS or not status.destinations.datums):
             return Basis.VELOCITY, self._by_velocity()
@@ -122,6 +125,14 @@ class _Route(NamedTuple):
         if has_speed and here.turn_radps:
             return Basis.VELOCITY, self._by_velocity()
         return Basis.STATIONARY, _standing(here)
+
+    def _turns_at(self, knots: Sequence[Knot]) -> bool:
+        """Whether the robot turns on the spot, while its path says only that it stands there."""
+        here = self.here
+        is_turning = abs(here.turn_radps) > TURNS_RADPS and abs(here.linear_mps or 0.0) <= DRIVES_MPS
+        return is_turning and all(
+            hypot(x - here.x_m, y - here.y_m) <= AWAY_M and yaw_rad == here.yaw_rad for _, x, y, yaw_rad in knots
+        )
 
     def _departure(self) -> Route | None:
         """The route of an idle robot by its path. None unless the path leads away and its own times say when."""

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import Sighting
+from ingest.fleet.prediction.pace import DRIVES_MPS
 from ingest.frames.angles import turn_between
 
 MIN_GAP_S = 0.9
@@ -21,8 +22,8 @@ COMPARABLE_S = 5.0
 """Sightings further apart in time than this do not show how a robot has turned between them."""
 OBSERVABLE_S = 35.0
 """Sightings further apart than this show nothing of the motion between them. Conforming robots may report so seldom."""
-STANDS_MPS, DRIVES_MPS = 0.02, 0.1
-"""A robot that is slower than the first stands; one that is faster than the second over two reports drives."""
+STANDS_MPS = 0.02
+"""A robot that is slower stands."""
 REGULAR_S = 2.0
 """Reports further apart than this are rare."""
 MAX_TURN_RADPS = 2.0

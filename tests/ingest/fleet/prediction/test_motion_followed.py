@@ -1,5 +1,6 @@
 """Forecasts follow what robots do: their pace, turns on the spot, and the way beyond a short path."""
 
+import json
 from itertools import pairwise
 from math import atan2, cos, hypot, pi, sin
 from typing import Any
@@ -13,7 +14,9 @@ from ingest.fleet.prediction.forecast_model import Forecast, Sighting
 from ingest.fleet.prediction.pace import CORNER, Pace, Paces
 from ingest.fleet.robot import Robot
 from ingest.settings import Datum
-from tests.helpers.saying import HALL, points, robot, status
+from tests.helpers.iso_saying import CCS, identity, odometry, trajectory
+from tests.helpers.iso_saying import line as iso_line
+from tests.helpers.saying import HALL, angle, points, robot, status
 from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, fleet
 
@@ -272,3 +275,24 @@ def test_what_a_corner_takes_beyond_its_turn_is_learned() -> None:
     (robot,) = of.robots.values()
     assert robot.pace.seen(CORNER) == pytest.approx(lost_s, abs=0.4)
     assert Paces(Pace(), Sighting(NOW_S, 0, 0.0, 0.0, 0.0)).corner_s == 0.0
+
+
+def test_a_robot_that_turns_where_its_path_stands_goes_on_turning() -> None:
+    here = points(*((NOW_S + s, 0.0, 0.0, 0.0) for s in range(1, 11)))
+    of = fleet()
+    of.receive(status("A", NOW_S, velocity={"linear": 0.0, "angular": angle(0.3)}, path=here), NOW_S, LINE)
+    made = of.robots[robot("A")].forecast
+    assert at(made, NOW_S + 5)[2] == pytest.approx(1.5)
+
+
+def test_the_heading_of_a_point_of_an_iso_trajectory_is_a_turn() -> None:
+    of = fleet(datums=(Datum(id=CCS, name="Hall"),))
+    of.receive(identity(NOW_S), NOW_S, iso_line("identity"))
+    document = json.loads(trajectory(NOW_S, (NOW_S + 2, 0.0, 0.0), (NOW_S + 8, 0.0, 0.0)))
+    for point, yaw_rad in zip(document["localTrajectory"], (0.0, 1.2), strict=True):
+        point["orientation"] = {"yaw": yaw_rad}
+    of.receive(json.dumps(document).encode(), NOW_S, iso_line("localTrajectory"))
+    of.receive(odometry(NOW_S), NOW_S, iso_line("odometry"))
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 5)[2] == pytest.approx(0.6)
+    assert at(robot.forecast, NOW_S + 9)[2] == pytest.approx(1.2)
