@@ -30,6 +30,11 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Whether each pose is later than the one before."""
     ends_s: tuple[float, float]
     """The first and the last time; nan if there is no pose."""
+    most: tuple[float, ...] = ()
+    """(p,) the greatest speed on the way to each pose, or the greatest turn rate where it turns on the spot; inf if
+    none is stated. The robot drives at its own pace. Empty if the times are the robot's own."""
+    ends_in_stop: bool = False
+    """Whether it is known that the robot stops where the path ends."""
 
     @property
     def times(self) -> list[float]:

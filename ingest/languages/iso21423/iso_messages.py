@@ -49,6 +49,7 @@ class TimedPoint(IsoObject, frozen=True):
 
     timestamp: str
     location_point: LocationPoint
+    orientation: Orientation | None = None
 
 
 class TrajectoryMessage(IsoMessage, frozen=True):

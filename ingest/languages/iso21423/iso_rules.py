@@ -72,6 +72,7 @@ _STATE = (
     Rule("heading-missing", "A pose without yaw; the direction of travel is used.", "odometry"),
     _in_context("status-too-rare", "More than 30 s since the last odometry.", "odometry"),
     _in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", "odometry"),
+    _in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "odometry"),
     _in_context("heading-contradicts-motion", "It moves in another direction than its heading.", "odometry"),
     _in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", "odometry"),
     _in_context("datum-unknown", "The site file does not have this coordinate system; a floor of its own.", "odometry"),
@@ -82,6 +83,11 @@ _WHERE_TO = (
     Rule("point-absurd", "A point lies beyond 10,000 km; left out.", "localTrajectory"),
     Rule("path-times-equal", "Points have the same time; new times by speed.", "localTrajectory"),
     Rule("path-unordered", "Points are not in the order of their times; new times by speed.", "localTrajectory"),
+    _in_context(
+        "path-datum-unknown",
+        "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+        "localTrajectory",
+    ),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "localTrajectory"),
     _in_context(
         "path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "localTrajectory"

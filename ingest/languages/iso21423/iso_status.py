@@ -110,7 +110,7 @@ def states_of(sent: list[str], findings: Findings) -> tuple[str, ...]:
 
 
 def path_of(points: list[TimedPoint], key: str, findings: Findings) -> Path:
-    """Points under a key, with the robot's own times. Their headings are the direction of travel."""
+    """Points under a key, with the robot's own times. A heading that is not told is the direction of travel."""
     rows: list[Row] = []
     datums: list[str] = []
     for row, point in enumerate(points[:MOST_POINTS]):
@@ -120,7 +120,8 @@ def path_of(points: list[TimedPoint], key: str, findings: Findings) -> Path:
         elif abs(at.x) > MAX_POSITION_M or abs(at.y) > MAX_POSITION_M:
             findings["point-absurd"] = None
         else:
-            rows.append((stamp.t_s, at.x, at.y, nan))
+            yaw_rad = point.orientation.yaw if point.orientation else None
+            rows.append((stamp.t_s, at.x, at.y, nan if yaw_rad is None else remainder(yaw_rad, 2 * pi)))
             if stamp.findings:
                 findings.update(dict.fromkeys(stamp.findings))
             datums.append((at.ccs_id or "").lower())

@@ -101,6 +101,7 @@ _WHERE = (
     Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
     Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),
+    _in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "5.2.2"),
     _in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
     _in_context(
         "turn-rate-contradicts-motion", "The headings do not bear out the angular velocity; set aside.", "5.2.2"
@@ -128,6 +129,11 @@ _WHERE_TO = (
     Rule("path-times-1970", "The points' times lie at the beginning of 1970; kept, for new times.", "5.3.3"),
     Rule("path-times-equal", "Two points have the same time; kept, for new times by speed.", "5.3.3"),
     Rule("path-unordered", "Points are not in the order of their times; kept, for new times.", "5.3.3"),
+    _in_context(
+        "path-datum-unknown",
+        "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+        "5.3.3",
+    ),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "5.3.3"),
     _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used up to there.", "5.3.3"),
     Rule("point-unreadable", "A point's time or position can't be read; the point is left out.", "3.3"),

@@ -107,6 +107,16 @@ def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> 
     return (*(order for order in known if order is not before), merged)
 
 
+def is_base_extended(known: tuple[Order, ...], newest: Order) -> bool:
+    """Whether an order releases more of an order that was known."""
+    before = next((order for order in known if order.order_id == newest.order_id), None)
+    return before is not None and _base_end(newest) > _base_end(before)
+
+
+def _base_end(order: Order) -> int:
+    return max((number for number, node in order.nodes.items() if node.released), default=-1)
+
+
 def _continuing(before: Order, newest: Order, findings: Findings) -> Order:
     """The update, with the number that its first node has in the order before, if its sender began to count anew."""
     first = min(newest.nodes, default=0)

@@ -19,7 +19,8 @@ from ingest.languages.model import Message, Rejection, Status, Update
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
-from ingest.languages.vda5050.orders import MAX_POSITION_M, order_of, with_update
+from ingest.languages.vda5050.base_ends import is_under_way
+from ingest.languages.vda5050.orders import MAX_POSITION_M, is_base_extended, order_of, with_update
 from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -143,7 +144,11 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     if isinstance(message, OrderMessage):
         orders = with_update(memory.orders, order_of(message, memory.state, findings), findings)
         is_newer = orders is not memory.orders
-        memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_newer or memory.is_order_newer)
+        bases = memory.bases
+        if is_newer and is_base_extended(memory.orders, orders[-1]) and memory.state and memory.pose:
+            bases = bases.after(in_time=is_under_way(memory.state, memory.pose.velocity))
+        is_order_newer = is_newer or memory.is_order_newer
+        memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_order_newer, bases=bases)
     elif isinstance(message, ConnectionMessage):
         memory = _with_connection(memory, message.connection_state or "", heard)
     return _update(topic, findings), memory

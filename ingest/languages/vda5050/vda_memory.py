@@ -3,6 +3,7 @@
 import msgspec
 
 from ingest.languages.timestamps import Stamp
+from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
 from ingest.languages.vda5050.vda_messages import IntermediatePath, PlannedPath, Position, StateMessage, Velocity2d
 
@@ -52,6 +53,7 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """The last two, the newest last."""
     is_order_newer: bool = False
     """Whether the newest order came after the newest state, which therefore does not show it."""
+    bases: BaseEnds = BaseEnds()
     abilities: Abilities = Abilities()
     connection: str = ""
     """The newest connection state."""

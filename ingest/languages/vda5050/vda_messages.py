@@ -67,6 +67,8 @@ class NodePlace(VdaObject, frozen=True):
     x: float
     y: float
     theta: float | None = None
+    """The heading that the robot takes there."""
+    allowed_deviation_theta: float | None = None
     map_id: str | None = None
 
 

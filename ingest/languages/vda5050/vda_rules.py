@@ -75,6 +75,7 @@ _STATE = (
     *load_rules("state"),
     _in_context("status-too-rare", "More than 30 s since the last state.", "state"),
     _in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", "state"),
+    _in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "state"),
     _in_context("heading-contradicts-motion", "It moves in another direction than its heading.", "state"),
     _in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", "state"),
 )
@@ -98,6 +99,11 @@ _WHERE_TO = (
     Rule("point-absurd", "A waypoint lies beyond 10,000 km; left out.", "state"),
     Rule("path-past", "The times of all waypoints are over; new times by speed.", "state"),
     Rule("path-unordered", "Waypoints are not in the order of their times; new times by speed.", "state"),
+    _in_context(
+        "path-datum-unknown",
+        "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+        "state",
+    ),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "state"),
     _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "state"),
 )

@@ -1,6 +1,6 @@
 """The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
 
-from math import hypot, nan, pi, remainder
+from math import nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts, Basis
@@ -8,6 +8,7 @@ from ingest.languages import timestamps
 from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
+from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, UNDER_WAY_MPS, speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
@@ -23,10 +24,7 @@ from ingest.languages.vda5050.vda_messages import (
 )
 from ingest.sizes.stated_loads import StatedLoad
 
-MAX_SPEED_MPS = 100.0
 MOVING_MPS = 0.02
-DRIVING_MPS = 0.1
-"""A robot that is faster drives, whatever its errors say."""
 MOST_WAYPOINTS = 200
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL", "UNKNOWN"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
@@ -41,8 +39,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     if pose is None:
         return None
     position, stamp = pose.position, pose.stamp
-    speed_mps = _speed_mps(pose.velocity)
-    operational = _operational_state(memory, state, speed_mps)
+    reported_mps = speed_mps(pose.velocity)
+    operational = _operational_state(memory, state, reported_mps)
     linear_mps, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
@@ -68,7 +66,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         path,
         tuple(findings),
         path_basis=basis,
-        is_blocked=_is_blocked(state, speed_mps),
+        is_blocked=_is_blocked(state, reported_mps),
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
@@ -100,15 +98,15 @@ def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | No
     return velocity.vx, velocity.omega
 
 
-def _operational_state(memory: VdaMemory, state: StateMessage, speed_mps: float) -> str:
+def _operational_state(memory: VdaMemory, state: StateMessage, reported_mps: float) -> str:
     """The state of the MassRobotics standard that comes nearest."""
     if memory.connection in {"OFFLINE", "HIBERNATING"}:
         return "offline"
-    is_moving = speed_mps > MOVING_MPS
+    is_moving = reported_mps > MOVING_MPS
     if (by_mode := _by_mode(state.operating_mode, is_moving)) is not None:
         return by_mode
     power = state.power_supply or state.battery_state
-    if state.driving or speed_mps > DRIVING_MPS or (state.driving is None and is_moving):
+    if state.driving or reported_mps > UNDER_WAY_MPS or (state.driving is None and is_moving):
         return "navigating"
     if power and power.charging:
         return "charging"
@@ -137,9 +135,9 @@ def _standing_state(state: StateMessage) -> str:
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
-def _is_blocked(state: StateMessage, speed_mps: float) -> bool:
+def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
     """Whether it can't move. A robot that drives can, whatever errors, fields and unknown words it reports."""
-    if speed_mps > DRIVING_MPS:
+    if reported_mps > UNDER_WAY_MPS:
         return False
     safety = state.safety_state
     stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
@@ -148,12 +146,6 @@ def _is_blocked(state: StateMessage, speed_mps: float) -> bool:
     is_hindered = stop == "UNKNOWN" or bool(safety and safety.field_violation)
     is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
     return (is_hindered or is_faulty) and not state.driving
-
-
-def _speed_mps(velocity: Velocity2d | None) -> float:
-    """The reported speed, 0 if none was sent that a robot can have."""
-    speed_mps = hypot(velocity.vx or 0.0, velocity.vy or 0.0) if velocity else 0.0
-    return speed_mps if speed_mps <= MAX_SPEED_MPS else 0.0
 
 
 def _is_lost(position: Position) -> bool:
