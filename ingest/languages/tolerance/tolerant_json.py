@@ -33,6 +33,8 @@ class KnownNames(NamedTuple):
     """Keys of which a likeness is noticed if they are absent."""
     words: Mapping[str, str] = {}
     """From words of no enumeration to those that are meant, both folded."""
+    counter: str = ""
+    """The key that counts the objects of a list by twos."""
 
 
 def decoded(
@@ -114,7 +116,7 @@ def _decoder(model: type[msgspec.Struct]) -> msgspec.json.Decoder[Any]:
 
 def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:
     """The message read value by value."""
-    reader = ValueReader(findings, word_aliases=names.words, needed=names.needed)
+    reader = ValueReader(findings, word_aliases=names.words, needed=names.needed, counter=names.counter)
     read, _ = reader.read(parsed(raw, findings), object_kind(model))
     return msgspec.convert(read, model)
 

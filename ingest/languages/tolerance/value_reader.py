@@ -35,6 +35,8 @@ class ValueReader:
     """The same of words."""
     needed: frozenset[str] = frozenset()
     """Keys of which a likeness is noticed if they are absent."""
+    counter: str = ""
+    """A key that counts the objects of a list by twos. One without it has the number of its place."""
     keeps_others: bool = False
     """Whether to keep keys that the standard does not have, and what can't be read but must not be missing."""
     most_items: int = MOST_ITEMS
@@ -109,7 +111,7 @@ class ValueReader:
             if item is UNREADABLE:
                 return UNREADABLE
             self.findings.note("single-not-list", path, value, "a list of one")
-            return [item]
+            return self._counted([item])
         items = []
         for row, sent in enumerate(value[: self.most_items]):
             where = f"{path}[{row}]"
@@ -117,6 +119,17 @@ class ValueReader:
                 self.findings.note("null-value", where, None, LEFT_OUT)
             elif (item := self._item(sent, known, where)) is not UNREADABLE:
                 items.append(item)
+        return self._counted(items)
+
+    def _counted(self, items: list[Any]) -> list[Any]:
+        """The items with numbers for those that have none but stand between others."""
+        if not (self.counter and items and isinstance(items[0], dict) and self.counter in items[0]):
+            return items
+        numbers = [item[self.counter] for item in items]
+        first = next((row for row, number in enumerate(numbers) if number is not None), 0)
+        before = (numbers[first] or 0) - 2 * (first + 1)
+        for item in items:
+            before = item[self.counter] = before + 2 if item[self.counter] is None else item[self.counter]
         return items
 
     def _item(self, value: Any, known: KeyKind, path: str) -> Any:
@@ -128,6 +141,9 @@ class ValueReader:
             if not isinstance(value, dict):
                 return self._left_out(value, path, kind)
             read, fits = self.read(value, kind, path)
+            if not fits and kind.required.difference(read) == {self.counter}:
+                read[self.counter], fits = None, True
+                self.findings.note("key-absent", _under(path, self.counter), None, "by its place")
             return read if fits else self._left_out(value, path, kind)
         if isinstance(kind, Words):
             return self._word(value, kind, path)

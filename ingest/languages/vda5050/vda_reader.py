@@ -34,6 +34,7 @@ NAMES = KnownNames(
         "completed": "finished",
         "done": "finished",
     },
+    "sequenceId",
 )
 """Keys of which a likeness is noticed, and words that senders use beside those of the enumerations."""
 
