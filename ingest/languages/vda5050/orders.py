@@ -58,10 +58,11 @@ class Order(msgspec.Struct, frozen=True, gc=False):
 
     def number_of(self, node_id: str | None, sequence_id: int | None) -> int:
         """The number of a node that a robot has passed. -1 if it has passed none."""
-        known = self.nodes.get(-1 if sequence_id is None else sequence_id)
+        sent = -1 if sequence_id is None else sequence_id
+        known = self.nodes.get(sent)
         if not node_id or known is None or known.node_id == node_id:
-            return -1 if sequence_id is None else sequence_id
-        return next((number for number, node in self.nodes.items() if node.node_id == node_id), sequence_id or -1)
+            return sent
+        return next((number for number, node in self.nodes.items() if node.node_id == node_id), sent)
 
 
 def order_of(message: OrderMessage, state: StateMessage | None, findings: Findings) -> Order:

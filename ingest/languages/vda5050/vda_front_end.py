@@ -195,7 +195,8 @@ def _read_motion(
     if isinstance(message, StateMessage):
         changes = changes | {"state": message, "is_order_newer": False, "connection": "ONLINE"}
     if position is None:
-        findings.note("position-missing", "agvPosition", None, "where it was last seen")
+        key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
+        findings.note("position-missing", key, None, "where it was last seen")
     elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
     elif is_newest:

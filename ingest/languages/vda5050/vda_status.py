@@ -77,13 +77,13 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
 
 def datum_of(position: Position, findings: Findings) -> str:
     if not position.map_id:
-        findings.note("map-missing", "agvPosition.mapId", position.map_id, "compared with nothing")
+        findings.note("map-missing", f"{position.key}.mapId", position.map_id, "compared with nothing")
     return (position.map_id or "").lower()
 
 
 def _yaw_rad(position: Position, findings: Findings) -> float:
     if position.theta is None:
-        findings.note("heading-missing", "agvPosition.theta", None, "the direction of travel")
+        findings.note("heading-missing", f"{position.key}.theta", None, "the direction of travel")
         return nan
     return remainder(position.theta, 2 * pi)
 

@@ -165,3 +165,14 @@ def test_a_robot_that_plans_by_itself_has_its_own_path() -> None:
     assert [row[:3] for row in read.path.poses] == [(T + 1, 1.0, 0.0), (T + 3, 3.0, 1.0)]
     assert read.path_basis is Basis.PATH
     assert read.destinations.poses[0][1:3] == (9.0, 9.0)
+
+
+def test_what_a_position_lacks_is_named_by_the_key_of_its_version() -> None:
+    assert [each.path for each in status(agvPosition={"x": 0.0, "y": 0.0}).oddities] == [
+        "agvPosition.theta",
+        "agvPosition.mapId",
+    ]
+    place = {"x": 0.0, "y": 0.0, "localized": True}
+    assert status_3(mobileRobotPosition=place).oddities[0].path == "mobileRobotPosition.theta"
+    named = Listener().hears("state", state_3(T, mobileRobotPosition=None))
+    assert [each.path for each in named.oddities] == ["mobileRobotPosition"]
