@@ -39,8 +39,7 @@ from ingest.fleet.prediction.way_on import (
     SHORT_BY_S,
     THERE_M,
     driven_to,
-    is_stop,
-    speed_at_end,
+    end_of,
     way_on,
 )
 from ingest.languages.model import Status
@@ -168,12 +167,15 @@ class _Route(NamedTuple):
         if not short or self.status.path.ends_in_stop or set(floors) != {here.floor} or isnan(end[3]):
             return knots, floors
         destination = self._destination()
-        if is_stop(knots, destination):
+        going = end_of(knots, abs(here.linear_mps or 0.0), destination)
+        if going is None:
             return knots, floors
-        mps = min(speed_at_end(knots), self.context.body.max_speed_mps or inf)
-        direction_rad = atan2(end[2] - knots[-2][2], end[1] - knots[-2][1])
+        mps = min(going.mps, self.context.body.max_speed_mps or inf)
+        if here.is_driving:
+            self.paces.note_beyond(end, going.direction_rad, mps)
+        mps *= self.paces.beyond_share
         until = until_s(here, self.context)
-        further = way_on(end, direction_rad, mps, destination, until, self.paces.turn_radps)
+        further = way_on(end, going.direction_rad, mps, destination, until, self.paces.turn_radps)
         return [*knots, *further], (*floors, *(here.floor,) * len(further))
 
     def _destination(self) -> Knot | None:

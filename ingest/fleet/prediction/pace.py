@@ -6,10 +6,10 @@ over a window of motion is not moved by starts and stops, and follows a change o
 """
 
 from collections import OrderedDict, deque
-from math import ceil, hypot, inf, isfinite
+from math import ceil, cos, hypot, inf, isfinite, sin
 from typing import NamedTuple
 
-from ingest.fleet.prediction.forecast_model import Sighting
+from ingest.fleet.prediction.forecast_model import Knot, Sighting
 from ingest.frames.angles import turn_between
 
 ASSUMED_MPS, ASSUMED_TURN_RADPS = 1.0, 1.0
@@ -25,16 +25,21 @@ OWN_S, USUAL_S = 30.0, 240.0
 """Motion over which the speeds of a robot, and of a model, are kept. All robots of a model share the second."""
 SPACED_S, APART_S = 0.45, 35.0
 """Sightings nearer in time show more noise than motion, those further apart do not show how a robot drives."""
+LEAST_SHARE = 0.2
+"""A robot that stops at the end of most of its paths is thought to go on this much of its speed."""
 MOST_MODELS, MOST_KINDS = 1000, 12
 FULL_TURN = 0.8
 """Of the turn rates between two reports, this part is too small, since the robot turned only some of the time."""
-TURN, CORNER = "turn", "corner"
+TURN, CORNER, BEYOND = "turn", "corner", "beyond"
+BEYOND_S, BEYOND_COUNTS_S = 3.0, 0.5
+"""When a robot is compared with how it was thought to go on beyond its path, and as how much motion that counts."""
 PASSED_M, OVERDUE_S, COUNTS_S = 0.7, 15.0, 5.0
 """A robot passes a place at this distance or less. One that is later than the second passes it no more. A corner counts
 as this much motion."""
 Kind = float | str
 """The allowed speed in steps of 0.1 m/s, inf if none is stated and negative in a bend; `TURN` for turns on the spot;
-`CORNER` for what a corner takes beyond its turn, which is seconds instead of a speed."""
+`CORNER` for what a corner takes beyond its turn, which is seconds instead of a speed; `BEYOND` for the share of its
+speed with which a robot goes on in a straight line beyond the end of its path."""
 
 
 class Allowance(NamedTuple):
@@ -90,6 +95,8 @@ class Pace:
         """The sighting from which it is observed next."""
         self._beyond_corner: tuple[float, float, float] | None = None
         """A place beyond a corner, x and y, and when it would be there if it lost no time by braking and starting."""
+        self._beyond_path: tuple[Knot, float, float] | None = None
+        """The end of a path, and the direction and the speed with which it was thought to go on there."""
 
     def observe(self, now: Sighting) -> None:
         """Take in where the robot is now."""
@@ -105,6 +112,7 @@ class Pace:
         if not 0.0 < lasted_s <= APART_S:
             return
         self._pass_corner(before, now)
+        self._go_beyond(now)
         if moved_m > DRIVES_MPS * lasted_s:
             if self.kind is not None:
                 self._add(self.kind, lasted_s, moved_m / lasted_s)
@@ -124,6 +132,20 @@ class Pace:
     def expect_beyond_corner(self, x: float, y: float, t_s: float) -> None:
         """Compare with what is seen when the robot will be beyond a corner, unless it is observed at one already."""
         self._beyond_corner = self._beyond_corner or (x, y, t_s)
+
+    def expect_beyond_path(self, end: Knot, direction_rad: float, mps: float) -> None:
+        """Compare with how it goes on beyond the end of its path, unless that of an earlier path is awaited."""
+        self._beyond_path = self._beyond_path or (end, direction_rad, mps)
+
+    def _go_beyond(self, now: Sighting) -> None:
+        if self._beyond_path is None:
+            return
+        (t_s, x, y, _), direction_rad, mps = self._beyond_path
+        if now.t_s < t_s + BEYOND_S:
+            return
+        along_m = (now.x_m - x) * cos(direction_rad) + (now.y_m - y) * sin(direction_rad)
+        self._add(BEYOND, BEYOND_COUNTS_S, min(max(along_m / (mps * (now.t_s - t_s)), 0.0), 1.0))
+        self._beyond_path = None
 
     def _pass_corner(self, before: Sighting, now: Sighting) -> None:
         if self._beyond_corner is None:
@@ -199,6 +221,16 @@ class Paces:
     def note_corner(self, x: float, y: float, t_s: float) -> None:
         """It would pass a place beyond a corner at this time, if it lost no time there."""
         self._pace.expect_beyond_corner(x, y, t_s)
+
+    def note_beyond(self, end: Knot, direction_rad: float, mps: float) -> None:
+        """It may go on so beyond the end of its path."""
+        self._pace.expect_beyond_path(end, direction_rad, mps)
+
+    @property
+    def beyond_share(self) -> float:
+        """The share of its speed with which robots of its model usually go on in a straight line beyond their paths."""
+        usual = self._pace.usual(BEYOND)
+        return 1.0 if usual is None else max(usual, LEAST_SHARE)
 
     @property
     def corner_s(self) -> float:

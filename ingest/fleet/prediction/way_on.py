@@ -5,7 +5,9 @@ so: the path slows to a stop there, or a destination lies there.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import atan2, ceil, cos, hypot, isfinite, pi, remainder, sin
+from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Knot
 from ingest.frames.angles import turn_between
@@ -20,24 +22,52 @@ CORNER_RAD = 0.35
 """A robot turns on the spot where its direction changes by more than this."""
 STEP_RAD = 0.5
 """A turn has a knot for each part of this size, since an envelope off the centre moves straight between knots."""
+TURNS_RAD = 0.1
+"""A robot whose last piece is a turn of more than this is not at its stop."""
+SLOWING = 0.9
+"""A robot whose speed falls to less than this share on the last piece slows down."""
 AWAY_M = 0.1
 """A robot that is to go no further than this stands."""
 
 
-def speed_at_end(knots: Sequence[Knot]) -> float:
-    """Metres a second on the last piece, 0 if it is none."""
-    if len(knots) < 2:
-        return 0.0
-    (from_s, from_x, from_y, _), (to_s, to_x, to_y, _) = knots[-2], knots[-1]
-    return hypot(to_x - from_x, to_y - from_y) / max(to_s - from_s, 1e-3)
+class End(NamedTuple):
+    """How a route ends, if the robot goes on."""
+
+    direction_rad: float
+    mps: float
 
 
-def is_stop(knots: Sequence[Knot], destination: Knot | None) -> bool:
-    """Whether a route says that the robot stops at its end."""
-    if speed_at_end(knots) < STOPS_MPS:
-        return True
-    _, x, y, _ = knots[-1]
-    return destination is not None and hypot(destination[1] - x, destination[2] - y) <= THERE_M
+def end_of(knots: Sequence[Knot], now_mps: float, destination: Knot | None) -> End | None:
+    """The direction and speed with which a robot goes on after a route. None if the route says that it stops there.
+
+    A robot that turns on the spot at the end of its route goes on in the direction that it turns to. One that is not
+    slowing down goes on at the greatest speed of the route, and at least at its speed now.
+    """
+    _, x, y, yaw_rad = knots[-1]
+    if destination is not None and hypot(destination[1] - x, destination[2] - y) <= THERE_M:
+        return None
+    speeds = [_speed(before, after) for before, after in pairwise(knots)]
+    cruise_mps = max(*speeds, now_mps)
+    if speeds[-1] < STOPS_MPS:
+        turned_rad = turn_between(knots[-2][3], yaw_rad)
+        backwards = pi if _is_backwards(knots) else 0.0
+        return End(yaw_rad + backwards, cruise_mps) if abs(turned_rad) > TURNS_RAD and cruise_mps > STOPS_MPS else None
+    is_slowing = len(speeds) > 1 and speeds[-1] < SLOWING * speeds[-2]
+    direction_rad = atan2(y - knots[-2][2], x - knots[-2][1])
+    return End(direction_rad, speeds[-1] if is_slowing else cruise_mps)
+
+
+def _speed(before: Knot, after: Knot) -> float:
+    return hypot(after[1] - before[1], after[2] - before[2]) / max(after[0] - before[0], 1e-3)
+
+
+def _is_backwards(knots: Sequence[Knot]) -> bool:
+    """Whether the last piece on which the robot drives is driven backwards."""
+    for before, after in pairwise(reversed(knots)):
+        dx, dy = before[1] - after[1], before[2] - after[2]
+        if hypot(dx, dy) > AWAY_M:
+            return dx * cos(before[3]) + dy * sin(before[3]) < 0.0
+    return False
 
 
 def way_on(
