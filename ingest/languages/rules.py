@@ -92,9 +92,14 @@ def word_rules(clause: str) -> tuple[Rule, Rule]:
     )
 
 
-def size_rules(clause: str) -> tuple[Rule, Rule]:
-    """The rules of a robot's size. They take the site file and the other robots of its model."""
+def size_rules(clause: str) -> tuple[Rule, ...]:
+    """The rules of a robot's size. Most take the site file and the other robots of its model."""
     return (
+        Rule(
+            "envelope-not-positive",
+            "Length or width is absent or not above zero; its last size stays, else the default envelope.",
+            clause,
+        ),
         Rule(
             SIZE_IN_OTHER_UNIT,
             "A size is beyond `reading.largest_body_m`, and other figures show millimetres or centimetres; converted.",

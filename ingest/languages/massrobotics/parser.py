@@ -64,7 +64,8 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
     _note_unknown_keys(report, findings)
     size = report.baseRobotEnvelope
     if size.x <= 0 or size.y <= 0 or size.z < 0:
-        raise RejectedError("envelope-not-positive", f"baseRobotEnvelope is {size.x:g} x {size.y:g} m; send its size")
+        sides = f"{size.x:g} x {size.y:g} x {size.z:g}"
+        findings.note("envelope-not-positive", "baseRobotEnvelope", sides, "the default envelope")
     texts = (report.manufacturerName, report.robotModel, report.robotSerialNumber)
     if not all(text.strip() for text in texts):
         findings["text-empty"] = None
@@ -78,7 +79,7 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
         manufacturer=report.manufacturerName[:MAX_TEXT],
         model=report.robotModel[:MAX_TEXT],
         serial=report.robotSerialNumber[:MAX_TEXT],
-        envelope_m=(size.x, size.y, size.z),
+        envelope_m=(max(size.x, 0.0), max(size.y, 0.0), max(size.z, 0.0)),
         figures=(Figure(cargo.x, cargo.y, "cargoMaxVolume"),) if (cargo := report.cargoMaxVolume) else (),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
