@@ -1,7 +1,7 @@
 """Where a robot is on its floor, and where it will be."""
 
 from functools import lru_cache, partial
-from math import isfinite
+from math import isfinite, isinf
 
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.prediction import plausibility
@@ -54,9 +54,14 @@ class Placement:
     def event_time(
         self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
     ) -> tuple[float, tuple[str, ...]]:
-        """When the pose of a status was true, by the sender's corrected clock, and the deviations."""
-        event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
+        """When the pose of a status was true, by the sender's corrected clock, and the deviations.
+
+        A status without a stamp has no resolution of it either, and counts from its arrival.
+        """
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
+        if isinf(resolution_s):
+            return arrival_s, findings
+        event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
         return event_s, findings + plausibility.clock(robot.clock, self._reading.clock_tolerance_s, resolution_s)
 
     def rejection(self, status: Status, vendor: str) -> Rejection | None:

@@ -92,7 +92,7 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     stamp_s: float
     """Time of the pose."""
     stamp_resolution_s: float
-    """Smallest difference that the stamp can show, 1 for whole seconds."""
+    """Smallest difference that the stamp can show, 1 for whole seconds; inf if there is no stamp that can be read."""
     state: str
     """Operational state: as the schema spells it, or as the sender does if the standard does not have it."""
     known_state: bool

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
-from math import floor
+from math import floor, inf, isfinite, nan
 
 import msgspec
 
@@ -34,6 +34,15 @@ class Stamp(msgspec.Struct, frozen=True, gc=False):
     resolution_s: float
     """The time that one unit of the last digit sent stands for."""
     findings: tuple[str, ...] = ()
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it could be read."""
+        return isfinite(self.resolution_s)
+
+
+NO_STAMP = Stamp(nan, inf)
+"""Of a message that has none, or one that can't be read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +78,11 @@ def plain_seconds(texts: Iterable[str]) -> tuple[list[float], tuple[str, ...]] |
             return None
         moments_s.append((head_us + after_us) / 1_000_000)
     return (moments_s, findings) if all(map(plausible, (min(moments_s), max(moments_s)))) else None
+
+
+def assumed(t_s: float) -> Stamp:
+    """In place of a stamp that can't be read."""
+    return Stamp(t_s, inf)
 
 
 def plausible(t_s: float) -> bool:

@@ -73,7 +73,7 @@ def _rejections() -> Iterator[Vector]:
     yield known("number-not-finite", "NaN in a location", said(location=here(x=nan)))
     yield known("number-not-finite", "1e999 in a location", said(location=here(x=1234.5)).replace(b"1234.5", b"1e999"))
     yield rejected("report-unknown", "a heartbeat", b'{"timestamp": "2023-11-14T22:13:20Z"}')
-    yield known("key-missing", "no timestamp", said(timestamp=None))
+    yield known("key-missing", "no location", said(location=None))
     yield known("key-missing", "a location without y", said(location=here(y=None)))
     yield known("key-missing", "an identity without its envelope", named(baseRobotEnvelope=None))
     yield known("type-wrong", "a location that is a list", said(location=[1, 2]))
@@ -81,10 +81,6 @@ def _rejections() -> Iterator[Vector]:
     yield known("type-wrong", "a coordinate that is the word NaN", said(location=here(x="NaN")))
     yield rejected("uuid-unreadable", "a name", said(uuid="forklift 7"), uuid=None)
     yield rejected("uuid-unreadable", "32 letters that Python's int would take", said(uuid="0x" + "1_" * 15))
-    yield known("stamp-unreadable", "a word for a time", said(timestamp="now"))
-    yield known("stamp-unreadable", "the thirteenth month", named(timestamp="2023-13-01T00:00:00Z"))
-    yield known("stamp-absurd", "the year 9999", said(timestamp="9999-12-31T23:59:59Z"))
-    yield known("stamp-absurd", "before 1970", said(timestamp="1960-01-01T00:00:00Z"))
     yield known("position-absurd", "a location of 1e308 m", said(location=here(x=1e308)))
     yield known("envelope-not-positive", "no width", named(baseRobotEnvelope={"x": 1, "y": 0}))
     yield known("envelope-not-positive", "below the floor", named(baseRobotEnvelope={"x": 1, "y": 1, "z": -1}))
@@ -221,6 +217,16 @@ def _when() -> Iterator[Vector]:
         reads = {"stamp_s": t_s, "stamp_resolution_s": resolution_s}
         return Vector(f"stamped {text!r}", said(timestamp=text), findings, reads=reads)
 
+    for text in ("now", "", "2023-13-01T00:00:00Z"):
+        yield stamped(text, "stamp-unreadable", t_s=0.0, resolution_s=inf)
+    for text in ("9999-12-31T23:59:59Z", "1960-01-01T00:00:00Z"):
+        yield stamped(text, "stamp-absurd", t_s=0.0, resolution_s=inf)
+    yield Vector(
+        "no stamp, but a path",
+        said(timestamp=None, path=[at(T), at(T + 1)]),
+        ("key-absent", "stamp-unreadable"),
+        reads={"stamp_s": T, "x": 1.0},
+    )
     yield stamped("2023-11-14T22:13:20Z")
     yield stamped("2023-11-14T22:13:20.250+00:00", t_s=T + 0.25, resolution_s=1e-3)
     yield stamped("2023-11-14T22:13:20+0000", "stamp-offset-no-colon")

@@ -35,7 +35,7 @@ from ingest.languages.iso21423.iso_status import MAX_POSITION_M, path_of, states
 from ingest.languages.model import Identity, Message, Rejection, Status, Update
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, stamp_of
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, stamp_of, time_of
 from ingest.languages.tolerance.value_reader import LEFT_OUT
 
 PREFIXES = ("/ISO_21423/v1",)
@@ -43,8 +43,6 @@ ROBOT = "IMR"
 """The entity type of robots."""
 NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
-LAST_WILL = "disconnection"
-"""A broker sends it for a robot, which can't know when."""
 MAX_REASON, MAX_TEXT, MAX_SPEED_MPS = 300, 100, 100.0
 NAMES = KnownNames(
     frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values()))
@@ -123,16 +121,17 @@ def _parsed_topic(topic: str) -> _IsoTopic | None:
 
 
 def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
-    message = _decoded(topic.resource, raw, findings)
-    if topic.resource == LAST_WILL and message.timestamp is None:
-        findings.note("key-absent", "timestamp", None, LEFT_OUT)
-        return _update(topic.sender.uuid, findings), memory
+    resource = topic.resource
+    message = _decoded(resource, raw, findings, is_first=resource not in memory.heard_s or resource in memory.respelt)
+    if ("key-spelling" in findings) != (resource in memory.respelt):
+        memory = replace(memory, respelt=memory.respelt ^ {resource})
     stamp = stamp_of(message.timestamp, findings)
-    last_s = memory.heard_s.get(topic.resource)
+    last_s = memory.heard_s.get(resource)
     if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
         findings["message-repeated" if stamp.t_s == last_s else "message-reordered"] = None
         return _update(topic.sender.uuid, findings), memory
-    memory = replace(memory, heard_s=memory.heard_s | {topic.resource: stamp.t_s})
+    if stamp.is_known:
+        memory = replace(memory, heard_s=memory.heard_s | {resource: stamp.t_s})
     if isinstance(message, OdometryMessage):
         return _read_odometry(message, topic.sender.uuid, stamp, memory, findings)
     if isinstance(message, IdentityMessage | FootprintMessage):
@@ -144,10 +143,10 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     return _update(topic.sender.uuid, findings), memory
 
 
-def _decoded(resource: str, raw: bytes, findings: Findings) -> IsoMessage:
+def _decoded(resource: str, raw: bytes, findings: Findings, *, is_first: bool) -> IsoMessage:
     """The message of a resource. Raises `RejectedError` if it can't be understood."""
-    message = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES)
-    for key in REQUIRED.get(resource, ()):
+    message, may_lack_keys = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES, is_first=is_first)
+    for key in REQUIRED.get(resource, ()) if may_lack_keys else ():
         if getattr(message, key) is None:
             findings.note("key-absent", KEYS.get(key, key), None, LEFT_OUT)
     return message
@@ -183,6 +182,7 @@ def _read_odometry(
     pose = message.pose
     if pose is None or abs(pose.location_point.x) > MAX_POSITION_M or abs(pose.location_point.y) > MAX_POSITION_M:
         raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
+    stamp = stamp if stamp.is_known else timestamps.assumed(memory.path_stamp_s)
     memory = replace(memory, pose=IsoPose(stamp, pose, message.velocity))
     status = status_of(uuid, memory, findings)
     return status or _update(uuid, findings), memory
@@ -193,7 +193,7 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
     match message:
         case TrajectoryMessage():
             path = path_of(message.local_trajectory or [], "localTrajectory", findings)
-            return replace(memory, path=path, path_stamp_s=stamp.t_s)
+            return replace(memory, path=path, path_stamp_s=time_of(stamp, path))
         case PlanMessage():
             return replace(memory, plan=path_of(message.global_plan or [], "globalPlan", findings))
         case StatusMessage():
@@ -238,7 +238,7 @@ def _identity(
         findings["speed-limit-not-positive"], speed_mps = None, None
     return Identity(
         uuid=uuid,
-        stamp_s=stamp.t_s,
+        stamp_s=time_of(stamp),
         manufacturer=(message.manufacturer_name or "")[:MAX_TEXT],
         model=(details.imr_model or "")[:MAX_TEXT],
         serial=(details.imr_serial_number or details.imr_name or uuid[:8])[:MAX_TEXT],

@@ -122,6 +122,8 @@ def path_of(points: list[TimedPoint], key: str, findings: Findings) -> Path:
         else:
             yaw_rad = point.orientation.yaw if point.orientation else None
             rows.append((stamp.t_s, at.x, at.y, nan if yaw_rad is None else remainder(yaw_rad, 2 * pi)))
+            if stamp.findings:
+                findings.update(dict.fromkeys(stamp.findings))
             datums.append((at.ccs_id or "").lower())
     times = [row[0] for row in rows]
     if not times:

@@ -25,8 +25,6 @@ _REJECTING = (
     _rejecting("key-missing", "A required key is missing.", "schema"),
     _rejecting("type-wrong", "A value without which the report says nothing can't be read.", "schema"),
     _rejecting("uuid-unreadable", "The UUID is none, and the vendor is not set to use names.", "2.13"),
-    _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send RFC 3339 in UTC.", "5.1.2"),
-    _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "5.1.2"),
     _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
     _rejecting("envelope-not-positive", "The envelope's length or width is not above zero.", "4.1.6"),
     Rule(
@@ -70,6 +68,8 @@ _KEYS_AND_TYPES = (
     Rule("codes-too-many", "More than 100 error codes, or one has more than 200 letters; cut.", "schema"),
 )
 _WHEN = (
+    Rule("stamp-unreadable", "The message's own timestamp is absent or can't be read; as of its arrival.", "5.1.2"),
+    Rule("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100; as of its arrival.", "5.1.2"),
     Rule("stamp-offset-no-colon", "A timestamp's offset has no colon or no minutes; read.", "5.1.2"),
     Rule("stamp-not-utc", "A timestamp has an offset other than UTC; converted.", "5.1.2"),
     Rule("stamp-no-offset", "A timestamp has no offset; read as UTC.", "5.1.2"),

@@ -20,7 +20,7 @@ from ingest.languages.model import (
 )
 from ingest.languages.rules import MOST_ODDITIES, Findings, RejectedError
 from ingest.languages.tolerance.spelling import nearest
-from ingest.languages.tolerance.tolerant_json import stamp_of
+from ingest.languages.tolerance.tolerant_json import stamp_of, time_of
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.sizes.stated_bodies import Figure
 
@@ -60,7 +60,7 @@ def _readable_uuid(sent_uuid: object, names_as_uuid: str | None) -> str | None:
 
 
 def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity:
-    stamp = message_stamp(report.timestamp, findings)
+    stamp = stamp_of(report.timestamp, findings)
     _note_unknown_keys(report, findings)
     size = report.baseRobotEnvelope
     if size.x <= 0 or size.y <= 0 or size.z < 0:
@@ -74,7 +74,7 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
     max_speed_mps = amounts.speed_limit(report.maxSpeed, findings)
     return Identity(
         uuid=uuid,
-        stamp_s=stamp.t_s,
+        stamp_s=time_of(stamp),
         manufacturer=report.manufacturerName[:MAX_TEXT],
         model=report.robotModel[:MAX_TEXT],
         serial=report.robotSerialNumber[:MAX_TEXT],
@@ -87,19 +87,20 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
 
 
 def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
-    stamp = message_stamp(report.timestamp, findings)
+    stamp = stamp_of(report.timestamp, findings)
     here = report.location
     if path_points.absurd(here.x, here.y, here.z):
         reason = f"location {here.x:g}, {here.y:g}, {here.z:g} is off any floor; send metres on the datum"
         raise RejectedError("position-absurd", reason)
     _note_unknown_keys(report, findings)
     state, known_state = vocabulary.state(report.operationalState, findings)
+    stamp_s = stamp.t_s if stamp.is_known else _assumed_s(report)
     linear_mps, turn_rad_per_s = amounts.motion(report.velocity, findings)
     if not known_state:
         state = vocabulary.by_motion(state, linear_mps)
     return Status(  # by position: keyword arguments are slow, and every status comes here
         uuid,
-        stamp.t_s,
+        stamp_s,
         stamp.resolution_s,
         state,
         known_state,
@@ -112,16 +113,17 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
         turn_rad_per_s,
         amounts.read(report, findings),
         _error_codes(report.errorCodes, findings) if report.errorCodes else (),
-        path_points.destinations(report.destinations, stamp.t_s, findings),
-        path_points.path(report.path, stamp.t_s, findings),
+        path_points.destinations(report.destinations, stamp_s, findings),
+        path_points.path(report.path, stamp_s, findings),
         tuple(findings),
         oddities=tuple(findings.oddities),
     )
 
 
-def message_stamp(text: str, findings: Findings) -> timestamps.Stamp:
-    """The message's own time. Raises `RejectedError` if it can't be read or lies outside 1970 to 2100."""
-    return stamp_of(text, findings, "RFC 3339")
+def _assumed_s(report: StatusReport) -> float:
+    """The time of a status without a stamp that can be read."""
+    paths = [path_points.path(points, 0.0, Findings()) for points in (report.path, report.destinations)]
+    return time_of(timestamps.NO_STAMP, *paths)
 
 
 def _note_unknown_keys(report: Report, findings: Findings, path: str = "") -> None:

@@ -17,7 +17,7 @@ NAMES_OF_THE_TEXT = {
     "loadpercentagestillavailable": "loadPercentageStillAvailable",
 }
 """Names of keys in the text of the standard, folded, by those in its schema."""
-TEXTS = ("operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
+TEXTS = ("timestamp", "operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
 """Required texts without which a report still says the rest."""
 
 

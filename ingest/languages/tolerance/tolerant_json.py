@@ -8,7 +8,9 @@ import msgspec
 from pydantic_core import from_json
 
 from ingest.languages import timestamps
+from ingest.languages.model import Path
 from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.tolerance.null_free import null_free
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader
 
@@ -31,6 +33,8 @@ class KnownNames(NamedTuple):
     """Keys of which a likeness is noticed if they are absent."""
     words: Mapping[str, str] = {}
     """From words of no enumeration to those that are meant, both folded."""
+    counter: str = ""
+    """The key that counts the objects of a list by twos."""
 
 
 def decoded(
@@ -39,18 +43,24 @@ def decoded(
     findings: Findings,
     lacks_key: Callable[[Any], bool],
     names: KnownNames,
-) -> Model:
-    """The message as a model whose keys are all optional. Raises `RejectedError` if it can't be understood.
+    *,
+    is_first: bool,
+) -> tuple[Model, bool]:
+    """The message as a model whose keys are all optional, and whether it has to be looked at for absent keys.
 
-    A message that lacks a key which it should have is read anew, for the key may be there in another spelling.
+    A message that lacks a key which it should have is read anew, for the key may be there in another spelling. So is
+    the first one of a robot, and each further one if that had such a key. Raises `RejectedError` if it can't be
+    understood.
     """
-    try:
-        message = cast(Model, _decoder(model).decode(raw))
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return _repaired(model, raw, findings, names)
-    if b"null" in raw or lacks_key(message):
-        return _repaired(model, raw, findings, names)
-    return message
+    if not is_first:
+        try:
+            message = cast(Model, _decoder(model).decode(raw))
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            pass
+        else:
+            if not lacks_key(message):
+                return message, False
+    return _repaired(model, raw, findings, names), True
 
 
 def document(raw: bytes) -> dict[str, Any]:
@@ -63,16 +73,22 @@ def document(raw: bytes) -> dict[str, Any]:
     return sent
 
 
-def stamp_of(text: str | None, findings: Findings, form: str = "ISO 8601") -> timestamps.Stamp:
-    """The message's own time. Raises `RejectedError` if it can't be read or lies outside 1970 to 2100."""
+def stamp_of(text: str | None, findings: Findings) -> timestamps.Stamp:
+    """The message's own time. `NO_STAMP` if it can't be read or lies outside 1970 to 2100."""
     stamp = timestamps.parse(text or "")
-    if stamp is None:
-        raise RejectedError("stamp-unreadable", f"timestamp {(text or '')[:60]!r} is no {form} date-time in UTC")
-    if not timestamps.plausible(stamp.t_s):
-        raise RejectedError("stamp-absurd", f"timestamp {(text or '')[:60]!r} lies outside 1970 to 2100")
+    if stamp is None or not timestamps.plausible(stamp.t_s):
+        findings.note("stamp-absurd" if stamp else "stamp-unreadable", "timestamp", text, "as of its arrival")
+        return timestamps.NO_STAMP
     for rule in stamp.findings:
         findings.note(rule, "timestamp", text, timestamps.write(stamp.t_s))
     return stamp
+
+
+def time_of(stamp: timestamps.Stamp, *paths: Path) -> float:
+    """The time of a pose. Without a stamp that of the first point of its paths; 0 if it has none."""
+    if stamp.is_known:
+        return stamp.t_s
+    return min((min(path.times) for path in paths if path.poses), default=0.0)
 
 
 def parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
@@ -95,12 +111,12 @@ class _Anything(msgspec.Struct):
 
 @cache
 def _decoder(model: type[msgspec.Struct]) -> msgspec.json.Decoder[Any]:
-    return msgspec.json.Decoder(model)
+    return msgspec.json.Decoder(null_free(model))
 
 
 def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:
     """The message read value by value."""
-    reader = ValueReader(findings, word_aliases=names.words, needed=names.needed)
+    reader = ValueReader(findings, word_aliases=names.words, needed=names.needed, counter=names.counter)
     read, _ = reader.read(parsed(raw, findings), object_kind(model))
     return msgspec.convert(read, model)
 

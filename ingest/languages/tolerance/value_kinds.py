@@ -29,6 +29,7 @@ TIME_KEYS = frozenset(("timestamp", "eta"))
 class Words(NamedTuple):
     """An enumeration."""
 
+    terms: frozenset[str]
     by_folded: dict[str, str]
     """From a word without case, hyphens, underscores and spaces to the standard's spelling."""
 
@@ -86,5 +87,5 @@ def _kind(info: Type) -> Kind:
         return object_kind(info.cls)
     if isinstance(info, LiteralType):
         terms = [str(term) for term in info.values if term != UNKNOWN]
-        return Words({folded(term): term for term in reversed(terms)})
+        return Words(frozenset(terms), {folded(term): term for term in reversed(terms)})
     return _SCALARS.get(type(info), object)

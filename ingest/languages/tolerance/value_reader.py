@@ -12,10 +12,12 @@ from typing import Any
 
 from ingest.languages.rules import MOST_ODDITIES, Findings
 from ingest.languages.tolerance.spelling import folded, nearest
-from ingest.languages.tolerance.value_kinds import UNKNOWN, KeyKind, Kind, ObjectKind, Words
+from ingest.languages.tolerance.value_kinds import TIME_KEYS, UNKNOWN, KeyKind, Kind, ObjectKind, Words
 
 MOST_ITEMS = 20_000
 """Items of a list that are read."""
+LARGEST = 1e300
+"""Numbers beyond it are looked at more closely."""
 LEFT_OUT = "left out"
 UNREADABLE: Any = object()
 """Stands for a value that is left out."""
@@ -33,6 +35,8 @@ class ValueReader:
     """The same of words."""
     needed: frozenset[str] = frozenset()
     """Keys of which a likeness is noticed if they are absent."""
+    counter: str = ""
+    """A key that counts the objects of a list by twos. One without it has the number of its place."""
     keeps_others: bool = False
     """Whether to keep keys that the standard does not have, and what can't be read but must not be missing."""
     most_items: int = MOST_ITEMS
@@ -40,16 +44,15 @@ class ValueReader:
     def read(self, sent: dict[str, Any], kind: ObjectKind, path: str = "") -> tuple[dict[str, Any], bool]:
         """The object with values of the right types, and whether it has all that it can't do without."""
         read: dict[str, Any] = {}
-        lacks = kind.required - sent.keys()
-        if sent.keys() - kind.keys.keys():
+        if not kind.names.issuperset(sent):
             sent = self._respelt(sent, kind, path)
-            lacks = kind.required - sent.keys()
+        lacks = kind.required.difference(sent)
         for key, value in sent.items():
             known = kind.keys.get(key)
             if known is None:
                 self._other(key, value, path, read)
                 continue
-            got = self._value(value, known, _under(path, key))
+            got = value if _is_proper(value, known) else self._value(value, known, _under(path, key))
             if got is not UNREADABLE:
                 read[key] = got
             elif known.is_required:
@@ -97,9 +100,6 @@ class ValueReader:
             return UNREADABLE
         if known.is_list:
             return self._list(value, known, path)
-        if isinstance(value, list) and len(value) == 1 and known.kind is not object:
-            self.findings.note("single-not-list", path, value, "its only item")
-            value = value[0]
         return self._item(value, known, path)
 
     def _list(self, value: Any, known: KeyKind, path: str) -> Any:
@@ -111,7 +111,7 @@ class ValueReader:
             if item is UNREADABLE:
                 return UNREADABLE
             self.findings.note("single-not-list", path, value, "a list of one")
-            return [item]
+            return self._counted([item])
         items = []
         for row, sent in enumerate(value[: self.most_items]):
             where = f"{path}[{row}]"
@@ -119,14 +119,31 @@ class ValueReader:
                 self.findings.note("null-value", where, None, LEFT_OUT)
             elif (item := self._item(sent, known, where)) is not UNREADABLE:
                 items.append(item)
+        return self._counted(items)
+
+    def _counted(self, items: list[Any]) -> list[Any]:
+        """The items with numbers for those that have none but stand between others."""
+        if not (self.counter and items and isinstance(items[0], dict) and self.counter in items[0]):
+            return items
+        numbers = [item[self.counter] for item in items]
+        first = next((row for row, number in enumerate(numbers) if number is not None), 0)
+        before = (numbers[first] or 0) - 2 * (first + 1)
+        for item in items:
+            before = item[self.counter] = before + 2 if item[self.counter] is None else item[self.counter]
         return items
 
     def _item(self, value: Any, known: KeyKind, path: str) -> Any:
         kind = known.kind
+        if isinstance(value, list) and len(value) == 1 and kind is not object:
+            self.findings.note("single-not-list", path, value, "its only item")
+            value = value[0]
         if isinstance(kind, ObjectKind):
             if not isinstance(value, dict):
                 return self._left_out(value, path, kind)
             read, fits = self.read(value, kind, path)
+            if not fits and kind.required.difference(read) == {self.counter}:
+                read[self.counter], fits = None, True
+                self.findings.note("key-absent", _under(path, self.counter), None, "by its place")
             return read if fits else self._left_out(value, path, kind)
         if isinstance(kind, Words):
             return self._word(value, kind, path)
@@ -160,6 +177,8 @@ class ValueReader:
             return self._left_out(value, path)
         if not is_time:
             self.findings.note("text-as-number", path, value, f'"{text}"')
+        elif path not in TIME_KEYS:  # `stamp_of` notes the message's own
+            self.findings.note("stamp-epoch", path, value, "since 1970")
         return text
 
     def _word(self, value: Any, words: Words, path: str) -> Any:
@@ -174,6 +193,16 @@ class ValueReader:
         if meant != value:
             self.findings.note("word-spelling", path, value, meant)
         return meant
+
+
+def _is_proper(value: Any, known: KeyKind) -> bool:
+    """Whether a value that is no list and no object is as it should be. It may be for others too."""
+    kind, found = known.kind, type(value)
+    if known.is_list:
+        return False
+    if kind is float:
+        return (found is float or found is int) and -LARGEST < value < LARGEST
+    return found is kind or (isinstance(kind, Words) and found is str and value in kind.terms)
 
 
 def _under(path: str, key: str) -> str:

@@ -6,6 +6,7 @@ import msgspec
 
 from ingest.languages.vda5050.vda_messages import StateMessage, Velocity2d
 
+MAX_SPEED_MPS = 100.0
 UNDER_WAY_MPS = 0.1
 """A robot that is faster is under way."""
 FADES = 0.9
@@ -36,4 +37,6 @@ def is_under_way(state: StateMessage, velocity: Velocity2d | None) -> bool:
 
 
 def speed_mps(velocity: Velocity2d | None) -> float:
-    return hypot(velocity.vx or 0.0, velocity.vy or 0.0) if velocity else 0.0
+    """The reported speed; 0 if none was sent, or one that no robot has."""
+    reported_mps = hypot(velocity.vx or 0.0, velocity.vy or 0.0) if velocity else 0.0
+    return reported_mps if reported_mps <= MAX_SPEED_MPS else 0.0

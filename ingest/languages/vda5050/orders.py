@@ -5,6 +5,7 @@ where it stops. An update of an order replaces its horizon and continues its bas
 """
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import msgspec
 
@@ -18,6 +19,7 @@ MOST_NODES = 3000
 MOST_CURVE_POINTS = 4000
 """Points of an order's curves that are kept. Further edges count as straight."""
 MAX_POSITION_M = 1e7
+_NUMBER = itemgetter(0)
 DRIVING_STOPS = frozenset(("SOFT", "HARD"))
 """Blocking types of actions during which a robot does not drive."""
 
@@ -56,10 +58,11 @@ class Order(msgspec.Struct, frozen=True, gc=False):
 
     def number_of(self, node_id: str | None, sequence_id: int | None) -> int:
         """The number of a node that a robot has passed. -1 if it has passed none."""
-        known = self.nodes.get(-1 if sequence_id is None else sequence_id)
+        sent = -1 if sequence_id is None else sequence_id
+        known = self.nodes.get(sent)
         if not node_id or known is None or known.node_id == node_id:
-            return -1 if sequence_id is None else sequence_id
-        return next((number for number, node in self.nodes.items() if node.node_id == node_id), sequence_id or -1)
+            return sent
+        return next((number for number, node in self.nodes.items() if node.node_id == node_id), sent)
 
 
 def order_of(message: OrderMessage, state: StateMessage | None, findings: Findings) -> Order:
@@ -69,7 +72,7 @@ def order_of(message: OrderMessage, state: StateMessage | None, findings: Findin
     if len(nodes) > MOST_NODES:
         findings.note("order-too-long", "nodes", len(nodes), f"{MOST_NODES} from where the robot is")
         nodes, of_edges = _from_robot_on(nodes, state), Findings()
-    numbered = sorted(zip(numbers_of(nodes, edges, findings), nodes, strict=True), key=lambda each: each[0])
+    numbered = sorted(zip(numbers_of(nodes, edges, findings), nodes, strict=True), key=_NUMBER)
     order_edges, curve_points = {}, 0
     for number, edge in edges_by_end(numbered, edges, of_edges).items():
         order_edges[number] = read = _edge(edge, curve_points < MOST_CURVE_POINTS, findings)
@@ -138,20 +141,22 @@ def numbered_states(
     states: Sequence[NodeState], order: Order | None, findings: Findings
 ) -> Sequence[tuple[int, NodeState]]:
     """The nodes that remain by a state, in the order of the way, with the numbers that the order has for them."""
-    by_sequence = sorted(((state.sequence_id, state) for state in states), key=lambda each: each[0])
-    if order is None:
-        return by_sequence
-    odd = next((row for row, state in enumerate(states) if not _is_of(state, order)), None)
-    numbered = None if odd is None else _by_node_id(states, order)
-    if odd is None or numbered is None:
-        return by_sequence
-    findings.note("sequence-ids-odd", f"nodeStates[{odd}].sequenceId", states[odd].sequence_id, "by its nodeId")
-    return numbered
-
-
-def _is_of(state: NodeState, order: Order) -> bool:
-    known = order.nodes.get(state.sequence_id)
-    return known is not None and known.node_id == state.node_id
+    nodes = order.nodes if order else {}
+    by_sequence = []
+    odd: NodeState | None = None
+    for state in states:
+        number = state.sequence_id
+        if odd is None and (number not in nodes or nodes[number].node_id != state.node_id):
+            odd = state
+        by_sequence.append((number, state))
+    numbered = _by_node_id(states, order) if order and odd else None
+    if numbered and odd:
+        findings.note(
+            "sequence-ids-odd", f"nodeStates[{states.index(odd)}].sequenceId", odd.sequence_id, "by its nodeId"
+        )
+        return numbered
+    by_sequence.sort(key=_NUMBER)
+    return by_sequence
 
 
 def _by_node_id(states: Sequence[NodeState], order: Order) -> list[tuple[int, NodeState]] | None:

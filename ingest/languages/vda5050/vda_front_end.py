@@ -17,7 +17,7 @@ from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
 from ingest.languages.model import Message, Rejection, Status, Update
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.tolerant_json import document, stamp_of
+from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
 from ingest.languages.vda5050.orders import MAX_POSITION_M, is_base_extended, order_of, with_update
@@ -33,7 +33,7 @@ from ingest.languages.vda5050.vda_messages import (
 )
 from ingest.languages.vda5050.vda_reader import read_message
 from ingest.languages.vda5050.vda_rules import CHAPTERS, RULES
-from ingest.languages.vda5050.vda_status import status_of
+from ingest.languages.vda5050.vda_status import status_of, unstamped
 
 ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
 """Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
@@ -122,24 +122,25 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
 
 
 def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
-    message = read_message(topic.kind, raw, findings)
+    kind = topic.kind
+    message = read_message(kind, raw, findings, is_first=kind not in memory.heard or kind in memory.respelt)
+    if ("key-spelling" in findings) != (kind in memory.respelt):
+        memory = msgspec.structs.replace(memory, respelt=memory.respelt ^ {kind})
     _compare_names(message, topic.sender, findings)
-    stamp = (
-        None
-        if isinstance(message, FactsheetMessage) and not message.timestamp
-        else stamp_of(message.timestamp, findings)
-    )
-    heard = Heard(message.header_id, stamp.t_s if stamp else 0.0)
-    last = None if _is_last_will(message) else memory.heard.get(topic.kind)
-    if last and stamp and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
+    has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
+    stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
+    heard = Heard(message.header_id, time_of(stamp))
+    last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
+    if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return _update(topic, findings), memory
-    memory = msgspec.structs.replace(memory, heard=memory.heard | {topic.kind: heard})
+    changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
+    if isinstance(message, VdaMotion):
+        return _read_motion(message, topic, stamp, memory, changes, findings)
+    memory = msgspec.structs.replace(memory, **changes)
     if isinstance(message, FactsheetMessage):
         identity = factsheets.identity_of(*topic.sender, message, stamp, findings)
         return identity, msgspec.structs.replace(memory, abilities=factsheets.abilities_of(message))
-    if isinstance(message, VdaMotion) and stamp:
-        return _read_motion(message, topic, stamp, memory, findings)
     if isinstance(message, OrderMessage):
         orders = with_update(memory.orders, order_of(message, memory.state, findings), findings)
         is_newer = orders is not memory.orders
@@ -164,7 +165,7 @@ def _is_last_will(message: Header) -> bool:
 
 def _with_connection(memory: VdaMemory, connection: str, heard: Heard) -> VdaMemory:
     """The memory after a connection message. A retained one may be older than what the robot said since."""
-    is_old = memory.pose is not None and heard.stamp_s < memory.pose.stamp.t_s
+    is_old = memory.pose is not None and 0.0 < heard.stamp_s < memory.pose.stamp.t_s
     return memory if is_old else msgspec.structs.replace(memory, connection=connection)
 
 
@@ -181,17 +182,25 @@ def _plain(name: str) -> str:
 
 
 def _read_motion(
-    message: VdaMotion, topic: _VdaTopic, stamp: timestamps.Stamp, memory: VdaMemory, findings: Findings
+    message: VdaMotion,
+    topic: _VdaTopic,
+    stamp: timestamps.Stamp,
+    memory: VdaMemory,
+    changes: dict[str, Any],
+    findings: Findings,
 ) -> tuple[Message, VdaMemory]:
-    position, is_newest = message.position, memory.pose is None or stamp.t_s >= memory.pose.stamp.t_s
-    changes: dict[str, Any] = {}
+    """What a state or a visualization says. `changes` are those of the memory by any message."""
+    position, last = message.position, memory.pose
+    is_newest = last is None or not (stamp.is_known and last.stamp.is_known) or stamp.t_s >= last.stamp.t_s
     if isinstance(message, StateMessage):
-        changes = {"state": message, "is_order_newer": False, "connection": "ONLINE"}
+        changes = changes | {"state": message, "is_order_newer": False, "connection": "ONLINE"}
     if position is None:
-        findings.note("position-missing", "agvPosition", None, "where it was last seen")
+        key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
+        findings.note("position-missing", key, None, "where it was last seen")
     elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
     elif is_newest:
+        stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
         pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)

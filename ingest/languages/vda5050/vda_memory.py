@@ -44,7 +44,9 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """All that is kept of a robot."""
 
     heard: dict[str, Heard] = {}
-    """By topic."""
+    """By kind of message."""
+    respelt: frozenset[str] = frozenset()
+    """Kinds of messages whose last one had keys in another spelling."""
     state: StateMessage | None = None
     pose: VdaPose | None = None
     orders: tuple[Order, ...] = ()

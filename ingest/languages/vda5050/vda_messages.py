@@ -52,6 +52,11 @@ class Position(VdaObject, frozen=True):
     localized: bool | None = None
     deviation_range: float | None = None
 
+    @property
+    def key(self) -> str:
+        """The key under which it stands, by what only 3.0 has."""
+        return "agvPosition" if self.localized is None else "mobileRobotPosition"
+
 
 class Velocity2d(VdaObject, frozen=True):
     """Metres a second along and across the heading, and radians a second."""

@@ -7,11 +7,12 @@ from ingest.batch import Amounts, Basis
 from ingest.languages import timestamps
 from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.base_ends import UNDER_WAY_MPS, is_under_way, speed_mps
+from ingest.languages.tolerance.tolerant_json import time_of
+from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, UNDER_WAY_MPS, speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
-from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
+from ingest.languages.vda5050.vda_memory import VdaMemory
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
     Load,
@@ -23,7 +24,6 @@ from ingest.languages.vda5050.vda_messages import (
 )
 from ingest.sizes.stated_loads import StatedLoad
 
-MAX_SPEED_MPS = 100.0
 MOVING_MPS = 0.02
 MOST_WAYPOINTS = 200
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL", "UNKNOWN"))
@@ -39,7 +39,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     if pose is None:
         return None
     position, stamp = pose.position, pose.stamp
-    operational = _operational_state(memory, state, pose)
+    reported_mps = speed_mps(pose.velocity)
+    operational = _operational_state(memory, state, reported_mps)
     linear_mps, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
@@ -65,7 +66,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         path,
         tuple(findings),
         path_basis=basis,
-        is_blocked=_is_blocked(state, pose.velocity),
+        is_blocked=_is_blocked(state, reported_mps),
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
@@ -76,13 +77,13 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
 
 def datum_of(position: Position, findings: Findings) -> str:
     if not position.map_id:
-        findings.note("map-missing", "agvPosition.mapId", position.map_id, "compared with nothing")
+        findings.note("map-missing", f"{position.key}.mapId", position.map_id, "compared with nothing")
     return (position.map_id or "").lower()
 
 
 def _yaw_rad(position: Position, findings: Findings) -> float:
     if position.theta is None:
-        findings.note("heading-missing", "agvPosition.theta", None, "the direction of travel")
+        findings.note("heading-missing", f"{position.key}.theta", None, "the direction of travel")
         return nan
     return remainder(position.theta, 2 * pi)
 
@@ -97,15 +98,15 @@ def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | No
     return velocity.vx, velocity.omega
 
 
-def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose) -> str:
+def _operational_state(memory: VdaMemory, state: StateMessage, reported_mps: float) -> str:
     """The state of the MassRobotics standard that comes nearest."""
     if memory.connection in {"OFFLINE", "HIBERNATING"}:
         return "offline"
-    is_moving = speed_mps(pose.velocity) > MOVING_MPS
+    is_moving = reported_mps > MOVING_MPS
     if (by_mode := _by_mode(state.operating_mode, is_moving)) is not None:
         return by_mode
     power = state.power_supply or state.battery_state
-    if is_under_way(state, pose.velocity) or (state.driving is None and is_moving):
+    if state.driving or reported_mps > UNDER_WAY_MPS or (state.driving is None and is_moving):
         return "navigating"
     if power and power.charging:
         return "charging"
@@ -134,9 +135,9 @@ def _standing_state(state: StateMessage) -> str:
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
-def _is_blocked(state: StateMessage, velocity: Velocity2d | None) -> bool:
+def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
     """Whether it can't move. A robot that drives can, whatever errors, fields and unknown words it reports."""
-    if speed_mps(velocity) > UNDER_WAY_MPS:
+    if reported_mps > UNDER_WAY_MPS:
         return False
     safety = state.safety_state
     stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
@@ -183,6 +184,8 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
         else:
             yaw_rad = nan if point.theta is None else remainder(point.theta, 2 * pi)
             rows.append((stamp.t_s, point.x, point.y, yaw_rad))
+            if stamp.findings:
+                findings.update(dict.fromkeys(stamp.findings))
     if not rows:
         return NO_PATH
     times = [row[0] for row in rows]
@@ -192,6 +195,11 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
     if not in_order:
         findings["path-unordered"] = None
     return Path(tuple(rows), ("",) * len(rows), in_order, (times[0], times[-1]))
+
+
+def unstamped(sent: IntermediatePath | None) -> timestamps.Stamp:
+    """In place of the stamp of a pose that has none: the time of the path that came with it."""
+    return timestamps.assumed(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())))
 
 
 def _planned_end(sent: PlannedPath | None, stamp_s: float) -> Path:

@@ -56,8 +56,8 @@ VECTORS = (
     IsoVector("status", iso(T), ("key-absent", "mode-missing")),
     IsoVector("batteryStatus", iso(T, batterySoc="0.5"), ("number-as-text",)),
     IsoVector("odometry", changed(velocity="fast"), ("value-unreadable", "key-absent")),
-    stamped("soon", (), "stamp-unreadable"),
-    stamped("1960-01-01T00:00:00Z", (), "stamp-absurd"),
+    stamped("soon", ("stamp-unreadable",)),
+    stamped("1960-01-01T00:00:00Z", ("stamp-absurd",)),
     stamped("2026-09-21T14:13:20.000", ("stamp-no-offset",)),
     stamped("2026-09-21T14:13:20+00", ("stamp-offset-no-colon",)),
     stamped("2026-09-21T15:13:20+01:00", ("stamp-not-utc",)),
@@ -95,8 +95,8 @@ VECTORS = (
     IsoVector(
         "identity",
         json.dumps({"timestamp": {}, "details": 1, "manufacturerName": 1}).encode(),
-        ("value-unreadable", "text-as-number", "key-absent"),
-        "stamp-unreadable",
+        ("value-unreadable", "text-as-number", "key-absent", "stamp-unreadable"),
+        "envelope-not-positive",
     ),
 )
 
