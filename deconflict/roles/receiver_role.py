@@ -32,6 +32,7 @@ from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.fleet.recovery.log_recovery import recover, summary
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
+from ingest.languages.model import Rejection
 from ingest.measures.measures import Measures
 from ingest.port.broker_source import BrokerSource
 from ingest.port.connection import Connection
@@ -157,7 +158,7 @@ class ReceiverRole:
         self.recorder.overtaken(*message)
 
     def _refuse(self, rule: str, reason: str, arrival_s: float, connection: Connection) -> None:
-        self.fleet.reject(rule, reason, b"", arrival_s, connection)
+        self.fleet.reject(Rejection(rule, reason), b"", arrival_s, connection)
         self.recorder.received(b"", arrival_s, connection, rule)
 
     def _closed(self, connection: Connection) -> None:

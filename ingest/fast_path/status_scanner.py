@@ -27,7 +27,7 @@ from ingest.languages.massrobotics import path_points, vocabulary
 from ingest.languages.massrobotics.amounts import HOUR_S
 from ingest.languages.massrobotics.parser import rejection
 from ingest.languages.model import NO_PATH, Path, Rejection, Status
-from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.rules import Findings, Oddity, RejectedError
 from ingest.languages.timestamps import digit_resolution_s
 
 _STAMP_FINDINGS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
@@ -51,6 +51,8 @@ class StatusTexts(msgspec.Struct, frozen=True, gc=False, eq=False):
     """None if there are no points."""
     destinations: PointTexts | None
     """None if there are none."""
+    oddities: tuple[Oddity, ...] = ()
+    """The values of its stamp, state and datum that deviate."""
 
 
 class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -121,6 +123,7 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
             destinations,
             path,
             tuple(findings),
+            oddities=(*findings.oddities, *texts.oddities),
         )
 
 
@@ -183,7 +186,7 @@ def _texts(
         path = _point_texts(path_deviation, path_datum, misplaced_path_datum)
     if destinations_deviation >= 0:
         destinations = _point_texts(destinations_deviation, destinations_datum, misplaced_destinations_datum)
-    return StatusTexts(name, known, place, tuple(findings), path, destinations)
+    return StatusTexts(name, known, place, tuple(findings), path, destinations, tuple(findings.oddities))
 
 
 @lru_cache(_CACHED)

@@ -8,6 +8,7 @@ from deconflict.settings.site import Site
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.languages.model import Rejection
 from ingest.languages.rules import Rule
 from ingest.languages.visible_text import visible
 from ingest.measures.measures import Measures
@@ -22,7 +23,8 @@ def feed(fleet: Fleet, event: Received) -> None:
     """Feed one message of a log to the fleet. A message that was refused when it was recorded is refused again: some
     rules concern the socket, not the message."""
     if event.refused:
-        fleet.reject(event.refused, "refused when it was recorded", event.raw, event.arrival_s, event.connection)
+        rejection = Rejection(event.refused, "refused when it was recorded")
+        fleet.reject(rejection, event.raw, event.arrival_s, event.connection)
     else:
         fleet.receive_recorded(event)
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ingest.languages import timestamps
+from ingest.languages.model import Rejection
+from ingest.languages.rules import Oddity
 from ingest.settings import UNKNOWN
 
 KEPT_BYTES = 2048
@@ -29,6 +31,8 @@ class RejectedMessage:
     connection: int
     """Number of the connection."""
     arrival_s: float
+    oddities: tuple[Oddity, ...] = ()
+    """The values of the message that deviate, as far as they are named."""
 
 
 class Quarantine:
@@ -79,9 +83,11 @@ def _document(message: RejectedMessage, vendor: str) -> dict[str, Any]:
         "message": message.raw.decode(errors="backslashreplace"),
         "size_bytes": message.size,
         "cut_short": message.size > len(message.raw),
+        "odd_values": [oddity._asdict() for oddity in message.oddities],
     }
 
 
-def rejected_message(raw: bytes, rule: str, reason: str, connection: int, arrival_s: float) -> RejectedMessage:
+def rejected_message(raw: bytes, rejection: Rejection, connection: int, arrival_s: float) -> RejectedMessage:
     """The record of a rejected message."""
-    return RejectedMessage(raw[:KEPT_BYTES], len(raw), rule, reason, connection, arrival_s)
+    rule, reason, oddities = rejection.rule, rejection.reason, rejection.oddities
+    return RejectedMessage(raw[:KEPT_BYTES], len(raw), rule, reason, connection, arrival_s, oddities)
