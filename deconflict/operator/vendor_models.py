@@ -59,6 +59,7 @@ class UncomparedRobot(BaseModel):
     uuid: str
     name: str
     reason: str = Field(description="why, and what to send or set")
+    fault: str = Field(description="what is wrong, in two words; empty if it only waits or was just heard first")
     placed: bool = Field(description="whether it has a position")
 
 

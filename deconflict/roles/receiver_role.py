@@ -18,7 +18,6 @@ from random import Random
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.roles.engine_link.tick_times import TickTimes
 from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
-from deconflict.roles.heard_brokers import HeardBrokers
 from deconflict.runtime.rpc import PortTakenError, listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path, load_fast_path
 from deconflict.settings.hot_reload import CurrentSite
@@ -33,6 +32,7 @@ from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.model import Rejection
 from ingest.measures.measures import Measures
+from ingest.port.brokers.heard_brokers import HeardBrokers
 from ingest.port.connection import Connection
 from ingest.port.dialer import Dialer
 from ingest.port.rate_limits import ArrivedMessage
@@ -99,9 +99,8 @@ class ReceiverRole:
         """When followers may next be shown the floor although no engine asks for it."""
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
-        self._brokers = HeardBrokers(self.fleet, self.receiver, self.measures)
+        self._brokers = HeardBrokers(self.receiver, self.measures)
         self._senders: tuple[float, bytes] = -inf, b""
-        """What vendors should mend, and when that was found."""
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -121,7 +120,7 @@ class ReceiverRole:
         }
         await self._open_port()
         self._dial()
-        self._brokers.use(self.site)
+        self._hear_brokers()
         keeping = self._kept.keep(lambda: self.recorder.leaving_before_s, self._now_s)
         running = self._reload(), self._owners.keep(), keeping, self._canary.run()
         loops = [asyncio.create_task(loop) for loop in running]
@@ -186,7 +185,7 @@ class ReceiverRole:
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
             self.fleet.reconfigure(VendorRegistry(site.vendors), FrameRegistry(site.datums, site.vendors), site.reading)
         self._dial()
-        self._brokers.use(site, again=before.vendors != site.vendors)
+        self._hear_brokers(again=before.vendors != site.vendors)
 
     def _dial(self) -> None:
         """Dial new addresses of the site file, and end the dialers of removed ones."""
@@ -195,6 +194,10 @@ class ReceiverRole:
             self._dialers.pop(removed).cancel()
         for new in sorted(addresses - self._dialers.keys()):
             self._dialers[new] = asyncio.create_task(self._dialer(*new).run())
+
+    def _hear_brokers(self, again: bool = False) -> None:
+        vendors = self.fleet.vendors
+        self._brokers.use(self.site.mqtt_sources, (vendors.of_manufacturer, vendors.configured), again)
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
         return Dialer(self.receiver, url, vendor, time.monotonic, Random())

@@ -123,8 +123,6 @@ class Fleet:
         robot = self.robots.get(message.uuid or "")
         if isinstance(message, Rejection):
             vendor = self.owners.vendor_of(message.uuid or "", robot, connection)
-            if robot:
-                robot.heard_s = arrival_s
             self.reject(message, raw, arrival_s, connection, vendor=vendor)
             return message.rule, None
         if rejection := self._rejection(message, robot, connection, sender, arrival_s):
@@ -139,7 +137,6 @@ class Fleet:
         robot = robot or self._admit(message.uuid, arrival_s, connection, sender)
         self.owners.assign_by_connection(robot, message, connection)
         self._consider(robot, connection, arrival_s)
-        robot.hear(message.oddities, arrival_s)
         is_remembered, robot.memory = robot.memory is not memory, memory
         if isinstance(message, Identity):
             findings = self._update_identity(robot, message, raw, arrival_s, connection)
@@ -150,6 +147,7 @@ class Fleet:
             findings += self._update_status(robot, message, raw, arrival_s, event_s, connection)
         else:
             findings = self._reconsider(robot, self.owners.names_as_uuid(connection)) if is_remembered else ()
+        robot.hear(message.oddities, arrival_s)
         self._accept(robot, connection, message.findings + findings)
         return None, robot
 
@@ -160,18 +158,17 @@ class Fleet:
         robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
         self._consider(robot, reader.connection, arrival_s)
         event_s, findings = self._placement.event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
-        found = reader.read(scanned, event_s)
+        found, oddities = reader.read(scanned, event_s), reader.oddities
         if found is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))
             assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before
-            robot.hear(status.oddities, arrival_s)
-            found = status.findings
+            found, oddities = status.findings, status.oddities
             found += self._update_status(robot, status, scanned.raw, arrival_s, event_s, reader.connection)
         else:
-            robot.hear(reader.oddities, arrival_s)
             findings += plausibility.frequency(gap_s, max(self.reading.quiet_after_s, robot.reports_within_s))
             self._note_newest(robot, scanned.raw, arrival_s, reader.connection)
             self._changed[robot.uuid] = robot
+        robot.hear(oddities, arrival_s)
         self._accept(robot, reader.connection, found + findings)
 
     def _rejection(
@@ -263,6 +260,8 @@ class Fleet:
     ) -> None:
         """Count a rejected message and keep it in the quarantine. `vendor` replaces that of the connection."""
         vendor = vendor or connection.vendor or UNKNOWN
+        if robot := self.robots.get(rejection.uuid or ""):
+            robot.heard_s = arrival_s
         self.measures.count("deconflict_messages_total", vendor, "rejected")
         self.measures.count("deconflict_rejections_total", vendor, rejection.rule)
         self.measures.count_each("deconflict_deviations_total", vendor, rejection.findings)

@@ -11,13 +11,14 @@ from typing import Any
 from ingest.batch import Basis
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.owners import comparability
 from ingest.fleet.owners.admission import UNEXAMINED
+from ingest.fleet.owners.comparability import NotCompared, unexamined_sentence
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
-from ingest.fleet.shown import comparability
-from ingest.fleet.shown.comparability import NotCompared, unexamined_sentence
+from ingest.fleet.shown import odd_values
 from ingest.languages.front_ends import FRONT_ENDS
-from ingest.measures import clock_changes, odd_values
+from ingest.measures import clock_changes
 from ingest.port.connection import Connection
 from ingest.settings import Reading
 
@@ -121,8 +122,8 @@ def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
     named = odd_values.by_vendor((robot.vendor, robot.odd_values) for robot in fleet.robots.values())
     robots: dict[str, list[dict[str, Any]]] = {}
     for robot, why in islice(_not_compared(fleet, now_s), MOST_SHOWN):
-        shown = {"uuid": robot.uuid, "name": robot.name, "reason": why.sentence, "placed": robot.forecast is not None}
-        robots.setdefault(robot.vendor, []).append(shown)
+        shown = {"uuid": robot.uuid, "name": robot.name, "placed": robot.forecast is not None}
+        robots.setdefault(robot.vendor, []).append(shown | {"reason": why.sentence, "fault": why.fault})
     return [
         {"vendor": vendor, "odd_values": named.get(vendor, []), "not_compared": robots.get(vendor, [])}
         for vendor in sorted({*named, *robots})

@@ -1,6 +1,6 @@
 """The state of one robot, as its messages report it."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import nan
 
@@ -8,12 +8,11 @@ from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.shared_identities import SharedIdentity
+from ingest.fleet.shown.odd_values import Oddities, OddValues
 from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS
 from ingest.languages.model import Identity, Status
-from ingest.languages.rules import Oddity
 from ingest.languages.visible_text import visible
-from ingest.measures.odd_values import OddValues
 from ingest.port.connection import Connection
 from ingest.sizes.stated_bodies import BodyReading
 from ingest.sizes.stated_loads import NO_LOADS, LoadsReading, StatedLoad
@@ -96,7 +95,7 @@ class Robot:
         """Who reported its newest status, as `Connection.source` says it; "" before the first."""
         return self.status_from.source if self.status_from else ""
 
-    def hear(self, oddities: Collection[Oddity], arrival_s: float) -> None:
+    def hear(self, oddities: Oddities, arrival_s: float) -> None:
         """Take note of an accepted message of any kind."""
         self.heard_s = arrival_s
         self.odd_values.note(oddities, arrival_s)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ingest.fleet.fleet_report import NOT_COMPARED
-from ingest.fleet.shown.comparability import REMEDIES
+from ingest.fleet.owners.comparability import REMEDIES
 from ingest.measures.measures import joined_values
 from ingest.settings import UNKNOWN
 

@@ -186,7 +186,7 @@ async def test_the_page_says_what_vendors_should_mend_and_who_is_compared_with_n
     odd = {"rule": "key-unknown", "path": "location.planarDatm", "value": "3", "reading": "not read"}
     value = odd | {"nearest": "planarDatum", "robots": 2, "count": 5, "last_received": "2026-01-01T00:00:00Z"}
     robots = [
-        {"uuid": uuid, "name": called, "reason": why, "placed": placed}
+        {"uuid": uuid, "name": called, "reason": why, "fault": "no map", "placed": placed}
         for uuid, called, why, placed in (
             (robot("A-0"), name(0), "its position names no map", True),
             ("other", "Alder A-99", "no position of it has come", False),

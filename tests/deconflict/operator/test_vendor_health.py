@@ -89,7 +89,10 @@ def test_what_vendors_should_mend_is_joined_over_receivers() -> None:
     measures.count("deconflict_messages_total", "Bolt", "accepted")
     odd = {"rule": "key-unknown", "path": "a", "value": "1", "reading": "not read", "nearest": "b"}
     row = odd | {"robots": 2, "count": 5, "last_received": "2026-01-01T00:00:00Z"}
-    robots = [{"uuid": name, "name": name, "reason": "send a position", "placed": False} for name in ("one", "two")]
+    robots = [
+        {"uuid": name, "name": name, "reason": "send a position", "fault": "", "placed": False}
+        for name in ("one", "two")
+    ]
     senders = [{"vendor": "Acme", "odd_values": [row], "not_compared": [robot]} for robot in robots]
     acme, bolt = vendor_health([measures.as_document()], senders)
     assert [(value.path, value.robots, value.count) for value in acme.odd_values] == [("a", 4, 10)]

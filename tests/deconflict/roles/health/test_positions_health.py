@@ -7,9 +7,9 @@ import pytest
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.shown.comparability import REMEDIES
+from ingest.fleet.owners.comparability import REMEDIES
 from ingest.measures.measures import Measures
-from ingest.port.topic_scan import OtherTopics
+from ingest.port.brokers.topic_scan import OtherTopics
 from ingest.settings import UNKNOWN
 from tests.helpers.saying import identity, status
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, fleet

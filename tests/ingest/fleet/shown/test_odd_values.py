@@ -1,7 +1,7 @@
 """The values of a robot's messages that deviate, for people."""
 
+from ingest.fleet.shown.odd_values import MOST_KEPT, MOST_OF_VENDOR, OddValues, by_vendor
 from ingest.languages.rules import Oddity
-from ingest.measures.odd_values import MOST_KEPT, MOST_OF_VENDOR, OddValues, by_vendor
 
 MAP = Oddity("number-as-text", "agvPosition.mapId", "3", 'read as "3"')
 KEY = Oddity("key-unknown", "location.planarDatm", '"hall"', "not read", "planarDatum")
@@ -51,6 +51,6 @@ def test_a_vendors_values_are_bounded() -> None:
     robots = []
     for number in range(10):
         values = OddValues()
-        values.note([MAP._replace(path=f"a{number}.{i}") for i in range(MOST_KEPT)], 1.0)
+        values.note(tuple(MAP._replace(path=f"a{number}.{i}") for i in range(MOST_KEPT)), 1.0)
         robots.append(("Alder", values))
     assert len(by_vendor(robots)["Alder"]) == MOST_OF_VENDOR

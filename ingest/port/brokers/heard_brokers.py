@@ -2,25 +2,27 @@
 
 import asyncio
 import json
+from collections.abc import Callable, Sequence
 from random import Random
 from typing import Any
 
 from aiomqtt import Message
 
-from deconflict.settings.site import Site
-from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
-from ingest.port.broker_source import BrokerSource
+from ingest.port.brokers.broker_source import BrokerSource
+from ingest.port.brokers.topic_scan import TopicScan
 from ingest.port.receiver import Receiver
-from ingest.port.topic_scan import TopicScan
 from ingest.settings import MqttSource
+
+VendorNames = tuple[Callable[[str], str], Callable[[str], bool]]
+"""The vendor of a manufacturer, and whether the site file has configured a vendor."""
 
 
 class HeardBrokers:
     """Hears those of the site file, and looks for robots at them that their settings leave out."""
 
-    def __init__(self, fleet: Fleet, receiver: Receiver, measures: Measures) -> None:
-        self._fleet, self._receiver, self._measures = fleet, receiver, measures
+    def __init__(self, receiver: Receiver, measures: Measures) -> None:
+        self._receiver, self._measures = receiver, measures
         self._sources: dict[MqttSource, tuple[BrokerSource, asyncio.Task[None]]] = {}
         self._scans: dict[MqttSource, tuple[TopicScan, asyncio.Task[None]]] = {}
         measures.call_before_reading(self._measure)
@@ -29,23 +31,21 @@ class HeardBrokers:
     def tasks(self) -> list[asyncio.Task[None]]:
         return [task for _, task in (*self._sources.values(), *self._scans.values())]
 
-    def use(self, site: Site, again: bool = False) -> None:
-        """Hear the brokers of the site file. With `again` connect anew, since manufacturers may mean other vendors."""
-        for settings in [known for known in self._sources if again or known not in site.mqtt_sources]:
+    def use(self, sources: Sequence[MqttSource], names: VendorNames, again: bool = False) -> None:
+        """Hear these brokers, and no others. With `again` connect anew, since manufacturers may mean other vendors."""
+        for settings in [known for known in self._sources if again or known not in sources]:
             self._sources.pop(settings)[1].cancel()
-        for settings in site.mqtt_sources:
+        for settings in sources:
             if settings not in self._sources:
-                vendors = self._fleet.vendors
-                names = vendors.of_manufacturer, vendors.configured
                 source = BrokerSource(settings, self._receiver, *names, self._measures, Random())
                 self._sources[settings] = source, asyncio.create_task(source.run())
         for _, task in self._scans.values():
             task.cancel()
-        self._scans = {settings: self._scan(settings, site) for settings in self._sources if settings.host}
+        self._scans = {settings: self._scan(settings, sources) for settings in self._sources if settings.host}
 
-    def _scan(self, settings: MqttSource, site: Site) -> tuple[TopicScan, asyncio.Task[None]]:
+    def _scan(self, settings: MqttSource, sources: Sequence[MqttSource]) -> tuple[TopicScan, asyncio.Task[None]]:
         known = self._scans.get(settings)
-        scan = TopicScan(settings, site.mqtt_sources, known[0].found if known else ())
+        scan = TopicScan(settings, sources, known[0].found if known else ())
         return scan, asyncio.create_task(scan.run())
 
     async def hear(self, payload: bytes) -> bytes:

@@ -3,7 +3,7 @@
 Bounded: a sender may make up paths without end.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
@@ -14,6 +14,7 @@ from ingest.languages.rules import Oddity
 MOST_KEPT = 20
 """Of a robot. Beyond it, the one that was received longest ago is left out."""
 MOST_OF_VENDOR = 50
+Oddities = tuple[Oddity, ...]
 
 
 @dataclass(slots=True)
@@ -40,7 +41,7 @@ class OddValues:
         self._by_place: dict[tuple[str, str], OddValue] = {}
         """That which was received longest ago first."""
 
-    def note(self, oddities: Collection[Oddity], arrival_s: float) -> None:
+    def note(self, oddities: Oddities, arrival_s: float) -> None:
         """Count the values of one message that deviate, each place once."""
         if not oddities:
             return

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from aiomqtt import Client, Message
 
-from ingest.port import topic_scan
-from ingest.port.topic_scan import MOST_FOUND, MOST_MESSAGES, TopicScan, filters
+from ingest.port.brokers import topic_scan
+from ingest.port.brokers.topic_scan import MOST_FOUND, MOST_MESSAGES, TopicScan, filters
 from ingest.settings import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.helpers import iso_saying
