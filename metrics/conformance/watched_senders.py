@@ -7,6 +7,7 @@ from typing import Any
 
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.visible_text import visible
+from metrics.replay.conformance_counts import value_in_words
 
 Document = dict[str, Any]
 MOST_LINES = 20
@@ -112,9 +113,7 @@ def _odd_values(was: Document, now: Document) -> Iterator[str]:
     for value in now.get("odd_values", ()):
         if count := _more(known.get((value["rule"], value["path"]), 0), value["count"]):
             named.add(value["rule"])
-            meant = f"; did you mean {value['nearest']}?" if value["nearest"] else ""
-            robots = f"{value['robots']} robot{'s' if value['robots'] != 1 else ''}"
-            yield f"{count} x {value['rule']}: {value['path']} = {value['value']}, {value['reading']}{meant} ({robots})"
+            yield f"{count} x {value['rule']}: {value_in_words(value)}"
     for rule, count in _risen(was, now, "deviations_by_rule").items():
         if rule not in named:
             yield f"{count} x {rule}: {_meaning(rule, now.get('languages', ()))}"
@@ -127,8 +126,7 @@ def _rejections(name: str, was: Document, now: Document, rejected: Sequence[Docu
         reason = example["reason"] if example else _meaning(rule, now.get("languages", ()))
         yield f"{count} x rejected, {rule}: {reason}"
         for odd in (example or {}).get("odd_values", ()):
-            meant = f"; did you mean {odd['nearest']}?" if odd["nearest"] else ""
-            yield f"  {odd['path']} = {odd['value']}, {odd['reading']}{meant}"
+            yield f"  {value_in_words(odd)}"
 
 
 def _risen(was: Document, now: Document, key: str) -> Counter[str]:
