@@ -91,7 +91,7 @@ def test_how_an_odd_value_is_read_stands_beside_its_rule(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(VdaFrontEnd, "read", with_oddity)
     found = trials("vda5050", sample_of("vda5050", "state (2.x)"), ("agvPosition", "theta"))
-    assert "heading-missing (not read, did you mean theta?)" in ways(found["odd"])["misspelt"]
+    assert "heading-missing (not read, did you mean theta?)" in ways(found["absent"])["absent"]
 
 
 def test_the_command_prints_the_table_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
