@@ -78,7 +78,7 @@ class TopicScan:
             with suppress(MqttError, OSError, SecretError):
                 await self.scan()
 
-    async def scan(self, seconds: float = SCAN_S) -> None:
+    async def scan(self, seconds: float | None = None) -> None:
         """Listen once. Raises `MqttError`, `OSError` or `SecretError` if the broker can't be heard."""
         settings, before = self._settings, set(self._found)
         async with Client(
@@ -92,7 +92,7 @@ class TopicScan:
             await client.subscribe([(topic_filter, 0) for topic_filter in filters(settings.language)])
             self._found = {}
             with suppress(TimeoutError):
-                async with asyncio.timeout(seconds):
+                async with asyncio.timeout(SCAN_S if seconds is None else seconds):
                     await self._listen(client)
         for prefix in self._found.keys() - before:
             log.warning("%s: %s", settings.name, self._found[prefix].advice)

@@ -1,17 +1,25 @@
 """What health says of robots without a position, and of brokers whose robots are not heard."""
 
+import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
+from aiomqtt import Client
 
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.comparability import REMEDIES
 from ingest.measures.measures import Measures
+from ingest.port.brokers import topic_scan
 from ingest.port.brokers.topic_scan import OtherTopics
-from ingest.settings import UNKNOWN
+from ingest.settings import UNKNOWN, MqttSource
+from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
+from tests.deconflict.roles.made_service import SITE, running
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, status
+from tests.helpers.vda_saying import vda
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, fleet
 
 
@@ -74,3 +82,26 @@ def test_a_broker_where_no_robot_is_heard_is_degraded_if_robots_are_under_other_
     heard = unheard | {"heard": True}
     assert brokers_document([heard]) == {"status": "ok", "notes": broker_notes([heard])}
     assert brokers_document([unheard | {"other_topics": []}]) == {"status": "ok", "notes": []}
+
+
+@needs_mosquitto
+async def test_a_service_names_the_topics_of_a_broker_that_it_does_not_hear(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(topic_scan, "FIRST_AFTER_S", 0.1)
+    monkeypatch.setattr(topic_scan, "SCAN_EVERY_S", 0.2)
+    monkeypatch.setattr(topic_scan, "SCAN_S", 0.3)
+    async with broker() as port:
+        async with Client("127.0.0.1", port) as client:
+            await client.publish("x/v2/KIT/1/connection", vda(NOW_S, connectionState="ONLINE"), 1, True)
+        source = MqttSource(name="hall", host="127.0.0.1", port=port)
+        async with running(tmp_path, SITE.model_copy(update={"mqtt_sources": (source,)})) as service:
+            health: dict[str, Any] = {}
+            async with asyncio.timeout(PATIENCE_S):
+                while not health.get("notes"):
+                    health = (await service.get("/healthz")).json().get("brokers", {})
+                    await asyncio.sleep(0.05)
+    assert health["status"] == "degraded"
+    (note,) = health["notes"]
+    assert "'x/v2/KIT/1/connection'" in note
+    assert 'set mqtt_sources.prefixes = ["uagv/v2", "vda5050/v3", "x/v2"]' in note
