@@ -51,6 +51,7 @@ def measure(fleet: Fleet, now_s: float) -> None:
     level("deconflict_clock_delay_seconds", {(vendor,): delay_s for vendor, delay_s in delays_s.items()})
     level("deconflict_messages_per_second", fleet.message_rates.per_s())
     faults = Counter((robot.vendor, why.fault) for robot, why in _not_compared(fleet, now_s) if why.fault)
+    faults.update((vendor, comparability.NOT_READ) for _, vendor, _ in _not_read(fleet, now_s))
     level(NOT_COMPARED, {key: float(count) for key, count in faults.items()})
     clock_changes.publish(fleet.measures, {"clock": fleet.clock_changes.changed()})
 
@@ -117,6 +118,14 @@ def _not_compared(fleet: Fleet, now_s: float) -> Iterator[tuple[Robot, NotCompar
             yield robot, why
 
 
+def _not_read(fleet: Fleet, now_s: float) -> Iterator[tuple[str, str, str]]:
+    """UUID, vendor and reason of robots that are not known, since all of their messages are rejected."""
+    rejected = fleet.quarantine.rejected_robots(now_s - fleet.reading.silent_after_s)
+    for uuid, (vendor, message) in rejected.items():
+        if uuid not in fleet.robots:
+            yield uuid, vendor, f"all its messages are rejected ({message.rule}): {message.reason}"
+
+
 def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
     """What each vendor should mend, JSON-ready: values that deviate, and robots that are compared with nobody."""
     named = odd_values.by_vendor((robot.vendor, robot.odd_values) for robot in fleet.robots.values())
@@ -124,6 +133,9 @@ def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
     for robot, why in islice(_not_compared(fleet, now_s), MOST_SHOWN):
         shown = {"uuid": robot.uuid, "name": robot.name, "placed": robot.forecast is not None}
         robots.setdefault(robot.vendor, []).append(shown | {"reason": why.sentence, "fault": why.fault})
+    for uuid, vendor, reason in islice(_not_read(fleet, now_s), MOST_SHOWN):
+        shown = {"uuid": uuid, "name": f"{vendor} {uuid[:8]}", "placed": False}
+        robots.setdefault(vendor, []).append(shown | {"reason": reason, "fault": comparability.NOT_READ})
     return [
         {"vendor": vendor, "odd_values": named.get(vendor, []), "not_compared": robots.get(vendor, [])}
         for vendor in sorted({*named, *robots})

@@ -28,7 +28,8 @@ MAPS = {
 }
 """The key that names the map, by language."""
 
-NO_POSITION, POSITION_STOPPED, NO_MAP, MAP_UNKNOWN, TOO_MANY_MAPS = (
+NOT_READ, NO_POSITION, POSITION_STOPPED, NO_MAP, MAP_UNKNOWN, TOO_MANY_MAPS = (
+    "not read",
     "no position",
     "position stopped",
     "no map",
@@ -36,6 +37,7 @@ NO_POSITION, POSITION_STOPPED, NO_MAP, MAP_UNKNOWN, TOO_MANY_MAPS = (
     "too many maps",
 )
 REMEDIES = {
+    NOT_READ: "all its messages are rejected: GET /quarantine says why, and what to change",
     NO_POSITION: "let it send its position",
     POSITION_STOPPED: "let it send its position again",
     NO_MAP: 'let it name its map, or give its vendor a map with datum = "" in the site file',

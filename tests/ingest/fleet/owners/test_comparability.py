@@ -163,3 +163,25 @@ def test_what_vendors_should_mend_has_the_robots_that_are_compared_with_nobody()
     (row,) = vendor["not_compared"]
     assert (vendor["vendor"], row["uuid"], row["placed"]) == ("Alder", robot("A-1"), False)
     assert row["reason"] == document(of, "A-1", NOW_S + 40)["not_compared_reason"]
+
+
+def test_a_robot_of_which_every_message_is_rejected_is_listed_with_the_reason() -> None:
+    of = fleet(Vendor(name="Alder", robots=(robot("A-1"), robot("A-2"))))
+    for second in range(3):
+        of.receive(status("A-1", NOW_S + second), NOW_S + second, LINE)
+        assert of.receive(status("A-2", NOW_S + second, operationalState=[1]), NOW_S + second, LINE)
+    assert measured(of, NOW_S + 3) == {("Alder", "not read"): 1.0}
+    (vendor,) = fleet_report.senders(of, NOW_S + 3)
+    (row,) = vendor["not_compared"]
+    assert (row["uuid"], row["fault"], row["placed"]) == (robot("A-2"), "not read", False)
+    assert row["reason"].startswith("all its messages are rejected (")
+    of.receive(status("A-2", NOW_S + 4), NOW_S + 4, LINE)
+    assert measured(of, NOW_S + 5) == {}
+
+
+def test_one_message_that_is_rejected_and_those_of_nobodys_robots_are_no_fault() -> None:
+    of = fleet(Vendor(name="Alder", robots=(robot("A-1"),)))
+    of.receive(status("A-1", NOW_S, operationalState=[1]), NOW_S, LINE)
+    for second in range(3):
+        of.receive(status("X-1", NOW_S + second, operationalState=[1]), NOW_S + second, LINE)
+    assert measured(of, NOW_S + 3) == {}
