@@ -57,9 +57,9 @@ def test_a_plain_sample_is_accepted(language: str, sample: Sample) -> None:
 def test_what_is_absent_odd_or_wrong_is_what_the_code_does() -> None:
     status, state = sample_of("massrobotics", "statusReport"), sample_of("vda5050", "state (2.x)")
     assert "no robot" not in str(trials("vda5050", state, ("agvPosition",)))
-    assert trials("vda5050", state, ("agvPosition",))["absent"] == {
-        "counted: position-missing; no position": ["absent"]
-    }
+    absent = ways(trials("vda5050", state, ("agvPosition",))["absent"])["absent"]
+    assert absent.startswith("counted: position-missing")
+    assert absent.endswith("; no position")
     assert "rejected: position-absurd" in trials("vda5050", state, ("agvPosition", "x"))["wrong"]
     uuid = trials("massrobotics", status, ("uuid",))
     assert ways(uuid["absent"])["absent"].startswith("rejected: ")

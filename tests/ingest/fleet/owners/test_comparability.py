@@ -169,7 +169,7 @@ def test_a_robot_of_which_every_message_is_rejected_is_listed_with_the_reason() 
     of = fleet(Vendor(name="Alder", robots=(robot("A-1"), robot("A-2"))))
     for second in range(3):
         of.receive(status("A-1", NOW_S + second), NOW_S + second, LINE)
-        assert of.receive(status("A-2", NOW_S + second, operationalState=[1]), NOW_S + second, LINE)
+        assert of.receive(status("A-2", NOW_S + second, location="here"), NOW_S + second, LINE)
     assert measured(of, NOW_S + 3) == {("Alder", "not read"): 1.0}
     (vendor,) = fleet_report.senders(of, NOW_S + 3)
     (row,) = vendor["not_compared"]
@@ -181,7 +181,7 @@ def test_a_robot_of_which_every_message_is_rejected_is_listed_with_the_reason() 
 
 def test_one_message_that_is_rejected_and_those_of_nobodys_robots_are_no_fault() -> None:
     of = fleet(Vendor(name="Alder", robots=(robot("A-1"),)))
-    of.receive(status("A-1", NOW_S, operationalState=[1]), NOW_S, LINE)
+    of.receive(status("A-1", NOW_S, location="here"), NOW_S, LINE)
     for second in range(3):
-        of.receive(status("X-1", NOW_S + second, operationalState=[1]), NOW_S + second, LINE)
+        of.receive(status("X-1", NOW_S + second, location="here"), NOW_S + second, LINE)
     assert measured(of, NOW_S + 3) == {}
