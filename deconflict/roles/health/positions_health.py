@@ -4,19 +4,25 @@ from collections.abc import Sequence
 from typing import Any
 
 from ingest.fleet.fleet_report import NOT_COMPARED
-from ingest.fleet.owners.comparability import REMEDIES
+from ingest.fleet.owners.comparability import REMEDIES, TOO_MANY_MAPS
 from ingest.measures.measures import joined_values
 from ingest.settings import UNKNOWN
 
 MOST_NAMED = 5
 """Vendors that a reason names."""
+INVENTED = (TOO_MANY_MAPS,)
+"""Faults of senders that make up maps without end. Their robots say so, and others are not concerned."""
 WHERE = "GET /robots says of each robot why it is not compared (not_compared_reason)"
 
 
 def positions_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The part `positions` of the health. `documents` are the measures of all receivers."""
     values = joined_values(documents)
-    robots = {(vendor, fault): int(count) for (vendor, fault), count in values.get(NOT_COMPARED, {}).items() if count}
+    robots = {
+        (vendor, fault): int(count)
+        for (vendor, fault), count in values.get(NOT_COMPARED, {}).items()
+        if count and fault not in INVENTED
+    }
     reasons = [
         f"{count} of {vendor} ({fault}): {REMEDIES.get(fault, 'see the robot')}"
         for (vendor, fault), count in sorted(robots.items())[:MOST_NAMED]

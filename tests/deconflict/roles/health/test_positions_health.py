@@ -10,7 +10,7 @@ from aiomqtt import Client
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.owners.comparability import REMEDIES
+from ingest.fleet.owners.comparability import REMEDIES, TOO_MANY_MAPS
 from ingest.measures.measures import Measures
 from ingest.port.brokers import topic_scan
 from ingest.port.brokers.topic_scan import OtherTopics
@@ -50,7 +50,13 @@ def test_health_is_ok_while_robots_begin_to_report() -> None:
     assert positions_document(measured(of, NOW_S + 26))["status"] == "ok"
 
 
-@pytest.mark.parametrize("fault", REMEDIES)
+def test_a_sender_that_makes_up_maps_does_not_change_health() -> None:
+    measures = Measures()
+    measures.level(fleet_report.NOT_COMPARED, {("Mallory", TOO_MANY_MAPS): 3.0})
+    assert positions_document([measures.as_document()]) == {"status": "ok", "robots": 0}
+
+
+@pytest.mark.parametrize("fault", [fault for fault in REMEDIES if fault != TOO_MANY_MAPS])
 def test_health_says_what_to_do_about_each_fault(fault: str) -> None:
     measures = Measures()
     measures.level(fleet_report.NOT_COMPARED, {("Alder", fault): 3.0})
