@@ -82,13 +82,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     results = [result(folder, name) for name in LEADS_S if (folder / f"{name}.jsonl.gz").is_file()]
     print("| case | wanted, s | stated, s | |\n| --- | --- | --- | --- |")
     for case in results:
-        wanted, stated = (
-            f"{time_s:.1f}" if time_s is not None else "none" for time_s in (case.wanted_s, case.stated_s)
-        )
-        print(f"| {case.name} | {wanted} | {stated} | {'right' if case.is_right else 'WRONG'} |")
+        verdict = "right" if case.is_right else "WRONG"
+        print(f"| {case.name} | {_shown(case.wanted_s)} | {_shown(case.stated_s)} | {verdict} |")
     wrong = sum(not case.is_right for case in results)
     print(f"\n{len(results) - wrong} of {len(results)} cases are right")
     return int(wrong > 0)
+
+
+def _shown(time_s: float | None) -> str:
+    return "none" if time_s is None else f"{time_s:.1f}"
 
 
 if __name__ == "__main__":

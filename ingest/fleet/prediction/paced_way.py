@@ -87,7 +87,7 @@ class _Corners:
             self._watched_s = -inf
 
     def leave(self, x: float, y: float, to_x: float, to_y: float, mps: float, t_s: float) -> float:
-        """How long it takes longer at the corner that it leaves at (x, y) for (to_x, to_y); less than 0 if it drives an arc."""
+        """How long it takes beyond its turn at the corner at (x, y), which it leaves for (to_x, to_y)."""
         if not self._turn_s:
             return 0.0
         late_s, self._turn_s = max(self._paces.corner_s, -self._turn_s), 0.0
