@@ -1,5 +1,5 @@
-"""The commands that look at what the service has recorded: `replay`, `whatif`, `conform`, `blackbox`, `losses`
-and `export`."""
+"""The commands that look at what the service has recorded or hears: `replay`, `whatif`, `conform`, `senders`,
+`fields`, `blackbox`, `losses` and `export`."""
 
 import argparse
 import json
@@ -22,6 +22,8 @@ from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
+from metrics.conformance.fields_command import add_fields
+from metrics.conformance.senders_command import add_senders
 from metrics.export.ledger_commands import add_ledger_commands
 from metrics.replay import blackbox_verify, conformance_counts
 from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outputs, create_directory, write_text
@@ -59,6 +61,8 @@ def add_log_commands(commands: Commands) -> None:
         "--html", type=Path, metavar="DIR", help="also write a page for each vendor into this directory, to send to it"
     )
     conform_command.set_defaults(run=_conform)
+    add_senders(commands)
+    add_fields(commands)
     blackbox_verify.add(commands)
     add_ledger_commands(commands)
 

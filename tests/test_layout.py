@@ -44,7 +44,7 @@ LEVELS = {
         "scoring",
         "replay report",
         "replay_files",
-        "export replay_processes whatif",
+        "conformance export replay_processes whatif",
         "commands",
     ],
     "benchmarks/planned_floors": ["truth", "logs", "floors scoring", "comparison"],

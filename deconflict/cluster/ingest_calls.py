@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from deconflict.cluster.ingest_feed import LISTED
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import EVERY, outdated
@@ -43,9 +44,7 @@ class IngestCalls:
         """By the names of the receiver's calls."""
         return {
             "robots": self._robots,
-            "quarantine": self._listed("quarantine"),
-            "measures": self._listed("measures"),
-            "unidentified": self._listed("unidentified"),
+            **{question: self._listed(question) for question in LISTED},
             "follow": self._follow,
         }
 

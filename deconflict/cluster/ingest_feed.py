@@ -25,7 +25,9 @@ RETRY_S = 0.2
 WHOLE = b"0"
 """The batch number that requests the whole floor from the receiver."""
 
-QUESTIONS = {"robots": b"", "quarantine": b"", "measures": b"", "unidentified": b"", "follow": WHOLE}
+LISTED = ("quarantine", "measures", "unidentified", "senders", "brokers")
+"""Questions whose answer is a list, so that those of several ingests are one list."""
+QUESTIONS = {"robots": b"", **dict.fromkeys(LISTED, b""), "follow": WHOLE}
 """The questions that an operator face may ask, and the payload of each call to the receiver."""
 
 

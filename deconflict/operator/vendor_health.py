@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from deconflict.foresight.forecast_errors.forecast_grades import in_words
-from deconflict.operator.vendor_models import Flag, VendorHealth
+from deconflict.operator.vendor_models import Flag, UncomparedRobot, VendorHealth, VendorOddValue
 from ingest.measures import clock_changes
 from ingest.measures.measures import Labels, joined_values
 
@@ -15,15 +15,38 @@ DIGITS = 3
 Values = Mapping[str, Mapping[Labels, float]]
 
 
-def vendor_health(documents: Iterable[dict[str, Any]]) -> list[VendorHealth]:
-    """The vendors by name. `documents` are the measures of the roles that answer."""
+def vendor_health(documents: Iterable[dict[str, Any]], senders: Iterable[dict[str, Any]] = ()) -> list[VendorHealth]:
+    """The vendors by name. `documents` are the measures of the roles that answer, `senders` what vendors should mend,
+    as each receiver gives it (`fleet_report.senders`).
+    """
     values = {
         name: {labels: round(value, DIGITS) for labels, value in series.items()}
         for name, series in joined_values(documents).items()
     }
     with_vendors = ("deconflict_robots", "deconflict_messages_total")
     names = {labels[0] for name in with_vendors for labels in values.get(name, ())}
-    return [_health_of(name, _series_of(values, name)) for name in sorted(names)]
+    to_mend = _to_mend(senders)
+    return [
+        _health_of(name, _series_of(values, name)).model_copy(update=to_mend.get(name, {})) for name in sorted(names)
+    ]
+
+
+def _to_mend(senders: Iterable[dict[str, Any]]) -> dict[str, dict[str, list[Any]]]:
+    """The fields `odd_values` and `not_compared` of each vendor. Several receivers may have robots of one."""
+    odd_values: dict[str, dict[tuple[str, str], VendorOddValue]] = {}
+    not_compared: dict[str, list[UncomparedRobot]] = {}
+    for sender in senders:
+        rows = odd_values.setdefault(sender["vendor"], {})
+        for value in map(VendorOddValue.model_validate, sender["odd_values"]):
+            if known := rows.get((value.rule, value.path)):
+                value.robots, value.count = value.robots + known.robots, value.count + known.count
+            rows[value.rule, value.path] = value
+        robots = not_compared.setdefault(sender["vendor"], [])
+        robots += map(UncomparedRobot.model_validate, sender["not_compared"])
+    return {
+        vendor: {"odd_values": [*rows.values()], "not_compared": not_compared[vendor]}
+        for vendor, rows in odd_values.items()
+    }
 
 
 def _series_of(values: Values, vendor: str) -> Values:

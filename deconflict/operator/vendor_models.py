@@ -40,6 +40,29 @@ class Flag(BaseModel):
     words: str
 
 
+class VendorOddValue(BaseModel):
+    """A place in a vendor's messages where they deviate from a rule."""
+
+    rule: str
+    path: str = Field(description="where it stands in the message")
+    value: str = Field(description="the newest, as sent, in JSON; may be cut")
+    reading: str = Field(description="how it is read")
+    nearest: str = Field("", description="the key that was probably meant, if the standard does not have this one")
+    robots: int = Field(description="robots that sent it")
+    count: int = Field(description="messages that had it")
+    last_received: str
+
+
+class UncomparedRobot(BaseModel):
+    """A robot that is heard and compared with nobody."""
+
+    uuid: str
+    name: str
+    reason: str = Field(description="why, and what to send or set")
+    fault: str = Field(description="what is wrong, in two words; empty if it only waits or was just heard first")
+    placed: bool = Field(description="whether it has a position")
+
+
 class VendorHealth(BaseModel):
     """One vendor. Counts are since the service started. A level is null until it is known."""
 
@@ -54,6 +77,8 @@ class VendorHealth(BaseModel):
     rejections_by_rule: dict[str, int] = {}
     deviations: int = 0
     deviations_by_rule: dict[str, int] = {}
+    odd_values: list[VendorOddValue] = Field([], description="what shows the deviations, as far as it is named")
+    not_compared: list[UncomparedRobot] = Field([], description="robots that are compared with nobody; some if many")
     clock_s: float | None = Field(None, description="our time minus the vendor's; negative if its clock is fast")
     delay_s: float | None = Field(None, description="from the time of a pose to its arrival")
     forecast_age_s: float | None = None

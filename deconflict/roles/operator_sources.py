@@ -23,6 +23,7 @@ from deconflict.roles.health.admission_health import admission_document, pairs_d
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
 from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
 from deconflict.roles.health.file_health import FileHealth, data_files
+from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
 from deconflict.roles.health.recording_health import RecordingHealth
 from deconflict.roles.role_files import preparation, restarts, role_processes, supervisor_health
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
@@ -35,6 +36,8 @@ ENGINE_STALE_S = 5.0
 """An engine that has not reported for this long counts as down; it reports every second."""
 HEALTH_TIMEOUT_S = 3.0
 """A receiver that does not answer for this long counts as down."""
+LIVE_QUESTIONS = "unidentified", "senders", "brokers"
+"""Questions to the receiver for the page; each answer is a list."""
 RELOAD_CHECK_S = 0.1
 RELOAD_TIMEOUT_S = 10.0
 
@@ -91,6 +94,16 @@ class OperatorSources:
     async def quarantine(self) -> list[dict[str, Any]]:
         return await self._ask("quarantine")
 
+    async def senders(self) -> list[dict[str, Any]]:
+        return await self._listed("senders")
+
+    async def _listed(self, question: str) -> list[dict[str, Any]]:
+        """The receiver's answer; nothing if it does not answer."""
+        answer: list[dict[str, Any]] = []
+        with suppress(SourceUnavailableError):
+            answer = await self._ask(question)
+        return answer
+
     async def measures(self) -> list[dict[str, Any]]:
         """The measures of every role that answers. Old measures of the others are left out."""
         receiver = await self._receiver_measures()
@@ -109,13 +122,17 @@ class OperatorSources:
     async def health(self) -> dict[str, Any]:
         receiver = await self._receiver_measures()
         up, results = await self._roles_up(receiver is not None), reload_results(self._runtime)
+        brokers: list[dict[str, Any]] = []
         if receiver is not None:
             self._recording.note_measures(receiver, time.monotonic())
+            brokers = await self._listed("brokers")
         parts = {
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "recording": self._recording.document(time.monotonic()),
             "admission": admission_document(receiver or []),
             "pairs": pairs_document(self._engine.measures),
+            "positions": positions_document(receiver or []),
+            "brokers": brokers_document(brokers),
             "files": self.files.document(time.monotonic(), {LOSSES: self._ledger.outage}),
             "supervisor": supervisor_health(self._runtime),
         }
@@ -157,18 +174,20 @@ class OperatorSources:
         `fading` has the probability that each silent robot is still there, `taken_off` when each robot that is
         no longer there was heard last.
         """
-        receiver, documents, unidentified = await self._receiver_measures(), self._engine.measures, []
+        receiver, documents = await self._receiver_measures(), self._engine.measures
         up = await self._roles_up(receiver is not None)
+        unidentified, senders, brokers = [], [], []
         if receiver is not None:
             documents = [*documents, *receiver]
-            with suppress(SourceUnavailableError):
-                unidentified = await self._ask("unidentified")
+            unidentified, senders, brokers = [await self._listed(each) for each in LIVE_QUESTIONS]
         presence = self._engine.presence
         return {
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
             "vendors": {
-                vendor.name: vendor.model_dump(mode="json", exclude={"name"}) for vendor in vendor_health(documents)
+                vendor.name: vendor.model_dump(mode="json", exclude={"name"})
+                for vendor in vendor_health(documents, senders)
             },
+            "brokers": broker_notes(brokers),
             "preparing": preparation(self._runtime),
             "engine_starting": self._is_first_engine_starting(),
             "effort": self._effort(),

@@ -15,8 +15,6 @@ from operator import attrgetter
 from pathlib import Path
 from random import Random
 
-from aiomqtt import Message
-
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.roles.engine_link.tick_times import TickTimes
 from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
@@ -32,8 +30,9 @@ from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.fleet.recovery.log_recovery import recover, summary
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
+from ingest.languages.model import Rejection
 from ingest.measures.measures import Measures
-from ingest.port.broker_source import BrokerSource
+from ingest.port.brokers.heard_brokers import HeardBrokers
 from ingest.port.connection import Connection
 from ingest.port.dialer import Dialer
 from ingest.port.rate_limits import ArrivedMessage
@@ -41,7 +40,6 @@ from ingest.port.receiver import Receiver
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.tokens import SecretError
 from ingest.security.vendor_credentials import VendorCredentials
-from ingest.settings import MqttSource
 
 logger = logging.getLogger(__name__)
 
@@ -49,6 +47,7 @@ DISK_TIMEOUT_S = 0.05
 """A batch waits at most this long until its messages are recorded, and not at all if the disk is already behind."""
 MEASURE_EVERY_S = 1.0
 """Levels of the fleet are measured at most so often, however many ask: of many robots that takes long."""
+SENDERS_EVERY_S = 2.0
 DOCUMENTS_AT_ONCE = 20
 RELOAD_CHECK_S = 0.2
 UNASKED_SHARE = 0.05
@@ -100,8 +99,8 @@ class ReceiverRole:
         """When followers may next be shown the floor although no engine asks for it."""
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
-        self._sources: dict[MqttSource, tuple[BrokerSource, asyncio.Task[None]]] = {}
-        self.measures.call_before_reading(self._measure_sources)
+        self._brokers = HeardBrokers(self.receiver, self.measures)
+        self._senders: tuple[float, bytes] = -inf, b""
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set."""
@@ -114,12 +113,14 @@ class ReceiverRole:
             "shared_identities": self._shared_identities,
             "add_identities": self._add_identities,
             "follow": self._follow,
-            "hear": self._hear,
+            "hear": self._brokers.hear,
+            "senders": self._what_to_mend,
+            "brokers": self._broker_documents,
             "give_robot": self._give_robot,
         }
         await self._open_port()
         self._dial()
-        self._hear_brokers(self.site)
+        self._hear_brokers()
         keeping = self._kept.keep(lambda: self.recorder.leaving_before_s, self._now_s)
         running = self._reload(), self._owners.keep(), keeping, self._canary.run()
         loops = [asyncio.create_task(loop) for loop in running]
@@ -128,7 +129,7 @@ class ReceiverRole:
                 self.ready.set()
                 await stop.wait()
         finally:
-            tasks = [*loops, *self._dialers.values(), *(task for _, task in self._sources.values())]
+            tasks = [*loops, *self._dialers.values(), *self._brokers.tasks]
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -157,7 +158,7 @@ class ReceiverRole:
         self.recorder.overtaken(*message)
 
     def _refuse(self, rule: str, reason: str, arrival_s: float, connection: Connection) -> None:
-        self.fleet.reject(rule, reason, b"", arrival_s, connection)
+        self.fleet.reject(Rejection(rule, reason), b"", arrival_s, connection)
         self.recorder.received(b"", arrival_s, connection, rule)
 
     def _closed(self, connection: Connection) -> None:
@@ -184,7 +185,7 @@ class ReceiverRole:
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
             self.fleet.reconfigure(VendorRegistry(site.vendors), FrameRegistry(site.datums, site.vendors), site.reading)
         self._dial()
-        self._hear_brokers(site, again=before.vendors != site.vendors)
+        self._hear_brokers(again=before.vendors != site.vendors)
 
     def _dial(self) -> None:
         """Dial new addresses of the site file, and end the dialers of removed ones."""
@@ -194,29 +195,9 @@ class ReceiverRole:
         for new in sorted(addresses - self._dialers.keys()):
             self._dialers[new] = asyncio.create_task(self._dialer(*new).run())
 
-    def _hear_brokers(self, site: Site, again: bool = False) -> None:
-        """Hear the brokers of the site file. With `again` connect anew, since manufacturers may mean other vendors."""
-        for settings in [known for known in self._sources if again or known not in site.mqtt_sources]:
-            self._sources.pop(settings)[1].cancel()
-        for settings in site.mqtt_sources:
-            if settings not in self._sources:
-                vendors = self.fleet.vendors
-                names = vendors.of_manufacturer, vendors.configured
-                source = BrokerSource(settings, self.receiver, *names, self.measures, Random())
-                self._sources[settings] = source, asyncio.create_task(source.run())
-
-    async def _hear(self, payload: bytes) -> bytes:
-        """Take messages that come without a broker. Each is the name of its source, topic, text, and if retained."""
-        sources = {settings.name: source for settings, (source, _) in self._sources.items() if not settings.host}
-        for name, topic, text, is_retained in json.loads(payload):
-            sources[name].take(Message(topic, text.encode(), 0, is_retained, 0, None))
-        return b"heard"
-
-    def _measure_sources(self) -> None:
-        connected: dict[tuple[str, ...], float] = {
-            (settings.name,): float(source.is_connected) for settings, (source, _) in self._sources.items()
-        }
-        self.measures.level("deconflict_broker_connected", connected)
+    def _hear_brokers(self, again: bool = False) -> None:
+        vendors = self.fleet.vendors
+        self._brokers.use(self.site.mqtt_sources, (vendors.of_manufacturer, vendors.configured), again)
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
         return Dialer(self.receiver, url, vendor, time.monotonic, Random())
@@ -299,6 +280,17 @@ class ReceiverRole:
 
     async def _unidentified(self, _: bytes) -> bytes:
         return json.dumps(fleet_report.unidentified(self.fleet)).encode()
+
+    async def _what_to_mend(self, _: bytes) -> bytes:
+        """What each vendor should mend, found anew every few seconds: it takes a look at each robot."""
+        found_s, answer = self._senders
+        if (now_s := self._now_s()) >= found_s + SENDERS_EVERY_S:
+            answer = json.dumps(fleet_report.senders(self.fleet, now_s)).encode()
+            self._senders = now_s, answer
+        return answer
+
+    async def _broker_documents(self, _: bytes) -> bytes:
+        return json.dumps(self._brokers.documents()).encode()
 
     async def _shared_identities(self, payload: bytes) -> bytes:
         """The identity reports that arrived after a time."""

@@ -7,7 +7,7 @@ from deconflict.settings.site import Site
 from ingest.fleet.fast_path_types import FastPath
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 

@@ -25,7 +25,7 @@ from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
-from ingest.languages.rules import Findings
+from ingest.languages.rules import Findings, Oddity
 from ingest.port.connection import Connection
 from ingest.sizes.stated_loads import StatedLoad
 
@@ -53,6 +53,10 @@ class RepeatReader:
     """The values of a `path_kernels.LIMITS` record."""
     findings: tuple[str, ...]
     """Deviations of each of its statuses, except those of times and of the number of points."""
+
+    @property
+    def oddities(self) -> tuple[Oddity, ...]:
+        return self.texts.oddities
 
     def is_valid(self, connection: Connection) -> bool:
         """Whether the robot still reports over this connection and is read by the same settings."""

@@ -9,6 +9,7 @@ from typing import Generic, Protocol, TypeVar
 
 from ingest.fleet.robot import Robot
 from ingest.languages.model import Rejection, Status
+from ingest.languages.rules import Oddity
 from ingest.port.connection import Connection
 
 
@@ -52,6 +53,10 @@ class RepeatReaderProtocol(Protocol[Read_contra]):
     @property
     def texts(self) -> object:
         """The texts of the statuses that it reads."""
+
+    @property
+    def oddities(self) -> tuple[Oddity, ...]:
+        """The values of these texts that deviate."""
 
     def is_valid(self, connection: Connection) -> bool:
         """Whether the robot still reports over this connection and is read by the same settings."""

@@ -8,7 +8,7 @@ service's clock, placed on a floor, forecast, and counted.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from itertools import takewhile
 from typing import Any
 
@@ -22,10 +22,10 @@ from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.placement import Placement
 from ingest.fleet.prediction import plausibility
-from ingest.fleet.quarantine import Quarantine, rejected_message
 from ingest.fleet.repeat_readers import RepeatReaders
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
+from ingest.fleet.shown.quarantine import Quarantine, rejected_message
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.front_end import TopicSender
@@ -50,7 +50,7 @@ class Fleet:
         measures: Measures,
         quarantine: Quarantine,
     ) -> None:
-        self.reading, self.measures, self.quarantine = reading, measures, quarantine
+        self.reading, self.site_floors, self.measures, self.quarantine = reading, frames.floors, measures, quarantine
         self.robots: OrderedDict[str, Robot] = OrderedDict()
         """By UUID, those heard from longest ago first."""
         self._changed: dict[str, Robot] = {}
@@ -123,11 +123,10 @@ class Fleet:
         robot = self.robots.get(message.uuid or "")
         if isinstance(message, Rejection):
             vendor = self.owners.vendor_of(message.uuid or "", robot, connection)
-            self._count_findings(vendor, message.findings, None)
-            self.reject(message.rule, message.reason, raw, arrival_s, connection, vendor=vendor)
+            self.reject(message, raw, arrival_s, connection, vendor=vendor)
             return message.rule, None
         if rejection := self._rejection(message, robot, connection, sender, arrival_s):
-            self.reject(rejection.rule, rejection.reason, raw, arrival_s, connection)
+            self.reject(rejection, raw, arrival_s, connection)
             if robot and robot.language == connection.language and rejection.rule == language_choice.RULE:
                 self._left.append(self._drop(robot))
             return rejection.rule, None
@@ -148,6 +147,7 @@ class Fleet:
             findings += self._update_status(robot, message, raw, arrival_s, event_s, connection)
         else:
             findings = self._reconsider(robot, self.owners.names_as_uuid(connection)) if is_remembered else ()
+        robot.hear(message.oddities, arrival_s)
         self._accept(robot, connection, message.findings + findings)
         return None, robot
 
@@ -158,16 +158,17 @@ class Fleet:
         robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
         self._consider(robot, reader.connection, arrival_s)
         event_s, findings = self._placement.event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
-        found = reader.read(scanned, event_s)
+        found, oddities = reader.read(scanned, event_s), reader.oddities
         if found is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))
             assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before
-            taken = scanned.raw, arrival_s, event_s, reader.connection
-            found = status.findings + self._update_status(robot, status, *taken)
+            found, oddities = status.findings, status.oddities
+            found += self._update_status(robot, status, scanned.raw, arrival_s, event_s, reader.connection)
         else:
             findings += plausibility.frequency(gap_s, max(self.reading.quiet_after_s, robot.reports_within_s))
             self._note_newest(robot, scanned.raw, arrival_s, reader.connection)
             self._changed[robot.uuid] = robot
+        robot.hear(oddities, arrival_s)
         self._accept(robot, reader.connection, found + findings)
 
     def _rejection(
@@ -251,22 +252,20 @@ class Fleet:
     def _accept(self, robot: Robot, connection: Connection, findings: tuple[str, ...]) -> None:
         self.newest = robot
         self.owners.note_sender(robot, connection)
-        if findings:
-            self._count_findings(robot.vendor, findings, robot)
+        self.measures.count_each("deconflict_deviations_total", robot.vendor, robot.count(findings))
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
 
-    def _count_findings(self, vendor: str, findings: Iterable[str], robot: Robot | None) -> None:
-        counted = robot.count(findings) if robot else findings
-        self.measures.count_each("deconflict_deviations_total", vendor, counted)
-
     def reject(
-        self, rule: str, reason: str, raw: bytes, arrival_s: float, connection: Connection, *, vendor: str | None = None
+        self, rejection: Rejection, raw: bytes, arrival_s: float, connection: Connection, *, vendor: str | None = None
     ) -> None:
         """Count a rejected message and keep it in the quarantine. `vendor` replaces that of the connection."""
         vendor = vendor or connection.vendor or UNKNOWN
+        if robot := self.robots.get(rejection.uuid or ""):
+            robot.heard_s = arrival_s
         self.measures.count("deconflict_messages_total", vendor, "rejected")
-        self.measures.count("deconflict_rejections_total", vendor, rule)
-        self.quarantine.add(rejected_message(raw, rule, reason, connection.id, arrival_s), vendor, connection.peer)
+        self.measures.count("deconflict_rejections_total", vendor, rejection.rule)
+        self.measures.count_each("deconflict_deviations_total", vendor, rejection.findings)
+        self.quarantine.add(rejected_message(raw, rejection, connection.id, arrival_s), vendor, connection.peer)
 
     def count_overtaken(self, uuid: str, arrival_s: float, connection: Connection) -> None:
         """Count a status of the robot `uuid` that is not read because a newer one has come."""
@@ -288,7 +287,7 @@ class Fleet:
 
     def reconfigure(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
         """Use other settings from now on. The last status of each robot is forecast again with them."""
-        self.reading = reading
+        self.reading, self.site_floors = reading, frames.floors
         self._placement.reconfigure(vendors, frames, reading)
         self.owners.reconfigure(vendors, reading.max_robots_per_vendor, self.robots.values())
         for robot in self.robots.values():

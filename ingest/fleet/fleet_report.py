@@ -1,5 +1,8 @@
 """What people, metrics and other ingests are shown of a fleet."""
 
+from collections import Counter
+from collections.abc import Iterator
+from itertools import islice
 from math import dist, isfinite, isnan
 from operator import attrgetter
 from statistics import median
@@ -8,13 +11,20 @@ from typing import Any
 from ingest.batch import Basis
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.owners.admission import REMEDY, UNEXAMINED
+from ingest.fleet.owners import comparability
+from ingest.fleet.owners.admission import UNEXAMINED
+from ingest.fleet.owners.comparability import NotCompared, unexamined_sentence
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
+from ingest.fleet.shown import odd_values
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures import clock_changes
 from ingest.port.connection import Connection
 from ingest.settings import Reading
+
+NOT_COMPARED = "deconflict_robots_not_compared"
+MOST_SHOWN = 200
+"""Robots that are compared with nobody, of which the page says why."""
 
 
 def measure(fleet: Fleet, now_s: float) -> None:
@@ -40,15 +50,22 @@ def measure(fleet: Fleet, now_s: float) -> None:
     delays_s = {vendor: median(clock.delay_s for clock in group) for vendor, group in clocks.items()}
     level("deconflict_clock_delay_seconds", {(vendor,): delay_s for vendor, delay_s in delays_s.items()})
     level("deconflict_messages_per_second", fleet.message_rates.per_s())
+    faults = Counter((robot.vendor, why.fault) for robot, why in _not_compared(fleet, now_s) if why.fault)
+    faults.update((vendor, comparability.NOT_READ) for _, vendor, _ in _not_read(fleet, now_s))
+    level(NOT_COMPARED, {key: float(count) for key, count in faults.items()})
     clock_changes.publish(fleet.measures, {"clock": fleet.clock_changes.changed()})
 
 
 def presence(robot: Robot, reading: Reading, now_s: float) -> str:
-    """`present`, `quiet` or `silent`, by the time since its last message."""
-    age_s = now_s - robot.arrival_s
+    """`present`, `quiet` or `silent`, by the time since its last status; before the first, since its last message."""
+    age_s = _age_s(robot, now_s)
     if age_s > reading.silent_after_s:
         return "silent"
     return "quiet" if age_s > reading.quiet_after_s else "present"
+
+
+def _age_s(robot: Robot, now_s: float) -> float:
+    return now_s - (robot.arrival_s if robot.seen else max(robot.arrival_s, robot.heard_s))
 
 
 def _measured_state(robot: Robot, reading: Reading, now_s: float) -> str:
@@ -59,6 +76,7 @@ def _measured_state(robot: Robot, reading: Reading, now_s: float) -> str:
 
 def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
     """Everything that a robot reported and what was derived from it, JSON-ready."""
+    why = _why_not_compared(fleet, robot, now_s)
     return {
         "uuid": robot.uuid,
         "name": robot.name,
@@ -67,13 +85,16 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "participant": fleet.vendors.settings(robot.vendor).participant,
         "source": robot.source,
         "examined": robot.examined,
-        "unexamined_reason": None if robot.examined else _unexamined_reason(robot),
+        "unexamined_reason": None if robot.examined else unexamined_sentence(robot),
+        "compared": why is None,
+        "not_compared_reason": why and why.sentence,
         "identified": robot.identity is not None,
         "presence": presence(robot, fleet.reading, now_s),
-        "age_s": round(now_s - robot.arrival_s, 3),
+        "age_s": round(_age_s(robot, now_s), 3),
         "state": robot.state,
         "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
         "deviations": dict(sorted(robot.deviations.items())),
+        "odd_values": [value.document() for value in robot.odd_values.newest_first()],
         "sizes": [*(robot.size.notes if robot.size else ()), *robot.loads.notes],
         "identity": _message(robot, robot.shared_identity.raw if robot.shared_identity else b""),
         "status": _message(robot, robot.status_raw),
@@ -81,8 +102,44 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
     }
 
 
-def _unexamined_reason(robot: Robot) -> str:
-    return f"only some new robots of {robot.source} a minute are compared with others; for all at once, {REMEDY}"
+def _why_not_compared(fleet: Fleet, robot: Robot, now_s: float) -> NotCompared | None:
+    def is_alone(of: Robot) -> bool:
+        others = (other.frame for other in fleet.robots.values() if other is not of)
+        return not any(frame and of.frame and frame.floor == of.frame.floor for frame in others)
+
+    return comparability.not_compared(robot, fleet.reading, fleet.site_floors, is_alone, now_s)
+
+
+def _not_compared(fleet: Fleet, now_s: float) -> Iterator[tuple[Robot, NotCompared]]:
+    """The robots that are compared with nobody, except those that are silent, with the reason."""
+    for robot in fleet.robots.values():
+        why = _why_not_compared(fleet, robot, now_s)
+        if why and (why.fault or presence(robot, fleet.reading, now_s) != "silent"):
+            yield robot, why
+
+
+def _not_read(fleet: Fleet, now_s: float) -> Iterator[tuple[str, str, str]]:
+    """UUID, vendor and reason of robots that are not known, since all of their messages are rejected."""
+    rejected = fleet.quarantine.rejected_robots(now_s - fleet.reading.silent_after_s)
+    for uuid, (vendor, message) in rejected.items():
+        if uuid not in fleet.robots:
+            yield uuid, vendor, f"all its messages are rejected ({message.rule}): {message.reason}"
+
+
+def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
+    """What each vendor should mend, JSON-ready: values that deviate, and robots that are compared with nobody."""
+    named = odd_values.by_vendor((robot.vendor, robot.odd_values) for robot in fleet.robots.values())
+    robots: dict[str, list[dict[str, Any]]] = {}
+    for robot, why in islice(_not_compared(fleet, now_s), MOST_SHOWN):
+        shown = {"uuid": robot.uuid, "name": robot.name, "placed": robot.forecast is not None}
+        robots.setdefault(robot.vendor, []).append(shown | {"reason": why.sentence, "fault": why.fault})
+    for uuid, vendor, reason in islice(_not_read(fleet, now_s), MOST_SHOWN):
+        shown = {"uuid": uuid, "name": f"{vendor} {uuid[:8]}", "placed": False}
+        robots.setdefault(vendor, []).append(shown | {"reason": reason, "fault": comparability.NOT_READ})
+    return [
+        {"vendor": vendor, "odd_values": named.get(vendor, []), "not_compared": robots.get(vendor, [])}
+        for vendor in sorted({*named, *robots})
+    ]
 
 
 def _message(robot: Robot, raw: bytes) -> dict[str, Any] | None:

@@ -9,6 +9,7 @@ from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.pace import Pace
 from ingest.fleet.shared_identities import SharedIdentity
+from ingest.fleet.shown.odd_values import Oddities, OddValues
 from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS
 from ingest.languages.model import Identity, Status
@@ -51,7 +52,9 @@ class Robot:
     first_arrival_s: float = nan
     """When the first of them arrived."""
     arrival_s: float = nan
-    """When its newest message arrived."""
+    """When its newest status arrived; before the first, when its first message did."""
+    heard_s: float = nan
+    """When its newest message of any kind arrived."""
     came_s: float = nan
     """When its first one did, of those that this fleet knows: after a restart, of those that were kept."""
     seen: Sighting | None = None
@@ -89,11 +92,18 @@ class Robot:
     """The key of its repeat reader in the fast path; empty if it has none."""
     deviations: dict[str, int] = field(default_factory=dict)
     """By rule, how many of its messages deviated."""
+    odd_values: OddValues = field(default_factory=OddValues)
+    """The values that show it, as far as they are named."""
 
     @property
     def source(self) -> str:
         """Who reported its newest status, as `Connection.source` says it; "" before the first."""
         return self.status_from.source if self.status_from else ""
+
+    def hear(self, oddities: Oddities, arrival_s: float) -> None:
+        """Take note of an accepted message of any kind."""
+        self.heard_s = arrival_s
+        self.odd_values.note(oddities, arrival_s)
 
     def count(self, findings: Iterable[str]) -> list[str]:
         """Count the deviations that its language knows. Returns these."""

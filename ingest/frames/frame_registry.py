@@ -63,6 +63,8 @@ class FrameRegistry:
         """Raises `FitError`, with vendor and datum, for readings to which nothing can be fitted."""
         by_id = {datum.id: datum for datum in datums}
         self._datums = {datum.id: _frame_of_datum(datum) for datum in datums}
+        self.floors = frozenset(self._datums)
+        """Ids of the floors of the site file."""
         self.in_degrees = frozenset(name for name, frame in self._datums.items() if frame.projection)
         """Datums in degrees. A location on one may be no place on Earth."""
         self._maps = {

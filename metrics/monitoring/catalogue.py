@@ -56,6 +56,11 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Robots that are shown and not compared with others yet, by source: the ten with most, and the rest together.",
         "source",
     ),
+    "deconflict_robots_not_compared": gauge(
+        "Robots that are heard and compared with nobody until somebody mends something, by what is wrong.",
+        "vendor",
+        "fault",
+    ),
     "deconflict_connections": gauge("Open connections of robots and fleet managers."),
     "deconflict_connections_refused_total": counter(
         "Connections that the service refused or closed, by reason.", "reason"

@@ -8,6 +8,7 @@ from deconflict.settings.site import Site
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.languages.model import Rejection
 from ingest.languages.rules import Rule
 from ingest.languages.visible_text import visible
 from ingest.measures.measures import Measures
@@ -22,7 +23,8 @@ def feed(fleet: Fleet, event: Received) -> None:
     """Feed one message of a log to the fleet. A message that was refused when it was recorded is refused again: some
     rules concern the socket, not the message."""
     if event.refused:
-        fleet.reject(event.refused, "refused when it was recorded", event.raw, event.arrival_s, event.connection)
+        rejection = Rejection(event.refused, "refused when it was recorded")
+        fleet.reject(rejection, event.raw, event.arrival_s, event.connection)
     else:
         fleet.receive_recorded(event)
 
@@ -67,9 +69,15 @@ def conform(reader: LogReader, events: Iterable[Event], site: Site) -> dict[str,
             now_s = max(now_s, event.arrival_s)
     fleet_report.measure(fleet, now_s)
     vendors = findings(measures)
+    rejected = {(row["vendor"], row["rule"]): row["odd_values"] for row in fleet.quarantine.documents()}
+    to_mend = {sender["vendor"]: sender for sender in fleet_report.senders(fleet, now_s)}
     for vendor in vendors:
+        sender = to_mend.get(vendor["vendor"], {"odd_values": [], "not_compared": []})
+        vendor["not_compared"] = sender["not_compared"]
         for finding in vendor["findings"]:
             finding["example"] = examples.first.get((vendor["vendor"], finding["rule"]), "")
+            finding["values"] = [value for value in sender["odd_values"] if value["rule"] == finding["rule"]]
+            finding["values"] += rejected.get((vendor["vendor"], finding["rule"]), [])
     return {"messages": messages, **lines(reader), "conformance": vendors}
 
 
@@ -103,6 +111,13 @@ def page(result: dict[str, Any]) -> str:
     return "\n".join([*map(visible, _lines(result)), ""])
 
 
+def value_in_words(value: dict[str, Any]) -> str:
+    """A value that deviates, as a line for whoever mends the sender. It may have the number of `robots`."""
+    meant = f"; did you mean {value['nearest']}?" if value["nearest"] else ""
+    robots = f" ({value['robots']} robot{'s' if value['robots'] != 1 else ''})" if "robots" in value else ""
+    return f"{value['path']} = {value['value']}, {value['reading']}{meant}{robots}"
+
+
 def _finding(rule: str, count: int, languages: list[str]) -> dict[str, Any]:
     known = _rule(rule, languages)
     meaning = (known.sentence, known.clause, known.rejects) if known else ("", "", False)
@@ -134,3 +149,6 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
             yield "  no deviations from the standard"
         for finding in vendor["findings"]:
             yield f"  {finding['count']:>8}  {finding['rule']} ({finding['clause']}): {finding['meaning']}"
+            yield from (f"            {value_in_words(value)}" for value in finding["values"])
+        for robot in vendor["not_compared"]:
+            yield f"  {robot['name']} is compared with nobody: {robot['reason']}"

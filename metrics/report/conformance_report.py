@@ -1,7 +1,9 @@
 """One page for a vendor: how its messages deviate from the standard, with a first example of each. It prints well."""
 
+from collections.abc import Sequence
 from html import escape
 
+from metrics.replay.conformance_counts import value_in_words
 from metrics.report.html_cells import Part
 
 STYLE = """
@@ -34,16 +36,24 @@ def vendor_page(vendor: Part, standards: str, log: str) -> str:
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
         f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}: conformance to {escape(standards)}</h1>\n"
         f"<p>{escape(lead)}</p>\n<p class=note>{escape(note)} <span class=paper>{on_paper}</span></p>\n"
-        f"{''.join(map(_finding, findings))}</body>\n</html>\n"
+        f"{_not_compared(vendor.get('not_compared', ()))}{''.join(map(_finding, findings))}</body>\n</html>\n"
     )
+
+
+def _not_compared(robots: Sequence[Part]) -> str:
+    """The robots that were compared with nobody at the end."""
+    rows = "".join(f"<li>{escape(robot['name'])}: {escape(robot['reason'])}</li>" for robot in robots)
+    return f"<section><h2>Compared with no other robot</h2><ul>{rows}</ul></section>\n" if rows else ""
 
 
 def _finding(finding: Part) -> str:
     verdict = "rejected" if finding["rejects"] else "read all the same"
     example = f"<p>First example:</p><pre>{escape(finding['example'])}</pre>" if finding.get("example") else ""
+    rows = "".join(f"<li>{escape(value_in_words(value))}</li>" for value in finding.get("values", ()))
+    values = f"<p>Values:</p><ul>{rows}</ul>" if rows else ""
     return (
         f"<section><h2>{escape(finding['rule'])}: {_plural(finding['count'], 'time')}, {verdict}</h2>"
-        f"<p>{escape(finding['meaning'])} Clause: {escape(finding['clause']) or '-'}.</p>{example}</section>\n"
+        f"<p>{escape(finding['meaning'])} Clause: {escape(finding['clause']) or '-'}.</p>{values}{example}</section>\n"
     )
 
 

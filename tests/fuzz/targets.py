@@ -15,7 +15,7 @@ from ingest.batch import Batch, Floats
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.massrobotics.conformance_rules import RULES

@@ -142,8 +142,9 @@ class ApiRoutes:
         return json_response(Owned(uuid=str(uuid), vendor=owner.vendor, before=given["before"]))
 
     async def vendors(self) -> Response:
-        """The state of each vendor: its robots, messages, clocks, forecasts and grade, and what has changed."""
-        return json_response(VendorList(vendors=vendor_health(await self._sources.measures())))
+        """The state of each vendor: its robots, messages, clocks, forecasts and grade, what changed, what to mend."""
+        measures, senders = await self._sources.measures(), await self._sources.senders()
+        return json_response(VendorList(vendors=vendor_health(measures, senders)))
 
     async def quarantine(self) -> Response:
         """Rejected messages, each with its rule and reason."""

@@ -54,6 +54,9 @@ class Sources(FloorSource, Protocol):
     async def quarantine(self) -> list[Document]:
         """The rejected messages that are kept."""
 
+    async def senders(self) -> list[Document]:
+        """What each vendor should mend, as `fleet_report.senders` gives it; nothing if no receiver answers."""
+
     async def measures(self) -> list[Document]:
         """`Measures.as_document()` of each role that answers, except the operator face."""
 

@@ -214,7 +214,8 @@ function list() {
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${here.length} robots, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   setText($("vendors-title"), shown.isPast ? "Vendors now" : "Vendors");
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health, distrusted);
-  if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, shown.atS, isTakenOff);
+  vendors.mending($("to-mend"), live.health);
+  if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, shown.atS, isTakenOff, shown.isPast ? new Map() : vendors.notCompared());
   showBox();
 }
 
@@ -225,7 +226,7 @@ function distrusted(vendor) {
 
 function showBox() {
   const robot = robotShown && shown.robots.get(robotShown);
-  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor) });
+  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
 }
 
 // New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.

@@ -234,9 +234,9 @@ class Paces:
 
     @property
     def corner_s(self) -> float:
-        """What a corner takes beyond its turn, as far as that was seen."""
+        """What a corner takes beyond its turn on the spot, as far as that was seen; less than 0 if it takes less."""
         own = self._pace.seen(CORNER)
-        return max(own if own is not None else self._pace.usual(CORNER) or 0.0, 0.0)
+        return own if own is not None else self._pace.usual(CORNER) or 0.0
 
     @property
     def turn_radps(self) -> float:

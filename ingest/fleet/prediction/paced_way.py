@@ -32,9 +32,10 @@ def paced(points: Sequence[Knot], most: Sequence[float], here: Sighting, paces: 
         speed, length_m = paces.of(allowed), hypot(to_x - x, to_y - y)
         if allowed.kind == TURN:
             turn_rad = abs(turn_between(yaw_rad, to_rad))
-            t_s += 0.0 if isnan(turn_rad) else turn_rad / speed
+            turn_s = 0.0 if isnan(turn_rad) else turn_rad / speed
+            t_s += turn_s
             now_mps = inf
-            corners.turn(t_s)
+            corners.turn(t_s, turn_s)
         else:
             t_s += corners.leave(x, y, to_x, to_y, speed, t_s)
             lasted_s, now_mps = _driven_s(length_m, now_mps, speed)
@@ -77,23 +78,23 @@ class _Corners:
 
     def __init__(self, here: Sighting, paces: Paces) -> None:
         self._watched_s = here.t_s + WATCHED_S if here.is_driving else -inf
-        self._paces, self._turned, self._late_s = paces, False, 0.0
+        self._paces, self._turn_s, self._late_s = paces, 0.0, 0.0
 
-    def turn(self, t_s: float) -> None:
-        """The robot has turned by this time."""
-        self._turned = True
+    def turn(self, t_s: float, turn_s: float) -> None:
+        """The robot has turned by this time, for `turn_s`."""
+        self._turn_s += turn_s
         if t_s > self._watched_s:
             self._watched_s = -inf
 
     def leave(self, x: float, y: float, to_x: float, to_y: float, mps: float, t_s: float) -> float:
-        """How long it takes longer at the corner that it leaves at (x, y) for (to_x, to_y); 0 if it has not turned."""
-        if not self._turned:
+        """How long it takes beyond its turn at the corner at (x, y), which it leaves for (to_x, to_y)."""
+        if not self._turn_s:
             return 0.0
-        self._turned = False
+        late_s, self._turn_s = max(self._paces.corner_s, -self._turn_s), 0.0
         length_m = hypot(to_x - x, to_y - y)
         share = min(BEYOND_M / length_m, 1.0)
         if t_s <= self._watched_s:
             expected_s = t_s - self._late_s + share * length_m / mps
             self._paces.note_corner(x + share * (to_x - x), y + share * (to_y - y), expected_s)
-        self._late_s += self._paces.corner_s
-        return self._paces.corner_s
+        self._late_s += late_s
+        return late_s

@@ -14,7 +14,7 @@ from deconflict.settings.site import Conflict, Site
 from ingest.batch import Batch, Ints
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from deconflict.advisory import Severity
+from deconflict.operator.vendor_health import vendor_health
+from ingest.measures.measures import Measures
 from tests.deconflict.operator.http.served_face import Served
-from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, opened, shown, text, until
+from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, name, opened, shown, text, until
 from tests.helpers.saying import robot
 
 if TYPE_CHECKING:
@@ -176,3 +178,40 @@ async def test_a_situation_is_outlined_on_the_map_and_can_be_chosen_there(browse
         await page.click('[data-id="situation-1"] .chip >> nth=2')
         await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
         await page.wait_for_selector('[data-id="situation-1"].chosen')
+
+
+async def test_the_page_says_what_vendors_should_mend_and_who_is_compared_with_nobody(
+    browser: "Browser", face: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    odd = {"rule": "key-unknown", "path": "location.planarDatm", "value": "3", "reading": "not read"}
+    value = odd | {"nearest": "planarDatum", "robots": 2, "count": 5, "last_received": "2026-01-01T00:00:00Z"}
+    robots = [
+        {"uuid": uuid, "name": called, "reason": why, "fault": "no map", "placed": placed}
+        for uuid, called, why, placed in (
+            (robot("A-0"), name(0), "its position names no map", True),
+            ("other", "Alder A-99", "no position of it has come", False),
+        )
+    ]
+    measures = Measures()
+    measures.count("deconflict_messages_total", "Alder", "accepted")
+    senders = [{"vendor": "Alder", "odd_values": [value], "not_compared": robots}]
+    (vendor,) = vendor_health([measures.as_document()], senders)
+    shown_vendor = vendor.model_dump(mode="json", exclude={"name"})
+    monkeypatch.setitem(face.sources.live, "vendors", {"Alder": shown_vendor})
+    monkeypatch.setitem(face.sources.live, "brokers", ["hall: set mqtt_sources.prefixes"])
+    await face.publish(shown(1, 0, 1))
+    async with opened(browser, face) as page:
+        await until(page, "document.querySelectorAll('#to-mend li').length === 4")
+        lines = await page.evaluate("[...document.querySelectorAll('#to-mend li')].map((line) => line.textContent)")
+        assert lines == [
+            "Alder A-0 is compared with nobody: its position names no map",
+            "Alder A-99 is compared with nobody: no position of it has come",
+            "Alder, 2 robots: location.planarDatm = 3, not read (key-unknown); did you mean planarDatum?",
+            "hall: set mqtt_sources.prefixes",
+        ]
+        assert "2 robots compared with nobody" in await text(page, "#vendors")
+        await page.click("#robots summary")
+        await until(page, "document.querySelector('#robots tbody').textContent.includes('Alder A-99on no floor')")
+        await page.click("#situations .chip")
+        await page.wait_for_selector("#detail:not([hidden])")
+        assert "not comparedits position names no map" in await text(page, "#detail")

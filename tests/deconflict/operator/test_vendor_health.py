@@ -81,3 +81,20 @@ def test_a_change_is_described_with_its_start() -> None:
         ("forecast", 0.41, "forecasts 0.4 m further off than usual"),
     ]
     assert acme.flags[0].since == datetime.fromtimestamp(SINCE_S, UTC)
+
+
+def test_what_vendors_should_mend_is_joined_over_receivers() -> None:
+    measures = Measures()
+    measures.count("deconflict_messages_total", "Acme", "accepted")
+    measures.count("deconflict_messages_total", "Bolt", "accepted")
+    odd = {"rule": "key-unknown", "path": "a", "value": "1", "reading": "not read", "nearest": "b"}
+    row = odd | {"robots": 2, "count": 5, "last_received": "2026-01-01T00:00:00Z"}
+    robots = [
+        {"uuid": name, "name": name, "reason": "send a position", "fault": "", "placed": False}
+        for name in ("one", "two")
+    ]
+    senders = [{"vendor": "Acme", "odd_values": [row], "not_compared": [robot]} for robot in robots]
+    acme, bolt = vendor_health([measures.as_document()], senders)
+    assert [(value.path, value.robots, value.count) for value in acme.odd_values] == [("a", 4, 10)]
+    assert [robot.uuid for robot in acme.not_compared] == ["one", "two"]
+    assert (bolt.odd_values, bolt.not_compared) == ([], [])

@@ -5,7 +5,7 @@ import pytest
 from deconflict.engine.message_latency import arrivals_s
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

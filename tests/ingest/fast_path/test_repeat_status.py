@@ -11,7 +11,7 @@ from ingest.fast_path.repeat_status import RepeatReader
 from ingest.fast_path.status_scanner import ScannedStatus
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

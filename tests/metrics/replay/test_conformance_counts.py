@@ -1,7 +1,14 @@
 from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
 
 from deconflict.settings.site import DEFAULT
 from ingest.languages import timestamps
+from ingest.languages.massrobotics.massrobotics_front_end import MassRoboticsFrontEnd
+from ingest.languages.model import Identity, Rejection, Status
+from ingest.languages.rules import Oddity
 from ingest.recording.log_reader import LogReader
 from metrics.replay.conformance_counts import conform, page
 from metrics.report.conformance_report import vendor_page
@@ -39,3 +46,42 @@ def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) ->
     assert "<h2>status-too-frequent: 1 time, read all the same</h2>" in html
     assert html.count("<section>") == len(known["findings"])
     assert "&quot;operationalState&quot;" in html, "the message is shown as it came, and runs nothing"
+
+
+def test_values_that_deviate_are_listed_below_their_rule_and_robots_without_a_position_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    odd, read = (
+        Oddity("identity-missing", "location.planarDatm", "3", "not read", "planarDatum"),
+        MassRoboticsFrontEnd.read,
+    )
+    wrong = Oddity("envelope-not-positive", "baseRobotEnvelope.x", "-1", "not read")
+
+    def with_oddity(*arguments: Any) -> Any:
+        message, memory = read(*arguments)
+        if isinstance(message, Status):
+            message = msgspec.structs.replace(message, oddities=(odd,))
+        if isinstance(message, Rejection):
+            message = Rejection(message.rule, message.reason, message.uuid, oddities=(wrong,))
+        return message, memory
+
+    monkeypatch.setattr(MassRoboticsFrontEnd, "read", with_oddity)
+    messages = [(second, identity("A-1", NOW_S + second)) for second in range(0, 50, 10)]
+    messages += [(n, status(name, NOW_S + n, 1.0)) for n in range(2) for name in ("A-2", "A-3")]
+    messages.append((50, identity("A-1", NOW_S, baseRobotEnvelope={"x": -1.0, "y": 1.0})))
+    log = tmp_path / "log.jsonl"
+    head = '{{"received":"{}","connection":1,"peer":"x","vendor":"Alder","message":{}}}\n'
+    log.write_text("".join(head.format(timestamps.write(NOW_S + at_s), raw.decode()) for at_s, raw in messages))
+    result = conform(LogReader(), LogReader().read([log]), DEFAULT)
+    (alder,) = result["conformance"]
+    lines = page(result).splitlines()
+    (at,) = [number for number, line in enumerate(lines) if " identity-missing " in line]
+    assert lines[at + 1].strip() == "location.planarDatm = 3, not read; did you mean planarDatum? (2 robots)"
+    assert "            baseRobotEnvelope.x = -1, not read" in lines
+    assert lines[-1].startswith(
+        "  Alder A-1 is compared with nobody: no position of it has come (heard: identity report)"
+    )
+    html = vendor_page(alder, "the standard", "log.jsonl")
+    assert "<li>location.planarDatm = 3, not read; did you mean planarDatum? (2 robots)</li>" in html
+    assert "<h2>Compared with no other robot</h2><ul><li>Alder A-1: " in html
+    assert isinstance(read(MassRoboticsFrontEnd(), messages[0][1], "", None, None)[0], Identity)

@@ -24,13 +24,14 @@ export class RobotBox {
     box.addEventListener("keydown", ({ key }) => { if (key === "Escape") hide(); });
   }
 
-  // `robot` or null; `view` has nowS, isTakenOff, isDistrusted, and `standards` of its vendor.
+  // `robot` or null; `view` has nowS, isTakenOff, isDistrusted, and `standards` of its vendor, and `notCompared`, why it is compared with nobody.
   show(robot, view) {
     this.box.hidden = !robot;
     if (!robot) return;
     const rows = [["state", stateOf(robot, view.isTakenOff)], ["heard", ago(view.nowS - robot.arrivalS)], ["forecast from", FORECASTS[robot.basis] ?? robot.basis], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
     if (view.standards) rows.push(["standard", view.standards]);
     if (view.isDistrusted) rows.push(["trust", "moves otherwise than it announces"]);
+    if (view.notCompared) rows.push(["not compared", view.notCompared]);
     if (robot.unidentified) rows.push(["identity", "not received yet: size and name are assumed"]);
     const key = JSON.stringify([robot.name, rows]);
     if (this.box.dataset.key === key) return;
@@ -40,20 +41,29 @@ export class RobotBox {
   }
 }
 
-// Fills the body of the table with the first `LISTED` robots by name.
-export function fillTable(body, robots, nowS, isTakenOff) {
+// Fills the body of the table with the first `LISTED` robots by name, after those that are on no floor: `notCompared` has, by
+// UUID, the robots that are compared with nobody.
+export function fillTable(body, robots, nowS, isTakenOff, notCompared) {
   const rows = [...robots].sort((a, b) => (a.name < b.name ? -1 : 1)).slice(0, LISTED).map((robot) => {
     const row = document.createElement("tr"), head = Object.assign(document.createElement("th"), { scope: "row", textContent: `${robot.unidentified ? "? " : ""}${robot.name}` });
-    row.append(head, ...[stateOf(robot, isTakenOff(robot)), `${robot.knots[1].toFixed(1)}, ${robot.knots[2].toFixed(1)}`, ago(nowS - robot.arrivalS)].map((textContent) => Object.assign(document.createElement("td"), { textContent })));
+    const why = notCompared.get(robot.uuid)?.reason;
+    row.append(head, ...[`${stateOf(robot, isTakenOff(robot))}${why ? `; not compared: ${why}` : ""}`, `${robot.knots[1].toFixed(1)}, ${robot.knots[2].toFixed(1)}`, ago(nowS - robot.arrivalS)].map((textContent) => Object.assign(document.createElement("td"), { textContent })));
     return row;
   });
   const left = robots.length - rows.length;
+  rows.unshift(...[...notCompared.values()].filter(({ placed }) => !placed).map(unplacedRow));
   if (left > 0) {
     const row = document.createElement("tr");
     row.append(Object.assign(document.createElement("td"), { colSpan: 4, textContent: `and ${left} more: find a robot by its name above` }));
     rows.push(row);
   }
   body.replaceChildren(...rows);
+}
+
+function unplacedRow({ name, reason }) {
+  const row = document.createElement("tr"), head = Object.assign(document.createElement("th"), { scope: "row", textContent: name });
+  row.append(head, Object.assign(document.createElement("td"), { colSpan: 3, textContent: `on no floor: ${reason}` }));
+  return row;
 }
 
 function stateOf(robot, isTakenOff) {

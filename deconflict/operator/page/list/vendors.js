@@ -71,6 +71,21 @@ export class Vendors {
     figures.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inFigures(vendor, rate))));
   }
 
+  // What to mend, for the integrator: one line for each value that deviates, each robot that is compared with nobody, and
+  // topics of brokers that are not heard.
+  mending(list, health) {
+    if (!health.vendors || list.dataset.at === `${health.at_s}`) return;
+    list.dataset.at = `${health.at_s}`;
+    const lines = [...Object.entries(health.vendors).flatMap(([name, vendor]) => toMend(name, vendor)), ...(health.brokers ?? [])];
+    list.replaceChildren(...lines.map((textContent) => Object.assign(document.createElement("li"), { textContent })));
+  }
+
+  // The robots that are compared with nobody, by UUID: name, vendor, reason, and whether each is placed.
+  notCompared() {
+    const vendors = Object.entries(this.healths.at(-1)?.vendors ?? {});
+    return new Map(vendors.flatMap(([vendor, { not_compared: robots = [] }]) => robots.map((robot) => [robot.uuid, { ...robot, vendor }])));
+  }
+
   // The standards of a vendor's messages, in words; null until they are known.
   standards(name) {
     const languages = this.healths.at(-1)?.vendors[name]?.languages ?? [];
@@ -89,9 +104,18 @@ export class Vendors {
 function inWords(vendor, rate) {
   const notes = [...(rate === 0 ? ["no messages arrive: call the integrator"] : []), ...vendor.doubts], passed = changes(vendor);
   if (vendor.rejected) passed.push("some messages can't be read");
+  if (vendor.not_compared?.length) passed.push(`${plural(vendor.not_compared.length, "robot")} compared with nobody, listed below`);
+  if (vendor.odd_values?.length) passed.push("values that deviate, listed below");
   if (clock(vendor) !== "right") passed.push(`clock ${clock(vendor)}`);
   const heard = vendor.silent ? `${vendor.robots - vendor.silent} heard, ${vendor.silent} silent` : `${vendor.robots}, all heard`;
   return [[heard, vendor.silent > 0], [TRUST[vendor.grade] ?? "not yet known", vendor.grade >= "D"], [notes.join("; ") || "nothing", notes.length > 0, passed.length ? `For the integrator: ${passed.join("; ")}` : ""]];
+}
+
+function toMend(name, { odd_values: values = [], not_compared: robots = [] }) {
+  return [
+    ...robots.map((robot) => `${robot.name} is compared with nobody: ${robot.reason}`),
+    ...values.map(({ rule, path, value, reading, nearest, robots: count }) => `${name}, ${plural(count, "robot")}: ${path} = ${value}, ${reading} (${rule})${nearest ? `; did you mean ${nearest}?` : ""}`),
+  ];
 }
 
 function inFigures(vendor, rate) {

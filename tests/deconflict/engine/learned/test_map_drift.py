@@ -8,7 +8,7 @@ from deconflict.settings.shared_places import Resource
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures import clock_changes
 from ingest.measures.change_detection import ADOPTED_S, LEARNED

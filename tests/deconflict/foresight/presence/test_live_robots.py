@@ -6,7 +6,7 @@ from deconflict.foresight.presence.live_robots import LiveRobots
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.quarantine import Quarantine
+from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
 from tests.deconflict.engine.made_engine import LINE, NOW_S, SITE

@@ -42,6 +42,9 @@ class GivenSources:
 
     down: set[str] = field(default_factory=set)
     reloads: int = 0
+    to_mend: list[dict[str, Any]] = field(default_factory=list)
+    live: dict[str, Any] = field(default_factory=dict)
+    """Replaces parts of the live status."""
     recent: RecentBatches = field(default_factory=RecentBatches)
     archive: Archive | None = None
     ledger: LossLedger = field(default_factory=lambda: LossLedger(None, LossSettings()))
@@ -59,6 +62,9 @@ class GivenSources:
     async def quarantine(self) -> list[dict[str, Any]]:
         self._ask("receiver")
         return [{"rule": "not-json", "reason": "ends too early", "raw": "{"}]
+
+    async def senders(self) -> list[dict[str, Any]]:
+        return self.to_mend
 
     async def losses(self, question: LossQuestion) -> LossList:
         return self.ledger.ask(question)
@@ -89,7 +95,8 @@ class GivenSources:
 
     async def live_status(self) -> dict[str, Any]:
         roles = {role: "down" if role in self.down else "up" for role in ("receiver", "engine")}
-        return {"roles": roles, "vendors": {}, "unidentified": [], "fading": {}, "taken_off": {}, "distrusted": []}
+        silent: dict[str, Any] = {"fading": {}, "taken_off": {}, "distrusted": []}
+        return {"roles": roles, "vendors": {}, "unidentified": [], **silent, **self.live}
 
     def presence(self) -> dict[str, Any]:
         off = {"vendor": "Alder", "name": "Alder A-7", "heard_s": 5.0, "at_s": 9.0, "by": "Corvid C-12"}

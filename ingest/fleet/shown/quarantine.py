@@ -3,17 +3,20 @@
 Messages that no vendor can be named for are kept by the address that they come from.
 """
 
-from collections import OrderedDict, deque
+from collections import Counter, OrderedDict, deque
 from dataclasses import dataclass
 from typing import Any
 
 from ingest.languages import timestamps
+from ingest.languages.model import Rejection
+from ingest.languages.rules import Oddity
 from ingest.settings import UNKNOWN
 
 KEPT_BYTES = 2048
 """Of each message; enough to see what is wrong with it."""
 KEPT_PER_VENDOR = 100
 MOST_VENDORS, MOST_ADDRESSES = 100, 50
+SEVERAL = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +32,10 @@ class RejectedMessage:
     connection: int
     """Number of the connection."""
     arrival_s: float
+    oddities: tuple[Oddity, ...] = ()
+    """The values of the message that deviate, as far as they are named."""
+    uuid: str | None = None
+    """The UUID of the robot, if it could be read."""
 
 
 class Quarantine:
@@ -61,6 +68,17 @@ class Quarantine:
             self.displaced += len(self._by_address.popitem(last=False)[1])
         return kept
 
+    def rejected_robots(self, since_s: float) -> dict[str, tuple[str, RejectedMessage]]:
+        """By UUID, the vendor and the newest message of robots of which several were rejected since then."""
+        counts: Counter[str] = Counter()
+        newest: dict[str, tuple[str, RejectedMessage]] = {}
+        for vendor, kept in self._by_vendor.items():
+            for message in kept:
+                if message.uuid and message.arrival_s >= since_s:
+                    counts[message.uuid] += 1
+                    newest[message.uuid] = vendor, message
+        return {uuid: found for uuid, found in newest.items() if counts[uuid] >= SEVERAL}
+
     def documents(self) -> list[dict[str, Any]]:
         """JSON-ready, newest first."""
         messages = [(message, vendor) for vendor, kept in self._by_vendor.items() for message in kept]
@@ -79,9 +97,13 @@ def _document(message: RejectedMessage, vendor: str) -> dict[str, Any]:
         "message": message.raw.decode(errors="backslashreplace"),
         "size_bytes": message.size,
         "cut_short": message.size > len(message.raw),
+        "odd_values": [oddity._asdict() for oddity in message.oddities],
     }
 
 
-def rejected_message(raw: bytes, rule: str, reason: str, connection: int, arrival_s: float) -> RejectedMessage:
+def rejected_message(raw: bytes, rejection: Rejection, connection: int, arrival_s: float) -> RejectedMessage:
     """The record of a rejected message."""
-    return RejectedMessage(raw[:KEPT_BYTES], len(raw), rule, reason, connection, arrival_s)
+    why = rejection.rule, rejection.reason
+    return RejectedMessage(
+        raw[:KEPT_BYTES], len(raw), *why, connection, arrival_s, rejection.oddities, uuid=rejection.uuid
+    )

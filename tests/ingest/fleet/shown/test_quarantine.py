@@ -1,4 +1,4 @@
-from ingest.fleet.quarantine import (
+from ingest.fleet.shown.quarantine import (
     KEPT_BYTES,
     KEPT_PER_VENDOR,
     MOST_ADDRESSES,
@@ -6,11 +6,13 @@ from ingest.fleet.quarantine import (
     Quarantine,
     rejected_message,
 )
+from ingest.languages.model import Rejection
+from ingest.languages.rules import Oddity
 from ingest.settings import UNKNOWN
 
 
 def add(to: Quarantine, vendor: str, arrival_s: float, raw: bytes = b"{", address: str = "10.0.0.1") -> None:
-    to.add(rejected_message(raw, "not-json", "send JSON", 1, arrival_s), vendor, address)
+    to.add(rejected_message(raw, Rejection("not-json", "send JSON"), 1, arrival_s), vendor, address)
 
 
 def test_a_rejected_message_is_kept_with_what_a_person_needs() -> None:
@@ -26,8 +28,17 @@ def test_a_rejected_message_is_kept_with_what_a_person_needs() -> None:
             "message": "\\xffoops",
             "size_bytes": 5,
             "cut_short": False,
+            "odd_values": [],
         }
     ]
+
+
+def test_a_rejected_message_keeps_the_values_that_deviate() -> None:
+    quarantine, odd = Quarantine(), Oddity("key-unknown", "locaton", "{}", "not read", "location")
+    rejection = Rejection("key-missing", "send a location", oddities=(odd,))
+    quarantine.add(rejected_message(b"{}", rejection, 1, 1.0), "Alder", "10.0.0.1")
+    (document,) = quarantine.documents()
+    assert document["odd_values"] == [odd._asdict()]
 
 
 def test_many_rejected_messages_of_one_vendor_do_not_displace_those_of_others() -> None:

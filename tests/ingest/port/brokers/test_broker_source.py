@@ -10,7 +10,7 @@ import pytest
 from aiomqtt import Client
 
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
-from ingest.port.broker_source import BrokerSource
+from ingest.port.brokers.broker_source import BrokerSource
 from ingest.settings import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.deconflict.roles.made_service import free_ports

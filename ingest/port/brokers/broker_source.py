@@ -60,6 +60,11 @@ class BrokerSource:
         self._outages = OutageLog(time.monotonic)
         self._was_heard = False
 
+    @property
+    def has_heard(self) -> bool:
+        """Whether a topic of it has been heard."""
+        return bool(self._connections)
+
     async def run(self) -> None:
         """Hear the broker until cancelled. Without a broker, return."""
         failures, now_s = 0, asyncio.get_running_loop().time

@@ -1,0 +1,57 @@
+"""Whether the robots that are heard can be compared with others, and whether brokers have robots that are not heard."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from ingest.fleet.fleet_report import NOT_COMPARED
+from ingest.fleet.owners.comparability import REMEDIES, TOO_MANY_MAPS
+from ingest.measures.measures import joined_values
+from ingest.settings import UNKNOWN
+
+MOST_NAMED = 5
+"""Vendors that a reason names."""
+INVENTED = (TOO_MANY_MAPS,)
+"""Faults of senders that make up maps without end. Their robots say so, and others are not concerned."""
+WHERE = "GET /robots says of each robot why it is not compared (not_compared_reason)"
+
+
+def positions_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The part `positions` of the health. `documents` are the measures of all receivers."""
+    values = joined_values(documents)
+    robots = {
+        (vendor, fault): int(count)
+        for (vendor, fault), count in values.get(NOT_COMPARED, {}).items()
+        if count and fault not in INVENTED
+    }
+    reasons = [
+        f"{count} of {vendor} ({fault}): {REMEDIES.get(fault, 'see the robot')}"
+        for (vendor, fault), count in sorted(robots.items())[:MOST_NAMED]
+    ]
+    if reasons:
+        reasons = [f"{sum(robots.values())} robots are heard and compared with nobody: {'; '.join(reasons)}; {WHERE}"]
+    messages, per_s = values.get("deconflict_messages_total", {}), values.get("deconflict_messages_per_second", {})
+    unread = sorted(
+        vendor
+        for (vendor,), rate in per_s.items()
+        if rate and vendor != UNKNOWN and messages.get((vendor, "rejected")) and not messages.get((vendor, "accepted"))
+    )
+    if unread:
+        named = ", ".join(unread[:MOST_NAMED])
+        reasons.append(f"all messages of {named} are rejected: GET /quarantine says why, and what to change")
+    document: dict[str, Any] = {"status": "degraded", "reason": "; ".join(reasons)} if reasons else {"status": "ok"}
+    return document | {"robots": sum(robots.values())}
+
+
+def brokers_document(brokers: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The part `brokers` of the health. Degraded if a broker has robots of the standard and none of them is heard."""
+    notes = broker_notes(brokers)
+    unheard = [broker["name"] for broker in brokers if broker["other_topics"] and not broker["heard"]]
+    document: dict[str, Any] = {"status": "ok", "notes": notes}
+    if unheard:
+        document |= {"status": "degraded", "reason": f"no robot is heard at {', '.join(unheard)}: {'; '.join(notes)}"}
+    return document
+
+
+def broker_notes(brokers: Sequence[dict[str, Any]]) -> list[str]:
+    """Of each broker with topics that look like those of robots and are not heard, what to set."""
+    return [f"{broker['name']}: {topics['advice']}" for broker in brokers for topics in broker["other_topics"]]

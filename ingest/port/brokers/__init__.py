@@ -1,0 +1,1 @@
+"""The MQTT brokers whose robots are heard."""

@@ -1,0 +1,1 @@
+"""What vendors' messages lack: of a running service, and of the rules in the code."""
