@@ -3,12 +3,14 @@
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 from ingest.sizes.size_limit import LOAD_IN_OTHER_UNIT, LOAD_OVER_LIMIT, SIZE_IN_OTHER_UNIT, SIZE_OVER_LIMIT
 
 MOST_ODDITIES, MOST_LETTERS = 20, 60
 """Oddities of a message that are kept, and letters of each of their values."""
+_AS_JSON = json.JSONEncoder(ensure_ascii=False)
 
 
 class Oddity(NamedTuple):
@@ -134,13 +136,11 @@ def load_rules(clause: str) -> tuple[Rule, Rule]:
 
 
 def _shown(value: object) -> str:
-    """A value as JSON spells it, cut to `MOST_LETTERS`. Of a long text or list only the first part is spelt."""
-    if isinstance(value, str | list):
-        value = value[:MOST_LETTERS]
-    if isinstance(value, dict):
-        value = dict(list(value.items())[:MOST_LETTERS])
+    """A value as JSON spells it, cut to `MOST_LETTERS`. Of a long value only the first part is spelt."""
     try:
-        return json.dumps(value, ensure_ascii=False)[:MOST_LETTERS]
+        if isinstance(value, list | dict):
+            return "".join(islice(_AS_JSON.iterencode(value), MOST_LETTERS))[:MOST_LETTERS]
+        return _AS_JSON.encode(value[:MOST_LETTERS] if isinstance(value, str) else value)[:MOST_LETTERS]
     except (TypeError, ValueError, RecursionError):
         return repr(type(value).__name__)
 
