@@ -228,6 +228,7 @@ def _keys_and_types() -> Iterator[Vector]:
         ("value-unreadable",),
         reads={"linear_mps": 1.0, "turn_rad_per_s": None},
     )
+    yield Vector("a z of 1e9", said(location=here(z=1e9)), ("value-unreadable",), reads={"z": 0.0, "x": 1.0})
     yield Vector("a z in words", said(location=here(z="ground")), ("value-unreadable",), reads={"z": 0.0})
 
 
