@@ -139,7 +139,7 @@ class Fleet:
         self._consider(robot, connection, arrival_s)
         is_remembered, robot.memory = robot.memory is not memory, memory
         if isinstance(message, Identity):
-            findings = self._update_identity(robot, message, raw, arrival_s, connection)
+            findings = self._update_identity(robot, message.sized_as(robot.identity), raw, arrival_s, connection)
         elif isinstance(message, Status):
             event_s, findings = self._placement.event_time(
                 robot, message.stamp_s, message.stamp_resolution_s, arrival_s

@@ -153,13 +153,14 @@ class Placement:
     def _body(self, robot: Robot, loaded: bool, loads: tuple[StatedLoad, ...]) -> RobotBody:
         robot.size, robot.loads = self._size(robot), NO_LOADS
         settings, model = self._vendors.settings(robot.vendor), self._vendors.model(robot.vendor, robot.model)
-        if robot.identity and robot.size:
-            reported = reported_body(robot.size.body, robot.identity.max_speed_mps)
-            body = robot_body(model, reported, loaded, None)
-            is_known = not robot.size.is_over_limit or body.rectangle != reported.rectangle
+        max_speed_mps = robot.identity.max_speed_mps if robot.identity else None
+        if robot.size:
+            reported = reported_body(robot.size.body, max_speed_mps)
         else:
-            reported = body = RobotBody(settings.default_envelope_m or self._reading.default_envelope_m)
-            is_known = True
+            usual_m = settings.default_envelope_m or self._reading.default_envelope_m
+            reported = RobotBody(usual_m, max_speed_mps=max_speed_mps)
+        body = robot_body(model, reported, loaded, None) if robot.identity else reported
+        is_known = not (robot.size and robot.size.is_over_limit) or body.rectangle != reported.rectangle
         if not loads:
             return body
         shows_unit = body.rectangle if is_known else None
@@ -169,8 +170,8 @@ class Placement:
         return robot_body(model, reported, loaded, box) if robot.identity else with_load(body, box)
 
     def _size(self, robot: Robot) -> BodyReading | None:
-        """How the size in the robot's identity is read. None without identity."""
-        if (identity := robot.identity) is None:
+        """How the size in the robot's identity is read. None without identity, or if that says none."""
+        if (identity := robot.identity) is None or not identity.has_size:
             return None
         settings, model = self._vendors.settings(robot.vendor), self._vendors.model(robot.vendor, identity.model)
         others = self._model_sizes.figures(robot.vendor, identity.model)

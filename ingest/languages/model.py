@@ -56,7 +56,7 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     serial: str
     """Serial number."""
     envelope_m: tuple[float, float, float]
-    """Length, width and height as stated; height 0 if unknown. `ingest/sizes` judges them."""
+    """Length, width and height as stated, 0 if unknown. `ingest/sizes` judges them."""
     offset_m: tuple[float, float] = (0.0, 0.0)
     """From the reported location to the centre of the envelope: along the heading, and to its left."""
     outline: Shape | None = None
@@ -69,6 +69,17 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
     """Codes of the rules from which the message deviates."""
     oddities: tuple[Oddity, ...] = ()
     """The values that deviate, as far as they are named."""
+
+    @property
+    def has_size(self) -> bool:
+        return min(self.envelope_m[:2]) > 0.0
+
+    def sized_as(self, before: "Identity | None") -> "Identity":
+        """With the size of an identity before it of the same model, if it says none itself."""
+        if self.has_size or before is None or before.model != self.model:
+            return self
+        size = {name: getattr(before, name) for name in ("envelope_m", "offset_m", "outline")}
+        return msgspec.structs.replace(self, **size)
 
     @property
     def body(self) -> StatedBody:

@@ -3,12 +3,14 @@
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 from ingest.sizes.size_limit import LOAD_IN_OTHER_UNIT, LOAD_OVER_LIMIT, SIZE_IN_OTHER_UNIT, SIZE_OVER_LIMIT
 
 MOST_ODDITIES, MOST_LETTERS = 20, 60
 """Oddities of a message that are kept, and letters of each of their values."""
+_AS_JSON = json.JSONEncoder(ensure_ascii=False)
 
 
 class Oddity(NamedTuple):
@@ -92,9 +94,14 @@ def word_rules(clause: str) -> tuple[Rule, Rule]:
     )
 
 
-def size_rules(clause: str) -> tuple[Rule, Rule]:
-    """The rules of a robot's size. They take the site file and the other robots of its model."""
+def size_rules(clause: str) -> tuple[Rule, ...]:
+    """The rules of a robot's size. Most take the site file and the other robots of its model."""
     return (
+        Rule(
+            "envelope-not-positive",
+            "Length or width is absent or not above zero; its last size stays, else the default envelope.",
+            clause,
+        ),
         Rule(
             SIZE_IN_OTHER_UNIT,
             "A size is beyond `reading.largest_body_m`, and other figures show millimetres or centimetres; converted.",
@@ -129,13 +136,11 @@ def load_rules(clause: str) -> tuple[Rule, Rule]:
 
 
 def _shown(value: object) -> str:
-    """A value as JSON spells it, cut to `MOST_LETTERS`. Of a long text or list only the first part is spelt."""
-    if isinstance(value, str | list):
-        value = value[:MOST_LETTERS]
-    if isinstance(value, dict):
-        value = dict(list(value.items())[:MOST_LETTERS])
+    """A value as JSON spells it, cut to `MOST_LETTERS`. Of a long value only the first part is spelt."""
     try:
-        return json.dumps(value, ensure_ascii=False)[:MOST_LETTERS]
+        if isinstance(value, list | dict):
+            return "".join(islice(_AS_JSON.iterencode(value), MOST_LETTERS))[:MOST_LETTERS]
+        return _AS_JSON.encode(value[:MOST_LETTERS] if isinstance(value, str) else value)[:MOST_LETTERS]
     except (TypeError, ValueError, RecursionError):
         return repr(type(value).__name__)
 

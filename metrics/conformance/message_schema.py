@@ -62,6 +62,8 @@ class MessageSchema:
                     key: timestamps.write(at_s) if key in TIMES else self._value(inner, at_s, level + 1)
                     for key, inner in properties.items()
                 }
+            if terms := [term for term in part.get("enum", ()) if term is not None]:
+                return terms[0]
             if (kind := part.get("type")) in VALUES:
                 return VALUES[kind]
         return 1.0

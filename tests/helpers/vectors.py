@@ -75,15 +75,12 @@ def _rejections() -> Iterator[Vector]:
     yield rejected("report-unknown", "a heartbeat", b'{"timestamp": "2023-11-14T22:13:20Z"}')
     yield known("key-missing", "no location", said(location=None))
     yield known("key-missing", "a location without y", said(location=here(y=None)))
-    yield known("key-missing", "an identity without its envelope", named(baseRobotEnvelope=None))
     yield known("type-wrong", "a location that is a list", said(location=[1, 2]))
     yield known("type-wrong", "a coordinate that is a word", said(location=here(x="left")))
     yield known("type-wrong", "a coordinate that is the word NaN", said(location=here(x="NaN")))
     yield rejected("uuid-unreadable", "a name", said(uuid="forklift 7"), uuid=None)
     yield rejected("uuid-unreadable", "32 letters that Python's int would take", said(uuid="0x" + "1_" * 15))
     yield known("position-absurd", "a location of 1e308 m", said(location=here(x=1e308)))
-    yield known("envelope-not-positive", "no width", named(baseRobotEnvelope={"x": 1, "y": 0}))
-    yield known("envelope-not-positive", "below the floor", named(baseRobotEnvelope={"x": 1, "y": 1, "z": -1}))
 
 
 def _who() -> Iterator[Vector]:
@@ -113,6 +110,28 @@ def _who() -> Iterator[Vector]:
         named(robotSerialNumber="7" * 9000),
         ("text-too-long",),
         reads={"serial": "7" * 100},
+    )
+    for sides, envelope_m in (
+        ({"x": 1, "y": 0}, (1.0, 0.0, 0.0)),
+        ({"x": 1, "y": 1, "z": -1}, (1.0, 1.0, 0.0)),
+    ):
+        yield Vector(
+            f"an envelope of {sides}",
+            named(baseRobotEnvelope=sides),
+            ("envelope-not-positive",),
+            reads={"envelope_m": envelope_m},
+        )
+    yield Vector(
+        "an identity without its envelope",
+        named(baseRobotEnvelope=None),
+        ("envelope-not-positive",),
+        reads={"envelope_m": (0.0, 0.0, 0.0)},
+    )
+    yield Vector(
+        "an envelope in words",
+        named(baseRobotEnvelope={"x": "wide", "y": 1}),
+        ("value-unreadable", "envelope-not-positive"),
+        reads={"envelope_m": (0.0, 0.0, 0.0)},
     )
     yield Vector("no serial number", named(robotSerialNumber=""), ("text-empty",), reads={"serial": ""})
     yield Vector(
@@ -209,6 +228,7 @@ def _keys_and_types() -> Iterator[Vector]:
         ("value-unreadable",),
         reads={"linear_mps": 1.0, "turn_rad_per_s": None},
     )
+    yield Vector("a z of 1e9", said(location=here(z=1e9)), ("value-unreadable",), reads={"z": 0.0, "x": 1.0})
     yield Vector("a z in words", said(location=here(z="ground")), ("value-unreadable",), reads={"z": 0.0})
 
 

@@ -43,6 +43,7 @@ ROBOT = "IMR"
 """The entity type of robots."""
 NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
+NO_OUTLINE = Outline(0.0, 0.0)
 MAX_REASON, MAX_TEXT, MAX_SPEED_MPS = 300, 100, 100.0
 NAMES = KnownNames(
     frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values()))
@@ -135,7 +136,7 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     if isinstance(message, OdometryMessage):
         return _read_odometry(message, topic.sender.uuid, stamp, memory, findings)
     if isinstance(message, IdentityMessage | FootprintMessage):
-        memory = _with_body(message, memory)
+        memory = _with_body(message, memory, findings)
         if memory.identity is None:
             return _update(topic.sender.uuid, findings), memory
         return _identity(topic.sender.uuid, stamp, memory.identity, memory, findings), memory
@@ -208,28 +209,29 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
     return memory
 
 
-def _with_body(message: IdentityMessage | FootprintMessage, memory: IsoMemory) -> IsoMemory:
+def _with_body(message: IdentityMessage | FootprintMessage, memory: IsoMemory, findings: Findings) -> IsoMemory:
     """The memory after an identity or a footprint. An empty footprint means that of the identity."""
     if isinstance(message, IdentityMessage):
         return replace(memory, identity=message)
     corners = message.footprint or message.imr_footprint
     height_m = message.height if message.height is not None else message.imr_height
-    return replace(memory, outline=_outline(corners) if corners else None, height_m=height_m)
+    return replace(memory, outline=_outline(corners, "footprint", findings) if corners else None, height_m=height_m)
 
 
-def _outline(corners: list[CorePoint]) -> Outline:
-    """Raises `RejectedError` if no robot can be so."""
-    outline = outline_of([(corner.x, corner.y) for corner in corners]) if len(corners) > 2 else Outline(0.0, 0.0)
-    if not (outline.length_m > 0 and outline.width_m > 0):
-        raise RejectedError("envelope-not-positive", "the footprint has no area; send three corners or more")
-    return outline
+def _outline(corners: list[CorePoint], path: str, findings: Findings) -> Outline | None:
+    """The outline under a key. None if it has no area."""
+    outline = outline_of([(corner.x, corner.y) for corner in corners]) if len(corners) > 2 else NO_OUTLINE
+    if outline.length_m > 0 and outline.width_m > 0:
+        return outline
+    findings.note("envelope-not-positive", path, len(corners), "left out: no area")
+    return None
 
 
 def _identity(
     uuid: str, stamp: timestamps.Stamp, message: IdentityMessage, memory: IsoMemory, findings: Findings
 ) -> Identity:
     details = message.details or IsoDetails()
-    outline = memory.outline or _outline(details.imr_footprint or [])
+    outline = memory.outline or _outline(details.imr_footprint or [], "details.imrFootprint", findings) or NO_OUTLINE
     if outline.is_simplified:
         findings["outline-not-usable"] = None
     height_m = memory.height_m if memory.height_m is not None else details.imr_height or 0.0

@@ -18,7 +18,6 @@ _REJECTING = (
     _rejecting("too-deep", "Nested too deep; no message of the standard is.", "JSON"),
     _rejecting("not-object", "JSON, but no object.", "JSON"),
     _rejecting("position-absurd", "The position is missing, or more than ten thousand kilometres out.", "odometry"),
-    _rejecting("envelope-not-positive", "The footprint has no three corners, or no area.", "identity"),
     _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
     _rejecting("pose-retained", "A retained odometry or trajectory; it may be of any age.", "topics", alone=False),
     _rejecting(

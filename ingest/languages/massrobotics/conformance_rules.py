@@ -26,7 +26,6 @@ _REJECTING = (
     _rejecting("type-wrong", "A value without which the report says nothing can't be read.", "schema"),
     _rejecting("uuid-unreadable", "The UUID is none, and the vendor is not set to use names.", "2.13"),
     _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
-    _rejecting("envelope-not-positive", "The envelope's length or width is not above zero.", "4.1.6"),
     Rule(
         "uuid-of-another-vendor",
         "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",

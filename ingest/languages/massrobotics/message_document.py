@@ -3,7 +3,7 @@
 from typing import Any
 
 from ingest.languages import timestamps
-from ingest.languages.massrobotics import amounts, vocabulary
+from ingest.languages.massrobotics import amounts, path_points, vocabulary
 from ingest.languages.massrobotics.report_models import StatusReport
 from ingest.languages.massrobotics.report_reader import validated_report
 from ingest.languages.rules import Findings
@@ -32,6 +32,8 @@ def _spell_status(document: dict[str, Any], report: StatusReport) -> None:
     document["operationalState"] = vocabulary.state(report.operationalState, Findings())[0]
     document |= amounts.document(report)
     _spell_datum(document["location"], "planarDatum")
+    if path_points.absurd(0.0, 0.0, report.location.z):
+        document["location"]["z"] = 0.0
     for point in (*document.get("path", ()), *document.get("destinations", ())):
         _spell_datum(point, "planarDatumUUID")
         stamp = timestamps.parse(point["timestamp"])

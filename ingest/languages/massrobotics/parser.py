@@ -22,6 +22,7 @@ from ingest.languages.rules import MOST_ODDITIES, Findings, RejectedError
 from ingest.languages.tolerance.spelling import nearest
 from ingest.languages.tolerance.tolerant_json import stamp_of, time_of
 from ingest.languages.tolerance.value_kinds import object_kind
+from ingest.languages.tolerance.value_reader import LEFT_OUT
 from ingest.sizes.stated_bodies import Figure
 
 MAX_REASON = 300
@@ -64,7 +65,9 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
     _note_unknown_keys(report, findings)
     size = report.baseRobotEnvelope
     if size.x <= 0 or size.y <= 0 or size.z < 0:
-        raise RejectedError("envelope-not-positive", f"baseRobotEnvelope is {size.x:g} x {size.y:g} m; send its size")
+        sides = f"{size.x:g} x {size.y:g} x {size.z:g}"
+        reading = "the default envelope" if min(size.x, size.y) <= 0 else "without its height"
+        findings.note("envelope-not-positive", "baseRobotEnvelope", sides, reading)
     texts = (report.manufacturerName, report.robotModel, report.robotSerialNumber)
     if not all(text.strip() for text in texts):
         findings["text-empty"] = None
@@ -78,7 +81,7 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
         manufacturer=report.manufacturerName[:MAX_TEXT],
         model=report.robotModel[:MAX_TEXT],
         serial=report.robotSerialNumber[:MAX_TEXT],
-        envelope_m=(size.x, size.y, size.z),
+        envelope_m=(max(size.x, 0.0), max(size.y, 0.0), max(size.z, 0.0)),
         figures=(Figure(cargo.x, cargo.y, "cargoMaxVolume"),) if (cargo := report.cargoMaxVolume) else (),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
@@ -89,9 +92,12 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
 def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
     stamp = stamp_of(report.timestamp, findings)
     here = report.location
-    if path_points.absurd(here.x, here.y, here.z):
-        reason = f"location {here.x:g}, {here.y:g}, {here.z:g} is off any floor; send metres on the datum"
+    if path_points.absurd(here.x, here.y, 0.0):
+        reason = f"location {here.x:g}, {here.y:g} is off any floor; send metres on the datum"
         raise RejectedError("position-absurd", reason)
+    height_m = 0.0 if path_points.absurd(0.0, 0.0, here.z) else here.z
+    if height_m != here.z:
+        findings.note("value-unreadable", "location.z", here.z, LEFT_OUT)
     _note_unknown_keys(report, findings)
     state, known_state = vocabulary.state(report.operationalState, findings)
     stamp_s = stamp.t_s if stamp.is_known else _assumed_s(report)
@@ -106,7 +112,7 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
         known_state,
         here.x,
         here.y,
-        here.z,
+        height_m,
         path_points.yaw_rad(here.angle, findings),
         vocabulary.datum(here.planarDatum, here.planarDatumUUID, findings, empty="datum-missing", path=DATUM_PATH),
         linear_mps,

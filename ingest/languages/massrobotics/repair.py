@@ -5,10 +5,11 @@ from typing import Any
 from ingest.languages.massrobotics.fast_decoder import struct_of
 from ingest.languages.massrobotics.json_objects import Report
 from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
+from ingest.languages.massrobotics.report_models import IdentityReport
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
 from ingest.languages.tolerance.value_kinds import object_kind
-from ingest.languages.tolerance.value_reader import ValueReader
+from ingest.languages.tolerance.value_reader import ValueReader, is_number
 
 NAMES_OF_THE_TEXT = {
     "pose": "location",
@@ -33,7 +34,13 @@ def repaired(document: dict[str, Any], model: type[Report], findings: Findings) 
             if key not in read:
                 findings.note("key-absent", key, None, "read as empty")
             read[key] = ""
+    if model is IdentityReport and not _is_size(read.get("baseRobotEnvelope")):
+        read["baseRobotEnvelope"] = {"x": 0.0, "y": 0.0}
     return read
+
+
+def _is_size(envelope: Any) -> bool:
+    return isinstance(envelope, dict) and all(is_number(envelope.get(side)) for side in "xy")
 
 
 def meant_key(key: str, model: type[Report]) -> str:

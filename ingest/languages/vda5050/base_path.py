@@ -95,7 +95,7 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
     """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
-    order = next((order for order in reversed(memory.orders) if order.order_id == state.order_id), None)
+    order = next((order for order in reversed(memory.orders) if order.is_meant_by(state.order_id)), None)
     if order and memory.is_order_newer and order is memory.orders[-1]:
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]

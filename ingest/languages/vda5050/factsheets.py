@@ -2,7 +2,7 @@
 
 from ingest.languages.model import Identity
 from ingest.languages.outlines import Outline, outline_of
-from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.rules import Findings
 from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.vda_memory import Abilities
@@ -18,13 +18,14 @@ _NO_TYPE, _NO_PARAMETERS = TypeSpecification(), PhysicalParameters()
 def identity_of(
     uuid: str, manufacturer: str, serial: str, message: FactsheetMessage, stamp: Stamp, findings: Findings
 ) -> Identity:
-    """The identity by a factsheet. Raises `RejectedError` if it has no size that a robot can have."""
+    """The identity by a factsheet, without a size if it has none that a robot can have."""
     parameters, kind = message.physical_parameters or _NO_PARAMETERS, message.type_specification or _NO_TYPE
     height_m = parameters.maximum_height if parameters.maximum_height is not None else parameters.height_max
     (length_m, width_m, offset_m, outline, _), figures = _body(message, parameters, findings)
     if not (length_m > 0 and width_m > 0):
-        reason = f"physicalParameters say {length_m:g} x {width_m:g} m; send the robot's length and width"
-        raise RejectedError("envelope-not-positive", reason)
+        sides = f"{length_m:g} x {width_m:g}"
+        findings.note("envelope-not-positive", "physicalParameters", sides, "the default envelope")
+        length_m, width_m, offset_m, outline = 0.0, 0.0, (0.0, 0.0), None
     max_speed_mps = abilities_of(message).max_speed_mps
     if max_speed_mps is None and _speed_mps(parameters) is not None:
         findings["speed-limit-not-positive"] = None

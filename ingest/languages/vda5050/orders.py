@@ -56,6 +56,10 @@ class Order(msgspec.Struct, frozen=True, gc=False):
     edges: dict[int, OrderEdge]
     """By the number of the node to which they lead."""
 
+    def is_meant_by(self, order_id: str | None) -> bool:
+        """Whether a state with this id is about it. Without an id on either side it may be, so that the newest is."""
+        return order_id is None or self.order_id in ("", order_id)
+
     def number_of(self, node_id: str | None, sequence_id: int | None) -> int:
         """The number of a node that a robot has passed. -1 if it has passed none."""
         sent = -1 if sequence_id is None else sequence_id

@@ -18,7 +18,6 @@ _REJECTING = (
     _rejecting("too-deep", "Nested too deep; no message of the standard is.", "JSON"),
     _rejecting("not-object", "JSON, but no object.", "schema"),
     _rejecting("position-absurd", "The position lies more than ten thousand kilometres out.", "state"),
-    _rejecting("envelope-not-positive", "The factsheet's length or width is not above zero.", "factsheet"),
     _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
     _rejecting("pose-retained", "A retained state or visualization; it may be of any age.", "topics", alone=False),
     _rejecting(

@@ -49,7 +49,7 @@ VECTORS = (
     IsoVector("odometry", b'{"timestamp": [', rejected="not-json"),
     IsoVector("odometry", iso(T), ("key-absent",), "position-absurd"),
     IsoVector("odometry", odometry(T, 2e7), (), "position-absurd"),
-    IsoVector("identity", identity(T, imrFootprint=[]), (), "envelope-not-positive"),
+    IsoVector("identity", identity(T, imrFootprint=[]), ("envelope-not-positive",)),
     IsoVector("identity", identity(T, imrHeight=190.0)),
     IsoVector("identity", identity(T, imrFootprint=HUGE)),
     IsoVector("identity", identity(T, imrFootprint=BOW_TIE), ("outline-not-usable",)),
@@ -95,8 +95,7 @@ VECTORS = (
     IsoVector(
         "identity",
         json.dumps({"timestamp": {}, "details": 1, "manufacturerName": 1}).encode(),
-        ("value-unreadable", "text-as-number", "key-absent", "stamp-unreadable"),
-        "envelope-not-positive",
+        ("value-unreadable", "text-as-number", "key-absent", "stamp-unreadable", "envelope-not-positive"),
     ),
 )
 

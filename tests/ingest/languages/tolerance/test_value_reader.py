@@ -130,3 +130,10 @@ def test_the_nearest_key_is_found_whatever_the_case() -> None:
     known = frozenset(("planarDatum", "angle", "x"))
     assert nearest("PLANAR_DATM", known) == "planarDatum"
     assert nearest("colour", known) == ""
+
+
+def test_of_a_long_value_the_first_letters_are_named() -> None:
+    long = {"a": [{"b": "x" * 10_000}] * 10_000}
+    _, findings = read(length=long, count=[long, long], isNew="y" * 10_000)
+    assert [len(oddity.value) for oddity in findings.oddities] == [60, 60, 60]
+    assert findings.oddities[0].value.startswith('{"a": [{"b": "xxx')

@@ -1,5 +1,6 @@
 """The path along the released base of an order."""
 
+import json
 from itertools import pairwise
 from math import hypot, pi, sqrt
 from typing import Any
@@ -197,3 +198,11 @@ def test_a_node_on_another_map_is_on_that_map() -> None:
     nodes = [node(0, 0.0), node(1, 4.0), {**node(2, 5.0), "nodePosition": upstairs}]
     status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
     assert status.path.datums == ("hall", "loft")
+
+
+@pytest.mark.parametrize("unread", ["order", "state"])
+@pytest.mark.parametrize("order_id", [None, {}, []])
+def test_without_an_order_id_the_newest_order_counts(unread: str, order_id: Any) -> None:
+    raws = {"order": order(T - 1, LINE), "state": under_way(T, 1.0, 0.0, LINE[1:])}
+    raws[unread] = json.dumps(json.loads(raws[unread]) | {"orderId": order_id}).encode()
+    assert points(Listener().status_after(*raws.items()).path) == points(on_line())
