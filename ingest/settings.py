@@ -262,7 +262,7 @@ class MqttSource(Section):
     """Use TLS."""
     ca: str = ""
     """PEM file of the authority of the broker's certificate. If absent, those that this machine trusts."""
-    max_message_bytes: Annotated[int, Field(gt=0)] = 262144
+    max_message_bytes: Annotated[int, Field(gt=0)] = 1048576
     """A longer message is refused. Limit messages at the broker too, since they are received before this is known."""
     retry_s: tuple[Seconds, Seconds] = (0.5, 30.0)
     """First and longest wait before connecting again."""

@@ -9,7 +9,11 @@ from typing import Any
 from benchmarks.planned_floors.comparison.compare import Plan, compared, log_cases, make, site_with
 from benchmarks.planned_floors.comparison.found_interactions import finder_figures
 from benchmarks.planned_floors.comparison.service_parts import PARTS
+from benchmarks.planned_floors.comparison.tells import KeptFloor, baseline, document, table_of_tells, told
+from benchmarks.planned_floors.comparison.tells import Plan as TellsPlan
+from benchmarks.planned_floors.comparison.tells_limits import verdict
 from benchmarks.planned_floors.floors.kinds import KINDS, made_of
+from benchmarks.planned_floors.logs.reduced_log import TELLS
 from benchmarks.planned_floors.scoring.all_figures import figures
 from benchmarks.planned_floors.scoring.figure import Figure
 from benchmarks.planned_floors.scoring.markdown import table
@@ -27,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _add_replay(commands.add_parser("replay", help="one log through the service, scored the same way"))
     _add_finder(commands.add_parser("finder", help="who gave way to whom, as the service finds it, against the truth"))
     _add_compare(commands.add_parser("compare", help="floors of several kinds and seeds through the service"))
+    _add_tells(commands.add_parser("tells", help="the same floors with robots that report more or less"))
     args = options.parse_args(arguments)
     args.run(args)
 
@@ -62,17 +67,39 @@ def _add_finder(command: argparse.ArgumentParser) -> None:
 
 def _add_compare(command: argparse.ArgumentParser) -> None:
     command.add_argument("--kinds", nargs="+", choices=KINDS, required=True, metavar="KIND")
-    command.add_argument("--seeds", nargs="+", type=int, default=[1], metavar="N")
-    _add_seconds(command)
+    _add_floors(command)
     command.add_argument(
         "--report-every", nargs="+", type=float, default=[None], metavar="S", help=f"{REPORT_EVERY}; each for itself"
     )
-    command.add_argument("--floors", type=Path, required=True, metavar="DIR", help="where the floors are kept")
     command.add_argument("--jobs", type=int, default=1, choices=(1, 2), help="worker processes, a floor each")
     command.add_argument("--tables", type=Path, metavar="DIR", help="one table of each kind, as KIND.md and KIND.json")
     _add_scoring(command)
     _add_parts(command)
     command.set_defaults(run=_compare)
+
+
+def _add_tells(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--kinds", nargs="*", choices=KINDS, default=[], metavar="KIND")
+    _add_floors(command)
+    command.add_argument(
+        "--log",
+        nargs=2,
+        type=Path,
+        action="append",
+        default=[],
+        metavar=("LOG", "TRUTH"),
+        help="a floor that is there already, beside the kinds; repeat it for several",
+    )
+    command.add_argument("--tells", nargs="+", choices=TELLS, default=list(TELLS), metavar="NAME", help=" ".join(TELLS))
+    command.add_argument("--baseline", type=Path, metavar="FILE.json", help="what --json wrote under another release")
+    _add_scoring(command)
+    command.set_defaults(run=_tells)
+
+
+def _add_floors(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--seeds", nargs="+", type=int, default=[1], metavar="N")
+    _add_seconds(command)
+    command.add_argument("--floors", type=Path, required=True, metavar="DIR", help="where the floors are kept")
 
 
 def _add_log(command: argparse.ArgumentParser) -> None:
@@ -138,6 +165,25 @@ def _compare(args: argparse.Namespace) -> None:
             comparison.save(args.tables)
         documents.append(comparison.document())
         _write(args, documents)
+
+
+def _tells(args: argparse.Namespace) -> None:
+    plan = TellsPlan(
+        kinds=args.kinds,
+        seeds=args.seeds,
+        kept=[KeptFloor(log, truth) for log, truth in args.log],
+        tells=args.tells,
+        floors=args.floors,
+        clearance_m=args.clearance,
+        seconds=args.seconds,
+        after_s=args.after,
+    )
+    before, by_kind = baseline(args.baseline) if args.baseline else {}, {}
+    for kind, by_tells in told(plan):
+        by_kind[kind] = by_tells
+        print(f"\n{kind}\n\n{table_of_tells(by_tells, before.get(kind))}\n", flush=True)
+        print(verdict(by_tells, before.get(kind)), flush=True)
+        _write(args, document(by_kind, plan))
 
 
 def _show(args: argparse.Namespace, by_service: dict[str, dict[str, Figure]]) -> None:

@@ -37,12 +37,16 @@ LIMITS = np.dtype(
         ("jump_slack_m", np.float64),  # length that a path may jump in addition
         ("horizon_s", np.float64),  # `Reading.horizon_s`
         ("quiet_after_s", np.float64),  # `Reading.quiet_after_s`
+        ("whole_path_s", np.float64),  # a path that ends sooner goes on, see `way_on`
         ("destination_horizon_s", np.float64),  # `Reading.destination_horizon_s`
         ("most_points", np.float64),  # `path_points.MOST_POINTS`
         ("path_s", np.float64),  # `path_points.PATH_S`
         ("destinations_s", np.float64),  # `path_points.DESTINATIONS_S`
         ("slack_s", np.float64),  # `path_points.SLACK_S`
-        ("comparable_s", np.float64),  # `plausibility.COMPARABLE_S`
+        ("regular_s", np.float64),  # `plausibility.REGULAR_S`
+        ("stands_mps", np.float64),  # `plausibility.STANDS_MPS`
+        ("turns_radps", np.float64),  # `pace.TURNS_RADPS`
+        ("drives_mps", np.float64),  # `pace.DRIVES_MPS`
         ("moved_m", np.float64),  # `plausibility.MOVED_M`
         ("robot_jump_m", np.float64),  # `ownership_claims.JUMP_M`
         ("robot_jump_mps", np.float64),  # `ownership_claims.JUMP_MPS`
@@ -91,7 +95,7 @@ def _write_knot(knots: Floats, row: int, t_s: float, x: float, y: float, yaw_rad
 def _by_path(points: Floats, here: Pose, clock_offset_s: float, limits: Limits, table: Floats, knots: Floats) -> int:
     """Write the knots from `here` along the path. Returns their number, at most one more than `points`.
 
-    As `path_forecast.route_by_path`. Returns 0 if the path has to be retimed or jumps.
+    As `path_forecast.route_by_path`. Returns 0 if the path has to be retimed, jumps, or ends before the horizon.
     """
     t_s, x, y, yaw_rad = here
     until_s = t_s + limits.horizon_s + limits.quiet_after_s
@@ -110,7 +114,8 @@ def _by_path(points: Floats, here: Pose, clock_offset_s: float, limits: Limits, 
             return 0
         _write_knot(knots, count, at_s, to_x, to_y, to_rad, limits)
         count, last_s, x, y = count + 1, at_s, to_x, to_y
-    return count if count > 1 else 0
+    reaches = last_s >= limits.whole_path_s + t_s
+    return count if count > 1 and reaches else 0
 
 
 @inner
@@ -143,15 +148,15 @@ def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, 
     no_jump_m = limits.robot_jump_m + limits.robot_jump_mps * min(gap_s, limits.robot_jump_s)
     if not (gap_s > 0.0 and moved2 < no_jump_m * no_jump_m * NEARLY):
         return False
-    if isnan(speed_mps) or isnan(now[3]) or not abs(turn_radps) <= limits.max_turn_radps:
+    if isnan(speed_mps) or isnan(now[3]) or not abs(turn_radps) <= limits.max_turn_radps or gap_s > limits.regular_s:
         return False
-    if gap_s > limits.comparable_s:
-        return True
     observed_rad, reported_rad = _turn_between(before[3], now[3]), turn_radps * gap_s
     if turn_radps != 0.0 and not abs(reported_rad - observed_rad) <= limits.slow_turn_rad + abs(reported_rad) / 2:
         return False
-    if speed_mps == 0.0 or moved2 < limits.moved_m * limits.moved_m * NEARLY:
+    if moved2 < limits.moved_m * limits.moved_m * NEARLY:
         return True
+    if abs(speed_mps) <= limits.stands_mps:
+        return False
     off_heading_rad = abs(_turn_between(now[3], atan2(dy, dx)))
     return bool(off_heading_rad <= pi / 4 or (off_heading_rad >= 3 * pi / 4 and speed_mps < 0.0))
 
@@ -222,12 +227,14 @@ def forecast_repeat(
     before, here = (before_s, before_x, before_y, before_rad), (event_s, x, y, yaw_rad)
     offset_s, knots = event_s - stamp_s, 0
     loaded = not isnan(scanned[2, 2]) and scanned[2, 2] != 100.0
-    if loaded == (limits.loaded != 0.0) and _is_plausible(before, here, speed_mps, turn_radps, limits):
+    turns_on_spot = abs(speed_mps) <= limits.drives_mps and abs(turn_radps) > limits.turns_radps
+    is_same = loaded == (limits.loaded != 0.0) and not turns_on_spot
+    if is_same and _is_plausible(before, here, speed_mps, turn_radps, limits):
         if limits.basis == BY_VELOCITY:
             knots = _by_velocity(here, speed_mps, turn_radps, limits, rows)
         elif limits.basis == BY_PATH:
             knots = _by_path(points, here, offset_s, limits, table, rows)
-        else:
+        elif abs(speed_mps) <= limits.drives_mps:
             _write_knot(rows, 0, event_s, x, y, yaw_rad, limits)
             knots = 1
     latest_s = event_s + limits.destination_horizon_s

@@ -18,7 +18,9 @@ from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.prediction.pace import DRIVES_MPS, TURNS_RADPS
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
+from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
@@ -90,7 +92,9 @@ class RepeatReader:
         robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
         robot.reports_within_s = 0.0
         robot.amounts = scanned.amounts
-        robot.seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
+        seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
+        robot.before, robot.seen = before, plausibility.in_motion(before, seen)
+        robot.pace.observe(robot.seen)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
         return self._findings_with_points(scanned, stamp_s) if breaks_a_rule else self.findings
@@ -117,7 +121,8 @@ def repeat_reader(
     frame, floor = context.frame_of("")
     path_frame, path_floor = context.frame_of(texts.path[0]) if basis is Basis.PATH and texts.path else (frame, floor)
     stops_frame, stops_floor = context.frame_of(texts.destinations[0]) if texts.destinations else (frame, floor)
-    if floor == NOWHERE or path_floor != floor or not _same_transform(frame, path_frame, stops_frame):
+    is_replaced = path_frame is frame and texts.path is not None and texts.path[0] not in ("", texts.datum)
+    if floor == NOWHERE or path_floor != floor or is_replaced or not _same_transform(frame, path_frame, stops_frame):
         return None
     limits = np.array([basis, robot.context_key[0], frame.mirrored, stops_floor, *_limits(context)], np.float64)
     table = frame.transform.table if frame.transform else NO_TRANSFORM
@@ -130,6 +135,8 @@ def repeat_reader(
 
 def _basis(texts: StatusTexts) -> Basis | None:
     """The basis of the forecasts of a robot that sends its speed. None if its statuses have to be read in full."""
+    if not texts.known_state:
+        return None  # what it means, the motion shows
     if texts.state == "navigating" and not texts.path:
         return None if texts.destinations else Basis.VELOCITY
     if texts.state == "manualOverride" or (texts.state == "idle" and texts.path):
@@ -152,12 +159,16 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         JUMP_SLACK_M,
         reading.horizon_s,
         reading.quiet_after_s,
+        reading.horizon_s - SHORT_BY_S,
         reading.destination_horizon_s,
         path_points.MOST_POINTS,
         path_points.PATH_S,
         path_points.DESTINATIONS_S,
         path_points.SLACK_S,
-        plausibility.COMPARABLE_S,
+        plausibility.REGULAR_S,
+        plausibility.STANDS_MPS,
+        TURNS_RADPS,
+        DRIVES_MPS,
         plausibility.MOVED_M,
         ownership_claims.JUMP_M,
         ownership_claims.JUMP_MPS,

@@ -25,13 +25,22 @@ from ingest.fast_path.scanner_kernels import (
 )
 from ingest.languages.massrobotics import path_points, vocabulary
 from ingest.languages.massrobotics.amounts import HOUR_S
-from ingest.languages.massrobotics.parser import rejection
+from ingest.languages.massrobotics.parser import DATUM_PATH, rejection
 from ingest.languages.model import NO_PATH, Path, Rejection, Status
 from ingest.languages.rules import Findings, Oddity, RejectedError
-from ingest.languages.timestamps import digit_resolution_s
+from ingest.languages.timestamps import digit_resolution_s, write
 
 _STAMP_FINDINGS = (), ("stamp-no-offset",), ("stamp-offset-no-colon",)
 """By the deviation of a stamp that `scanner_kernels` notes."""
+
+
+class _Stamped(msgspec.Struct):
+    """The stamp of a status, as it was sent."""
+
+    timestamp: str
+
+
+_STAMPED = msgspec.json.Decoder(_Stamped)
 _RESOLUTIONS_S = [digit_resolution_s(digits) for digits in range(10)]
 _CACHED = 1024
 """Combinations of texts that are cached: robots send the same few again and again."""
@@ -47,12 +56,12 @@ class StatusTexts(msgspec.Struct, frozen=True, gc=False, eq=False):
     datum: str
     findings: tuple[str, ...]
     """Deviations of its stamp, state and datum."""
+    oddities: tuple[Oddity, ...]
+    """Those of state and datum, named."""
     path: PointTexts | None
     """None if there are no points."""
     destinations: PointTexts | None
     """None if there are none."""
-    oddities: tuple[Oddity, ...] = ()
-    """The values of its stamp, state and datum that deviate."""
 
 
 class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
@@ -97,7 +106,7 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
         pose, (z, linear_mps, turn_rad, _), _, ends_s = rows[:HEAD_ROWS].tolist()
         stamp_s, x, y, yaw_rad = pose
         if texts.findings:
-            findings.update(dict.fromkeys(texts.findings))
+            self._note_texts(findings)
         path = destinations = NO_PATH
         if texts.destinations:
             points = _points(texts.destinations, rows, marks[OF_DESTINATIONS:], ends_s[2:], findings)
@@ -105,11 +114,12 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
         if texts.path:
             points = _points(texts.path, rows, marks[OF_PATH:], ends_s[:2], findings)
             path = path_points.checked_path(points, len(points.datums), stamp_s, findings)
+        is_driving = not texts.known_state and not isnan(linear_mps)
         return Status(
             uuid,
             stamp_s,
             self.stamp_resolution_s,
-            texts.state,
+            vocabulary.by_motion(texts.state, linear_mps) if is_driving else texts.state,
             texts.known_state,
             x,
             y,
@@ -123,8 +133,17 @@ class ScannedStatus(msgspec.Struct, frozen=True, gc=False, eq=False):
             destinations,
             path,
             tuple(findings),
-            oddities=(*findings.oddities, *texts.oddities),
+            oddities=tuple(findings.oddities),
         )
+
+    def _note_texts(self, findings: Findings) -> None:
+        """Note the deviations of stamp, state and datum, in this order."""
+        texts = self.texts
+        first = texts.findings[0]
+        if first in _STAMP_FINDINGS[1] or first in _STAMP_FINDINGS[2]:
+            findings.note(first, "timestamp", _STAMPED.decode(self.raw).timestamp, write(self.stamp_s))
+        findings.update(dict.fromkeys(texts.findings))
+        findings.name(texts.oddities)
 
 
 def scan(raw: bytes) -> ScannedStatus | None:
@@ -180,13 +199,15 @@ def _texts(
     """
     findings = Findings(_STAMP_FINDINGS[stamp_deviation])
     name, known = vocabulary.state(state.decode(), findings)
-    place = vocabulary.datum(_decoded(datum), _decoded(misplaced_datum), findings, empty="datum-missing")
+    place = vocabulary.datum(
+        _decoded(datum), _decoded(misplaced_datum), findings, empty="datum-missing", path=DATUM_PATH
+    )
     path = destinations = None
     if path_deviation >= 0:
         path = _point_texts(path_deviation, path_datum, misplaced_path_datum)
     if destinations_deviation >= 0:
         destinations = _point_texts(destinations_deviation, destinations_datum, misplaced_destinations_datum)
-    return StatusTexts(name, known, place, tuple(findings), path, destinations, tuple(findings.oddities))
+    return StatusTexts(name, known, place, tuple(findings), tuple(findings.oddities), path, destinations)
 
 
 @lru_cache(_CACHED)

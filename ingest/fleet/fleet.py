@@ -293,7 +293,7 @@ class Fleet:
         for robot in self.robots.values():
             self._placement.judge_size(robot)
         for robot in self.robots.values():
-            robot.context = None
+            robot.context = robot.before = None
             self._forecast_again(robot, self.owners.named_vendor(robot))
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:

@@ -1,7 +1,7 @@
 """Where a robot is on its floor, and where it will be."""
 
 from functools import lru_cache, partial
-from math import isfinite
+from math import isfinite, isinf
 
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.prediction import plausibility
@@ -14,6 +14,7 @@ from ingest.fleet.prediction.forecast_model import (
     robot_body,
     with_load,
 )
+from ingest.fleet.prediction.pace import PaceBook, Paces
 from ingest.fleet.prediction.trailer_history import trailer_headings, with_trailers
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
@@ -36,6 +37,7 @@ class Placement:
         self._vendors, self._frames, self._reading = vendors, frames, reading
         self._floors = FloorIndex(frames)
         self._model_sizes = ModelSizes()
+        self._pace_book = PaceBook()
         self._shared_context = lru_cache(MAX_CONTEXTS)(self._new_context)
 
     @property
@@ -52,9 +54,14 @@ class Placement:
     def event_time(
         self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
     ) -> tuple[float, tuple[str, ...]]:
-        """When the pose of a status was true, by the sender's corrected clock, and the deviations."""
-        event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
+        """When the pose of a status was true, by the sender's corrected clock, and the deviations.
+
+        A status without a stamp has no resolution of it either, and counts from its arrival.
+        """
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
+        if isinf(resolution_s):
+            return arrival_s, findings
+        event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
         return event_s, findings + plausibility.clock(robot.clock, self._reading.clock_tolerance_s, resolution_s)
 
     def rejection(self, status: Status, vendor: str) -> Rejection | None:
@@ -74,7 +81,7 @@ class Placement:
         if not (robot.seen and status):
             return False
         frame, sighting = self.sighting(robot, status, robot.seen.t_s)
-        self.forecast(robot, status, frame, sighting, None)
+        self.forecast(robot, status, frame, sighting, robot.before)
         return True
 
     def is_in_degrees(self, message: object) -> bool:
@@ -98,8 +105,11 @@ class Placement:
         context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum, status.loads)
         robot.frame = frame
         last = robot.seen
+        robot.before = before or robot.before
         robot.seen, findings = plausibility.reconcile(before, sighting)
-        robot.forecast = forecast(status, robot.seen, context)
+        robot.pace.observe(robot.seen)
+        robot.pace.kind = None
+        robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen))
         robot.trailer_yaws_rad = trailer_headings(robot.forecast.shape, robot.trailer_yaws_rad, last, robot.seen)
         if robot.trailer_yaws_rad:
             robot.forecast = with_trailers(robot.forecast, robot.trailer_yaws_rad)
@@ -108,7 +118,9 @@ class Placement:
         most_m = self._reading.lost_doubt_m
         robot.doubt_m = most_m if is_lost else min(status.deviation_m, most_m)
         robot.reports_within_s = status.reports_within_s
-        unknown = () if frame.known else ("datum-unknown",)
+        unknown: tuple[str, ...] = () if frame.known else ("datum-unknown",)
+        if self._floors.misspells(robot.vendor, status.datum, status.path.datums):
+            unknown += ("path-datum-unknown",)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
 
@@ -128,6 +140,7 @@ class Placement:
         if robot.context is None or robot.context_key != key:
             robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded, loads))
             robot.context_key = key
+            robot.pace.of_model = self._pace_book.of_model(robot.vendor, robot.model)
         return robot.context
 
     def _new_context(self, vendor: str, datum: str, body: RobotBody) -> ForecastContext:

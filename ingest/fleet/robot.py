@@ -7,6 +7,7 @@ from math import nan
 from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.prediction.pace import Pace
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.fleet.shown.odd_values import Oddities, OddValues
 from ingest.frames.frame_registry import Frame
@@ -58,6 +59,10 @@ class Robot:
     """When its first one did, of those that this fleet knows: after a restart, of those that were kept."""
     seen: Sighting | None = None
     """The newest sighting, reconciled with the one before it."""
+    before: Sighting | None = None
+    """The one with which that was reconciled."""
+    pace: Pace = field(default_factory=Pace)
+    """How fast it was seen to drive and to turn."""
     frame: Frame | None = None
     """The frame in which it reported that sighting."""
     forecast: Forecast | None = None

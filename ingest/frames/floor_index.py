@@ -1,6 +1,7 @@
 """The floors of batches: the index of each, and which floor a vendor's datum names."""
 
 from collections import Counter
+from collections.abc import Sequence
 
 from ingest.frames.frame_registry import Frame, FrameRegistry
 
@@ -20,6 +21,8 @@ class FloorIndex:
         self._index: dict[str, int] = {}
         self._placed: dict[tuple[str, str], Placed] = {}
         """By vendor and datum, for floors that have an index."""
+        self._inhabited: set[str] = set()
+        """Ids of floors on which a robot was, by its own location."""
         self._unknown: Counter[str] = Counter()
         """By vendor, how many floors it named first that the site file does not have."""
 
@@ -34,14 +37,30 @@ class FloorIndex:
         self._placed.clear()
 
     def of(self, vendor: str, datum: str) -> Placed:
-        """The frame and floor that a vendor means by a datum."""
+        """The frame and floor that a vendor means by the datum of a robot's location."""
         key = vendor, datum
-        return self._placed.get(key) or self._add(key)
+        placed = self._placed.get(key) or self._add(key)
+        self._inhabited.add(placed[0].floor)
+        return placed
 
     def of_own(self, vendor: str, own: str, datum: str) -> Placed:
-        """The same for a robot on the datum `own`, which "" means too."""
-        key = vendor, datum or own
-        return self._placed.get(key) or self._add(key)
+        """The same of a place to which a robot on the datum `own` goes; "" means that datum too.
+
+        A datum that the site does not have and no robot was ever on is another spelling of the robot's own.
+        """
+        frame = self._frames.frame(vendor, datum or own)
+        if frame.known or frame.floor in self._inhabited or not datum:
+            key = vendor, datum or own
+            return self._placed.get(key) or self._add(key)
+        return self.of_own(vendor, own, "")
+
+    def misspells(self, vendor: str, own: str, datums: Sequence[str]) -> bool:
+        """Whether `of_own` takes one of these datums for a spelling of the robot's own."""
+        for datum in set(datums) - {"", own}:
+            frame = self._frames.frame(vendor, datum)
+            if not frame.known and frame.floor not in self._inhabited:
+                return True
+        return False
 
     def _add(self, key: tuple[str, str]) -> Placed:
         vendor, datum = key

@@ -30,6 +30,11 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Whether each pose is later than the one before."""
     ends_s: tuple[float, float]
     """The first and the last time; nan if there is no pose."""
+    most: tuple[float, ...] = ()
+    """(p,) the greatest speed on the way to each pose, or the greatest turn rate where it turns on the spot; inf if
+    none is stated. The robot drives at its own pace. Empty if the times are the robot's own."""
+    ends_in_stop: bool = False
+    """Whether it is known that the robot stops where the path ends."""
 
     @property
     def times(self) -> list[float]:
@@ -87,7 +92,7 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     stamp_s: float
     """Time of the pose."""
     stamp_resolution_s: float
-    """Smallest difference that the stamp can show, 1 for whole seconds."""
+    """Smallest difference that the stamp can show, 1 for whole seconds; inf if there is no stamp that can be read."""
     state: str
     """Operational state: as the schema spells it, or as the sender does if the standard does not have it."""
     known_state: bool

@@ -40,6 +40,10 @@ class Findings(dict[str, None]):
         if len(self.oddities) < MOST_ODDITIES:
             self.oddities.append(Oddity(rule, path[:MOST_LETTERS], _shown(value), reading[:MOST_LETTERS], nearest))
 
+    def name(self, oddities: Iterable[Oddity]) -> None:
+        """Add values that show deviations which were found before."""
+        self.oddities = [*self.oddities, *oddities][:MOST_ODDITIES]
+
 
 @dataclass(frozen=True, slots=True)
 class Rule:
@@ -54,6 +58,38 @@ class Rule:
     rejects: bool = False
     alone: bool = True
     """Whether one message by itself shows it. If not, it takes the robot's history, the site file or the socket."""
+
+
+def value_rules(clause: str) -> tuple[Rule, ...]:
+    """The rules by which values of another type, and keys of another spelling, are read."""
+    return (
+        Rule("byte-order-mark", "A byte order mark comes before the JSON; skipped.", clause),
+        Rule("null-value", "A key has the value null; read as left out.", clause),
+        Rule(
+            "number-as-text", "A value has another type, but a clear meaning, as a number sent as text; read.", clause
+        ),
+        Rule("text-as-number", "A text was sent as a number; read as text.", clause),
+        Rule(
+            "single-not-list",
+            "One value stands where a list belongs, or a list of one where a value does; read.",
+            clause,
+        ),
+        Rule("value-unreadable", "A value can't be read as what belongs there; left out.", clause),
+        Rule("key-absent", "A required key is missing or null; the message is read without it.", clause),
+        Rule("key-spelling", "A key is spelt otherwise than in the schema; read as the key that is meant.", clause),
+    )
+
+
+def word_rules(clause: str) -> tuple[Rule, Rule]:
+    """The rules of enumerations."""
+    return (
+        Rule("word-spelling", "A word has another case, or other hyphens, underscores or spaces; read.", clause),
+        Rule(
+            "word-unknown",
+            "The standard does not have this word. Of a robot that drives it hinders nothing; one that stands, stands.",
+            clause,
+        ),
+    )
 
 
 def size_rules(clause: str) -> tuple[Rule, Rule]:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
-from math import floor
+from math import floor, inf, isfinite, nan
 
 import msgspec
 
@@ -16,7 +16,7 @@ _DATE, _TIME = r"(\d{4}-\d\d-\d\d)", r"(\d\d:\d\d:\d\d)"
 _OFFSET = r"(?:(Z)|([+-]\d\d)(:?)(\d\d)?)?"
 _HEAD = re.compile(rf"{_DATE}T{_TIME}", re.ASCII)
 _TAIL = re.compile(rf"(?:\.(\d+))?{_OFFSET}", re.ASCII)
-_VARIANT = re.compile(rf"\s*{_DATE}[Tt ]{_TIME}(?:[.,](\d+))? *([Zz]|[+-][\d:]+)?\s*", re.ASCII)
+_VARIANT = re.compile(rf"\s*{_DATE}[Tt ]{_TIME}(?:[.,](\d+))? *([Zz]|[+-][\d:]+[Zz]?)?\s*", re.ASCII)
 _COUNT = re.compile(r"\s*(\d{1,20})(?:([. ])(\d{1,9}))?\s*", re.ASCII)
 _HEAD_LENGTH, _MAX_LENGTH = 19, 40
 _FINEST_S, _FINEST_DIGITS = 1e-9, 9
@@ -34,6 +34,15 @@ class Stamp(msgspec.Struct, frozen=True, gc=False):
     resolution_s: float
     """The time that one unit of the last digit sent stands for."""
     findings: tuple[str, ...] = ()
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it could be read."""
+        return isfinite(self.resolution_s)
+
+
+NO_STAMP = Stamp(nan, inf)
+"""Of a message that has none, or one that can't be read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +78,11 @@ def plain_seconds(texts: Iterable[str]) -> tuple[list[float], tuple[str, ...]] |
             return None
         moments_s.append((head_us + after_us) / 1_000_000)
     return (moments_s, findings) if all(map(plausible, (min(moments_s), max(moments_s)))) else None
+
+
+def assumed(t_s: float) -> Stamp:
+    """In place of a stamp that can't be read."""
+    return Stamp(t_s, inf)
 
 
 def plausible(t_s: float) -> bool:
@@ -135,12 +149,13 @@ def _tail(text: str) -> _Tail | None:
 
 
 def _variant(text: str) -> Stamp | None:
-    """A date-time with spaces, lower-case letters, a comma, or more digits than nanoseconds."""
+    """A date-time with spaces, lower-case letters, a comma, a Z after an offset, or more digits than nanoseconds."""
     found = _VARIANT.fullmatch(text)
     if not found:
         return None
     date, time, fraction, offset = found.groups(default="")
     head, offset = f"{date}T{time}", offset.upper()
+    offset = offset.rstrip("Z") or offset
     stamp = _rfc_3339(f"{head}.{fraction[:_FINEST_DIGITS]}{offset}" if fraction else f"{head}{offset}")
     if stamp is None or text == f"{head}.{fraction}{offset}":
         return stamp

@@ -2,9 +2,21 @@
 
 import json
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
-from tests.helpers.vda_saying import factsheet, node, node_states, order, position, state, state_3, vda, visualization
+from tests.helpers.vda_saying import (
+    edge,
+    factsheet,
+    node,
+    node_states,
+    order,
+    position,
+    state,
+    state_3,
+    vda,
+    visualization,
+)
 
 T = 1_790_000_000.0
 LATER = "2026-09-21T14:13:24Z"
@@ -50,13 +62,26 @@ VECTORS = (
     VdaVector("instantActions", vda(T), rejected="topic-unknown"),
     VdaVector("state", b'{"orderId":"\xff"}', rejected="not-utf8"),
     VdaVector("state", b"{", rejected="not-json"),
-    VdaVector("state", b'{"headerId": NaN}', rejected="not-json"),
     VdaVector("state", b'{"a":' * 100_000, rejected="too-deep"),
     VdaVector("state", b"[]", rejected="not-object"),
-    VdaVector("state", changed(**dict.fromkeys(UNREADABLE, 1.5)), ("value-unreadable",), "type-wrong"),
-    VdaVector("state", changed(timestamp="yesterday"), rejected="stamp-unreadable"),
-    VdaVector("state", changed(timestamp=None), ("key-absent",), rejected="stamp-unreadable"),
-    VdaVector("state", changed(timestamp="1960-01-01T00:00:00Z"), rejected="stamp-absurd"),
+    VdaVector("state", changed(**dict.fromkeys(UNREADABLE, 1.5)), ("value-unreadable", "key-absent")),
+    VdaVector("state", changed(batteryState={"batteryCharge": nan, "charging": False}), ("value-unreadable",)),
+    VdaVector("state", b"\xef\xbb\xbf" + state(T), ("byte-order-mark",)),
+    VdaVector("state", changed(loads=None), ("null-value",)),
+    VdaVector("state", changed(orderId=7), ("text-as-number",)),
+    VdaVector("state", changed(agvPosition=position(mapId=3)), ("text-as-number",)),
+    VdaVector("state", changed(errors={"errorType": "x", "errorLevel": "WARNING"}), ("single-not-list",)),
+    VdaVector("state", changed(agvPosition=[position()]), ("single-not-list",)),
+    VdaVector("state", changed(agvPosition=position(mapId=None, map_id="hall")), ("key-spelling",)),
+    VdaVector("state", changed(agvPosition=position(mapId=None, mapsId="hall")), ("key-unknown", "map-missing")),
+    VdaVector("state", changed(timestamp=1790000000), ("stamp-epoch",)),
+    VdaVector(
+        "state", changed(safetyState={"eStop": "none", "fieldViolation": "false"}), ("word-spelling", "number-as-text")
+    ),
+    VdaVector("state", changed(errors=[{"errorType": "x", "errorLevel": "Ghastly"}]), ("word-unknown",)),
+    VdaVector("state", changed(timestamp="yesterday"), ("stamp-unreadable",)),
+    VdaVector("state", changed(timestamp=None), ("null-value", "key-absent", "stamp-unreadable")),
+    VdaVector("state", changed(timestamp="1960-01-01T00:00:00Z"), ("stamp-absurd",)),
     VdaVector("state", state(T, 2e7), rejected="position-absurd"),
     VdaVector("factsheet", sized(width=0.0), rejected="envelope-not-positive"),
     VdaVector("factsheet", factsheet(T, physicalParameters=None), ("key-absent",), rejected="envelope-not-positive"),
@@ -83,14 +108,16 @@ VECTORS = (
         ("outline-not-usable",),
     ),
     VdaVector("factsheet", sized(speedMax=0.0), ("speed-limit-not-positive",)),
-    VdaVector("state", state(T, operatingMode="DREAMING"), ("operating-mode-unknown",)),
+    VdaVector("state", state(T, operatingMode="DREAMING"), ("word-unknown",)),
     VdaVector("state", state(T, batteryState={"batteryCharge": 101.0, "charging": False}), ("battery-out-of-range",)),
     VdaVector("state", state(T, velocity={"vx": 101.0}), ("speed-absurd",)),
     VdaVector("state", state(T, agvPosition=None), ("position-missing",)),
     VdaVector("state", state(T, agvPosition=position(mapId=None)), ("map-missing",)),
     VdaVector("visualization", visualization(T, 0.0, 0.0), ()),
     VdaVector("state", state(T, theta=None), ("heading-missing",)),
-    VdaVector("order", order(T, [node(number, 0.0) for number in range(501)]), ("order-too-long",)),
+    VdaVector("order", order(T, [node(number, 0.0) for number in range(3001)]), ("order-too-long",)),
+    VdaVector("order", order(T, [node(0, 0.0), node(1, 1.0, sequenceId=0)]), ("sequence-ids-odd",)),
+    VdaVector("order", order(T, [node(0, 0.0), node(1, 1.0)], [edge(7)]), ("edge-misfit",)),
     VdaVector(
         "order",
         order(T, [node(0, 0.0), node(1, 1.0)], [{"sequenceId": 1, "trajectory": {"controlPoints": []}}]),

@@ -84,7 +84,7 @@ def compared(plan: Plan, jobs: int) -> Iterator[Comparison]:
     settings = [Setting(kind, every_s) for kind in plan.kinds for every_s in plan.report_every_s]
     with ProcessPoolExecutor(jobs) as pool:
         due = {
-            setting: {seed: pool.submit(floor_cases, plan, setting, seed) for seed in plan.seeds}
+            setting: {seed: pool.submit(setting_cases, plan, setting, seed) for seed in plan.seeds}
             for setting in settings
         }
         for setting in settings:
@@ -94,7 +94,7 @@ def compared(plan: Plan, jobs: int) -> Iterator[Comparison]:
             yield Comparison(setting, _figures(joined), {seed: _figures(cases) for seed, cases in by_seed.items()})
 
 
-def floor_cases(plan: Plan, setting: Setting, seed: int) -> dict[str, Cases]:
+def setting_cases(plan: Plan, setting: Setting, seed: int) -> dict[str, Cases]:
     """By service, the judged cases of one floor."""
     directory = plan.floors / f"{setting.name}-{seed}"
     make(made_of(setting.kind, seed, plan.seconds, setting.report_every_s), directory)
@@ -110,10 +110,14 @@ def log_cases(
     log: Path, truth: Path, clearance_m: float, after_s: float = 0.0, parts: Sequence[str] = ()
 ) -> dict[str, Cases]:
     """By service, the judged cases of one log."""
-    floor = Floor.read(log, truth, clearance_m, after_s)
+    return floor_cases(Floor.read(log, truth, clearance_m, after_s), log, parts)
+
+
+def floor_cases(floor: Floor, log: Path, parts: Sequence[str] = ()) -> dict[str, Cases]:
+    """By service, the judged cases of a floor with this log, from which its robots were read."""
     changes = {SERVICE: unchanged} | {f"without {name}": PARTS[name] for name in parts}
     found = {BELIEVER: floor.believer()}
-    for name, published in replayed(log, site_with(clearance_m), changes).items():
+    for name, published in replayed(log, site_with(floor.clearance_m), changes).items():
         found[name] = floor.cases(alerts_of_revisions(published.revisions, floor.end_s), published.samples)
     return found
 

@@ -18,6 +18,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
         for what, rows in (
             ("stops", cases.stops),
             ("encounters", cases.encounters),
+            ("outcomes", cases.outcomes),
             ("silent", cases.silent),
             ("silent standing", cases.standing),
         )

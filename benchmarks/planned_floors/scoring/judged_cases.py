@@ -49,6 +49,8 @@ class Cases:
     it; last, 1 where any alert stood in the 10 s before."""
     encounters: Floats
     """(n, 5) the same of natural encounters."""
+    outcomes: Floats
+    """(n, 5) the same of both, each outcome of a pair once."""
     silent: Floats
     """(n, 5) the same of outcomes with a robot that was there and had been silent for longer than its limit."""
     standing: Floats
@@ -110,6 +112,7 @@ class Judge:
         return Cases(
             stops=self._warned([(stop.pair, stop.start_s) for stop in self._happened.stops], by_pair),
             encounters=self._warned([(met.pair, met.start_s) for met in self._happened.encounters], by_pair),
+            outcomes=self._warned(self._happened.warnable, by_pair),
             silent=self._warned([(outcome.pair, outcome.onset_s) for outcome in silent], by_pair),
             standing=self._warned([(outcome.pair, outcome.onset_s) for outcome in standing], by_pair),
             silent_seconds=self._silent_seconds(),

@@ -1,5 +1,7 @@
 """Figures of several services side by side as a Markdown table."""
 
+from collections.abc import Sequence
+
 from benchmarks.planned_floors.scoring.figure import Figure
 
 
@@ -13,15 +15,21 @@ def table(by_service: dict[str, dict[str, Figure]]) -> str:
         if all(figure is None or figure["value"] is None for figure in found):
             continue
         cases = {figure["of"] for figure in found if figure}
-        rows.append([name, "/".join(map(str, sorted(cases))), *map(_cell, found)])
+        rows.append([name, "/".join(map(str, sorted(cases))), *map(cell, found)])
+    return aligned(rows)
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table of cells. The first row is its heading."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
-        "| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in rows
+        "| " + " | ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)) + " |" for row in rows
     ]
     return "\n".join([lines[0], "|" + "|".join("-" * (width + 2) for width in widths) + "|", *lines[1:]])
 
 
-def _cell(figure: Figure | None) -> str:
+def cell(figure: Figure | None) -> str:
+    """The value and its interval; a dash if it is unknown."""
     if not figure or figure["value"] is None:
         return "-"
     value, interval = figure["value"], figure["interval"]

@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 
 from benchmarks.planned_floors.truth.encounters import Encounter, Pair, encounters
@@ -24,7 +25,7 @@ class Outcome:
     end_s: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Happenings:
     """The true outcomes of all pairs of a floor."""
 
@@ -38,6 +39,21 @@ class Happenings:
     """Natural encounters: foreseeable, and neither robot was driving around another."""
     passes: list[Encounter]
     """Runs within `PASS_M` of robots of two vendors without an outcome."""
+
+    @cached_property
+    def warnable(self) -> list[tuple[Pair, float]]:
+        """Pair and onset of each outcome that should have had a warning: of its first fresh stop or natural
+        encounter."""
+        begun = [(stop.start_s, stop.pair) for stop in self.stops]
+        begun += [(encounter.start_s, encounter.pair) for encounter in self.encounters]
+        first: dict[tuple[Pair, float], float] = {}
+        for start_s, pair in sorted(begun):
+            first.setdefault((pair, self._onset_s(pair, start_s)), start_s)
+        return [(pair, start_s) for (pair, _), start_s in first.items()]
+
+    def _onset_s(self, pair: Pair, t_s: float) -> float:
+        """The onset of the outcome that the pair is in at a time, or was in last."""
+        return max(outcome.onset_s for outcome in self.outcomes[pair] if outcome.onset_s <= t_s)
 
     def in_progress(self, pair: Pair, t_s: float) -> bool:
         """Whether the pair is in each other's way at a time."""

@@ -6,7 +6,7 @@ from deconflict.foresight.interactions.recent_reports import InteractionReports
 from ingest.batch import Batch, Floats, Ints
 from ingest.kernels import ready
 
-EXPLAINS_STANDING = frozenset(("charging", "disabled", "offline", "manualOverride", "waitingHumanEvent"))
+EXPLAINS_STANDING = frozenset(("charging", "disabled", "offline", "waitingHumanEvent"))
 """Operational states of robots that do not stand because of another robot."""
 
 

@@ -4,16 +4,20 @@ The operational state decides what the forecast rests on. A navigating robot fol
 its velocity; without that, it heads for its next destination. In the states idle, charging, waiting, disabled, offline
 and unknown a robot stands where it is. One exception is an idle robot whose path has times ahead and leads away: it
 says when it sets out. Manual mode is not subject to the standard (section 1), so its path and destinations are not
-used, only its measured velocity. A robot with a blocking error is an obstacle where it stands. The position of a robot
-with a lost error may be off by `lost_doubt_m`.
+used, only its measured velocity. The position of a robot with a lost error may be off by `lost_doubt_m`.
+
+Motion that is reported counts for more than what a robot says of itself. One that drives goes on, whatever its state
+and its errors; one that stands with a blocking error is an obstacle. Where its path ends before the horizon it goes on
+as it was going, unless it says that it stops there.
 """
 
 import re
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import chain
-from math import atan2, ceil, cos, hypot, isnan, nan, sin
+from math import atan2, ceil, cos, hypot, inf, isnan, nan, pi, sin
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,20 +31,26 @@ from ingest.fleet.prediction.forecast_model import (
     Route,
     Sighting,
 )
+from ingest.fleet.prediction.pace import DRIVES_MPS, TURNS_RADPS, Paces, allowance
 from ingest.fleet.prediction.path_forecast import MOVING_MPS, knot_at, on_floors, route_by_path
-from ingest.languages.model import Path, Status
+from ingest.fleet.prediction.plausibility import REGULAR_S
+from ingest.fleet.prediction.way_on import (
+    AWAY_M,
+    SHORT_BY_S,
+    THERE_M,
+    driven_to,
+    end_of,
+    way_on,
+)
+from ingest.languages.model import Status
 
-DESTINATION_SPEED_MPS = 1.0
-"""Assumed towards a destination without a usable time, if the robot's greatest speed is not known."""
 NO_LETTERS = re.compile(r"[\W_]+")
-AWAY_M = 0.1
-"""An idle robot whose path leads no further than this stands."""
 
 
-def forecast(status: Status, here: Sighting, context: ForecastContext) -> Forecast:
+def forecast(status: Status, here: Sighting, context: ForecastContext, paces: Paces) -> Forecast:
     """The forecast of a robot seen at `here`, with the deviations of its path."""
     findings: list[str] = []
-    basis, (knots, floors) = _route(status, here, context, findings)
+    basis, (knots, floors) = _Route(status, here, context, paces, findings).chosen()
     return with_envelope(basis, knots, floors, context.body, status.z, tuple(findings))
 
 
@@ -70,59 +80,140 @@ def _plain_texts(texts: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(NO_LETTERS.sub("", text.casefold()) for text in texts)
 
 
-def _route(status: Status, here: Sighting, context: ForecastContext, findings: list[str]) -> tuple[Basis, Route]:
-    if not (status.is_blocked or matches(status.error_codes, context.reading.blocking_errors)):
-        if status.state == "navigating":
-            return _navigating(status, here, context, findings)
-        if status.state == "idle" and (route := _departure(status.path, here, context, findings)):
-            return status.path_basis, route
-        if status.state == "manualOverride" and here.linear_mps and not isnan(here.yaw_rad):
-            return Basis.VELOCITY, _by_velocity(here, context.reading.horizon_s)
-    return Basis.STATIONARY, _standing(here)
+def until_s(here: Sighting, context: ForecastContext) -> float:
+    """How far a forecast reaches that has no end of its own: the horizon, from the next report on if those are rare."""
+    late_s = here.interval_s if here.interval_s > REGULAR_S else 0.0
+    return here.t_s + context.reading.horizon_s + late_s
+
+
+class _Route(NamedTuple):
+    """What the route of a robot is chosen from."""
+
+    status: Status
+    here: Sighting
+    context: ForecastContext
+    paces: Paces
+    findings: list[str]
+
+    def chosen(self) -> tuple[Basis, Route]:
+        status, here = self.status, self.here
+        drives = here.is_driving and status.state != "offline"
+        has_error = matches(status.error_codes, self.context.reading.blocking_errors)
+        if not status.is_blocked and (drives or not has_error):
+            if status.state == "manualOverride":
+                if here.linear_mps and not isnan(here.yaw_rad):
+                    return Basis.VELOCITY, self._by_velocity()
+            elif status.state == "navigating" or drives:
+                return self._navigating()
+            elif status.state == "idle" and (route := self._departure()):
+                return status.path_basis, route
+        return Basis.STATIONARY, _standing(here)
+
+    def _navigating(self) -> tuple[Basis, Route]:
+        status, here = self.status, self.here
+        if route := route_by_path(status.path, here, self.context, self.paces, self.findings):
+            knots = _with_headings(route[0])
+            if not self._turns_at(knots):
+                return status.path_basis, self._beyond(knots, route[1])
+            return Basis.VELOCITY, self._by_velocity()
+        has_speed = here.linear_mps is not None and not isnan(here.yaw_rad)
+        if has_speed and (abs(here.linear_mps or 0.0) > MOVING_MPS or not status.destinations.datums):
+            return Basis.VELOCITY, self._by_velocity()
+        if (towards := self._by_destination()) and not (len(towards[0]) == 1 and here.turn_radps):
+            return Basis.DESTINATION, towards
+        if has_speed and here.turn_radps:
+            return Basis.VELOCITY, self._by_velocity()
+        return Basis.STATIONARY, _standing(here)
+
+    def _turns_at(self, knots: Sequence[Knot]) -> bool:
+        """Whether the robot turns on the spot, while its path says only that it stands there."""
+        here = self.here
+        is_turning = abs(here.turn_radps) > TURNS_RADPS and abs(here.linear_mps or 0.0) <= DRIVES_MPS
+        return is_turning and all(
+            hypot(x - here.x_m, y - here.y_m) <= AWAY_M and yaw_rad == here.yaw_rad for _, x, y, yaw_rad in knots
+        )
+
+    def _departure(self) -> Route | None:
+        """The route of an idle robot by its path. None unless the path leads away and its own times say when."""
+        path_findings: list[str] = []
+        route = route_by_path(self.status.path, self.here, self.context, self.paces, path_findings)
+        if route is None or "path-retimed" in path_findings:
+            return None
+        knots, floors = route
+        if max(hypot(x - self.here.x_m, y - self.here.y_m) for _, x, y, _ in knots) <= AWAY_M:
+            return None
+        self.findings.extend(path_findings)
+        return self._beyond(_with_headings(knots), floors)
+
+    def _by_velocity(self) -> Route:
+        """Constant speed and turn rate. An arc gets a knot for each second, since motion is linear between knots."""
+        here, until = self.here, until_s(self.here, self.context)
+        speed_mps, heading = here.linear_mps or 0.0, here.yaw_rad
+        if abs(here.turn_radps) > 1e-3:
+            return _arc(here, self.context.reading.horizon_s)
+        direction_rad = heading if speed_mps >= 0.0 else heading + pi
+        destination = self._destination() if abs(speed_mps) > MOVING_MPS else None
+        if destination and _is_on_way(here, direction_rad, destination):
+            end = way_on(knot_at(here), direction_rad, abs(speed_mps), destination, until, self.paces.turn_radps)
+            return [knot_at(here), *end], (here.floor,) * (1 + len(end))
+        reach_m = speed_mps * (until - here.t_s)
+        end_x, end_y = here.x_m + reach_m * cos(heading), here.y_m + reach_m * sin(heading)
+        return (knot_at(here), (until, end_x, end_y, heading)), (here.floor,) * 2
+
+    def _beyond(self, knots: Sequence[Knot], floors: tuple[int, ...]) -> Route:
+        """A route that ends before the horizon, and how the robot goes on."""
+        here, end = self.here, knots[-1]
+        short = end[0] < here.t_s + self.context.reading.horizon_s - SHORT_BY_S
+        if not short or self.status.path.ends_in_stop or set(floors) != {here.floor} or isnan(end[3]):
+            return knots, floors
+        destination = self._destination()
+        going = end_of(knots, abs(here.linear_mps or 0.0), destination)
+        if going is None:
+            return knots, floors
+        mps = min(going.mps, self.context.body.max_speed_mps or inf)
+        if here.is_driving:
+            self.paces.note_beyond(end, going.direction_rad, mps)
+        mps *= self.paces.beyond_share
+        until = until_s(here, self.context)
+        further = way_on(end, going.direction_rad, mps, destination, until, self.paces.turn_radps)
+        return [*knots, *further], (*floors, *(here.floor,) * len(further))
+
+    def _destination(self) -> Knot | None:
+        """The next destination on this floor; None if there is none."""
+        if not self.status.destinations.datums or self.status.state == "manualOverride":
+            return None
+        latest_s = self.here.t_s + self.context.reading.destination_horizon_s
+        groups = on_floors(self.status.destinations, self.here, self.context)
+        on_this_floor = [points for floor, points in groups if floor == self.here.floor]
+        reachable = [knot for knot in chain.from_iterable(on_this_floor) if knot[0] <= latest_s]
+        return min(reachable, key=itemgetter(0)) if reachable else None
+
+    def _by_destination(self) -> Route | None:
+        """Straight to the next destination on this floor, at the time it states or at the robot's pace."""
+        if (destination := self._destination()) is None:
+            return None
+        here, paces = self.here, self.paces
+        allowed_mps = self.context.body.max_speed_mps or inf
+        knots = driven_to(knot_at(here), destination, paces.of(allowance(allowed_mps)), paces.turn_radps)
+        if len(knots) > 1 and destination[0] > here.t_s:
+            share = (destination[0] - here.t_s) / (knots[-1][0] - here.t_s)
+            knots = [(here.t_s + share * (t_s - here.t_s), x, y, yaw_rad) for t_s, x, y, yaw_rad in knots]
+        knots = list(_with_headings(knots))
+        return knots, (here.floor,) * len(knots)
 
 
 def _standing(here: Sighting) -> Route:
     return (knot_at(here),), (here.floor,)
 
 
-def _navigating(status: Status, here: Sighting, context: ForecastContext, findings: list[str]) -> tuple[Basis, Route]:
-    route = route_by_path(status.path, here, context, findings)
-    if route:
-        return status.path_basis, (_with_headings(route[0]), route[1])
-    moving = (
-        here.linear_mps is not None
-        and not isnan(here.yaw_rad)
-        and (abs(here.linear_mps) > MOVING_MPS or not status.destinations.datums)
-    )
-    if moving:
-        return Basis.VELOCITY, _by_velocity(here, context.reading.horizon_s)
-    towards = _by_destination(status.destinations, here, context)
-    if towards:
-        return Basis.DESTINATION, towards
-    return Basis.STATIONARY, _standing(here)
+def _is_on_way(here: Sighting, direction_rad: float, destination: Knot) -> bool:
+    """Whether a destination lies ahead of a robot that drives straight on, within `THERE_M` beside its way."""
+    dx, dy = destination[1] - here.x_m, destination[2] - here.y_m
+    return abs(dy * cos(direction_rad) - dx * sin(direction_rad)) <= THERE_M
 
 
-def _departure(path: Path, here: Sighting, context: ForecastContext, findings: list[str]) -> Route | None:
-    """The route of an idle robot by its path. None unless the path leads away and its own times say when."""
-    path_findings: list[str] = []
-    route = route_by_path(path, here, context, path_findings)
-    if route is None or "path-retimed" in path_findings:
-        return None
-    knots, floors = route
-    if max(hypot(x - here.x_m, y - here.y_m) for _, x, y, _ in knots) <= AWAY_M:
-        return None
-    findings += path_findings
-    return _with_headings(knots), floors
-
-
-def _by_velocity(here: Sighting, horizon_s: float) -> Route:
-    """Constant speed and turn rate. An arc gets a knot for each second, since motion is linear between knots."""
-    speed_mps, heading = here.linear_mps or 0.0, here.yaw_rad
-    if abs(here.turn_radps) <= 1e-3:
-        reach_m = speed_mps * horizon_s
-        end = here.t_s + horizon_s, here.x_m + reach_m * cos(heading), here.y_m + reach_m * sin(heading), heading
-        return (knot_at(here), end), (here.floor,) * 2
-    steps, radius_m = ceil(horizon_s), speed_mps / here.turn_radps
+def _arc(here: Sighting, horizon_s: float) -> Route:
+    steps, radius_m, heading = ceil(horizon_s), (here.linear_mps or 0.0) / here.turn_radps, here.yaw_rad
     knots = []
     for step in range(steps + 1):
         t_s = horizon_s * step / steps
@@ -131,20 +222,6 @@ def _by_velocity(here: Sighting, horizon_s: float) -> Route:
         y_m = here.y_m - radius_m * (cos(yaw_rad) - cos(heading))
         knots.append((here.t_s + t_s, x_m, y_m, yaw_rad))
     return knots, (here.floor,) * (steps + 1)
-
-
-def _by_destination(destinations: Path, here: Sighting, context: ForecastContext) -> Route | None:
-    """Straight to the next destination on this floor, at the time it states or at the robot's speed."""
-    latest_s = here.t_s + context.reading.destination_horizon_s
-    on_this_floor = [points for floor, points in on_floors(destinations, here, context) if floor == here.floor]
-    reachable = [knot for knot in chain.from_iterable(on_this_floor) if knot[0] <= latest_s]
-    if not reachable:
-        return None
-    t_s, x_m, y_m, yaw_rad = min(reachable, key=itemgetter(0))
-    if t_s <= here.t_s:
-        distance_m = hypot(x_m - here.x_m, y_m - here.y_m)
-        t_s = here.t_s + max(distance_m / (context.body.max_speed_mps or DESTINATION_SPEED_MPS), 1e-3)
-    return _with_headings([knot_at(here), (t_s, x_m, y_m, yaw_rad)]), (here.floor, here.floor)
 
 
 def _with_headings(knots: Sequence[Knot]) -> Sequence[Knot]:

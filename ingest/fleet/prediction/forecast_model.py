@@ -74,6 +74,12 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Turn rate, anticlockwise positive."""
     clock_offset_s: float = 0.0
     """The robot's stamps plus this are service time."""
+    interval_s: float = 0.0
+    """Time since the sighting before; 0 if that shows nothing of the motion."""
+    is_driving: bool = False
+    """Whether it drives by this and the sighting before."""
+    is_overruled: bool = False
+    """Whether its speed was observed, since it was stated to stand and moved."""
 
 
 class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):

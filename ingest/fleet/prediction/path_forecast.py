@@ -7,6 +7,9 @@ from math import hypot, isfinite
 from operator import itemgetter, lt
 
 from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotBody, Route, Sighting
+from ingest.fleet.prediction.pace import Paces
+from ingest.fleet.prediction.paced_way import LEAST_STEP_S, SPOT_M, paced
+from ingest.frames.angles import turn_between
 from ingest.frames.frame_registry import Frame
 from ingest.languages.model import Path
 
@@ -18,11 +21,14 @@ PLAUSIBLE_SPEED_MPS = 5.0
 """Greatest speed of a robot that has not stated one."""
 
 
-def route_by_path(path: Path, here: Sighting, context: ForecastContext, findings: list[str]) -> Route | None:
+def route_by_path(
+    path: Path, here: Sighting, context: ForecastContext, paces: Paces, findings: list[str]
+) -> Route | None:
     """The route along a path from `here` on, with unknown headings left as nan. None if the path can't be used.
 
-    A path whose times are past or out of order gets new times by the robot's speed. A path that jumps is used up to
-    the jump. It is used a little beyond the horizon, so that it still reaches it when the next status is late.
+    A path whose times are limits, are past or out of order gets new times by the robot's pace. A path that jumps is
+    used up to the jump. It is used a little beyond the horizon, so that it still reaches it when the next status is
+    late.
     """
     points: list[Knot] = []
     floors: list[int] = []
@@ -33,8 +39,11 @@ def route_by_path(path: Path, here: Sighting, context: ForecastContext, findings
         return None
     times = [point[0] for point in points]
     in_order = (path.in_order and not here.clock_offset_s) or all(map(lt, times, times[1:]))
-    if times[-1] <= here.t_s or not in_order:
-        retimed = _retimed(points, here, context.body)
+    if path.most and len(path.most) == len(points):
+        points = paced(points, path.most, here, paces)
+        times = [point[0] for point in points]
+    elif times[-1] <= here.t_s or not in_order:
+        retimed = _retimed(points, here, context.body, paces)
         if retimed is None:
             return None
         findings.append("path-retimed")
@@ -87,17 +96,19 @@ def _placed(poses: Sequence[Knot], frame: Frame, clock_offset_s: float) -> Seque
     return [(t_s + clock_offset_s, x, y, yaw_rad) for t_s, x, y, yaw_rad in poses]
 
 
-def _retimed(points: list[Knot], here: Sighting, body: RobotBody) -> list[Knot] | None:
+def _retimed(points: list[Knot], here: Sighting, body: RobotBody, paces: Paces) -> list[Knot] | None:
     """The points in the order sent, with times by the robot's speed. None if the speed is not known."""
     speed_mps = abs(here.linear_mps) if here.linear_mps else body.max_speed_mps
     if not speed_mps or speed_mps <= MOVING_MPS:
         return None
     retimed: list[Knot] = []
-    along_m, last_x, last_y = 0.0, here.x_m, here.y_m
+    t_s, last_x, last_y, last_rad = knot_at(here)
     for _, x, y, yaw_rad in points:
-        along_m += max(hypot(x - last_x, y - last_y), 1e-3)
-        retimed.append((here.t_s + along_m / speed_mps, x, y, yaw_rad))
-        last_x, last_y = x, y
+        length_m = hypot(x - last_x, y - last_y)
+        turn_rad = abs(turn_between(last_rad, yaw_rad)) if length_m < SPOT_M else 0.0
+        t_s += max(length_m / speed_mps, turn_rad / paces.turn_radps if turn_rad > 0.0 else 0.0, LEAST_STEP_S)
+        retimed.append((t_s, x, y, yaw_rad))
+        last_x, last_y, last_rad = x, y, yaw_rad
     return retimed
 
 

@@ -3,12 +3,13 @@
 Sources: the readings of A1, A6 to A8, A13 and A16 in practice, and clause 5.4 of the standard.
 """
 
-from math import atan2, cos, hypot, isnan, pi, sin
+from math import atan2, copysign, cos, hypot, isnan, pi, sin
 
 from msgspec.structs import replace
 
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import Sighting
+from ingest.fleet.prediction.pace import DRIVES_MPS
 from ingest.frames.angles import turn_between
 
 MIN_GAP_S = 0.9
@@ -18,7 +19,13 @@ STALE_S = 2.0
 MOVED_M = 0.2
 """A displacement of this length shows a direction despite the noise of positions."""
 COMPARABLE_S = 5.0
-"""Sightings further apart in time than this show nothing about the motion between them."""
+"""Sightings further apart in time than this do not show how a robot has turned between them."""
+OBSERVABLE_S = 35.0
+"""Sightings further apart than this show nothing of the motion between them. Conforming robots may report so seldom."""
+STANDS_MPS = 0.02
+"""A robot that is slower stands."""
+REGULAR_S = 2.0
+"""Reports further apart than this are rare."""
 MAX_TURN_RADPS = 2.0
 """No robot turns faster."""
 SLOW_TURN_RAD = 0.5
@@ -42,32 +49,71 @@ def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[s
     """`now` with heading, speed and turn rate corrected by the motion since `before`, and the deviations.
 
     An unknown heading becomes the direction of travel, or the heading before if the robot has not moved. A speed that
-    was not sent becomes the observed one. A speed without sign gets the sign of the motion. A turn rate that
-    contradicts the headings becomes 0.
+    was not sent becomes the observed one, as does one that says twice that the robot stands while it moves. A speed
+    without sign gets the sign of the motion. A turn rate that contradicts the headings becomes 0.
     """
     findings: tuple[str, ...] = ()
     if abs(now.turn_radps) > MAX_TURN_RADPS:
         now, findings = replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",)
-    if before is None or before.floor != now.floor:
-        return now, findings
+    gap_s = now.t_s - before.t_s if before and before.floor == now.floor else 0.0
+    if before is None or not 0.0 < gap_s <= OBSERVABLE_S:
+        return now if now.interval_s else replace(now, is_driving=_is_fast(now)), findings
+    if gap_s <= COMPARABLE_S:
+        now, found = _compared(before, now, gap_s)
+        findings += found
+    else:
+        now = _observed(before, now, gap_s)
+    return in_motion(before, now), findings
+
+
+def in_motion(before: Sighting, now: Sighting) -> Sighting:
+    """`now` with the time since `before`, and whether the robot drives by both."""
     gap_s = now.t_s - before.t_s
-    if not 0.0 < gap_s <= COMPARABLE_S:
-        return now, findings
+    moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
+    is_driving = _is_fast(now) and (_is_fast(before) or moved_m > DRIVES_MPS * gap_s)
+    return replace(now, is_driving=is_driving, interval_s=gap_s)
+
+
+def _is_fast(sighting: Sighting) -> bool:
+    return abs(sighting.linear_mps or 0.0) > DRIVES_MPS
+
+
+def _stands(sighting: Sighting) -> bool:
+    """Whether it was stated to stand."""
+    return sighting.linear_mps is not None and abs(sighting.linear_mps) <= STANDS_MPS
+
+
+def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
+    """`now` with the heading and the speed that were not sent, as the displacement shows them."""
     dx, dy = now.x_m - before.x_m, now.y_m - before.y_m
     moved_m = hypot(dx, dy)
     if isnan(now.yaw_rad):
         now = replace(now, yaw_rad=atan2(dy, dx) if moved_m > MOVED_M else before.yaw_rad)
-    elif not isnan(before.yaw_rad):
+    if now.linear_mps is not None:
+        return now
+    along_m = dx * cos(now.yaw_rad) + dy * sin(now.yaw_rad) if not isnan(now.yaw_rad) else moved_m
+    if gap_s > COMPARABLE_S:
+        along_m = copysign(moved_m, along_m)  # it may have turned on the way
+    return replace(now, linear_mps=along_m / gap_s)
+
+
+def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, tuple[str, ...]]:
+    """The same for two sightings near in time, which also show what contradicts the motion."""
+    findings: tuple[str, ...] = ()
+    moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
+    if not (isnan(now.yaw_rad) or isnan(before.yaw_rad)):
         observed_rad, reported_rad = turn_between(before.yaw_rad, now.yaw_rad), now.turn_radps * gap_s
         if abs(reported_rad - observed_rad) > SLOW_TURN_RAD + abs(reported_rad) / 2:
             findings += ("turn-rate-contradicts-motion",) if now.turn_radps else ()
             now = replace(now, turn_radps=0.0)
-    if now.linear_mps is None:
-        along_m = dx * cos(now.yaw_rad) + dy * sin(now.yaw_rad) if not isnan(now.yaw_rad) else moved_m
-        return replace(now, linear_mps=along_m / gap_s), findings
-    if moved_m <= MOVED_M or isnan(now.yaw_rad) or not now.linear_mps:
+    stands_twice = _stands(now) and (_stands(before) or before.is_overruled)
+    if stands_twice and moved_m > max(MOVED_M, DRIVES_MPS * gap_s):
+        now, findings = replace(now, linear_mps=None, is_overruled=True), (*findings, "speed-contradicts-motion")
+    if now.linear_mps is None or isnan(now.yaw_rad):
+        return _observed(before, now, gap_s), findings
+    if moved_m <= MOVED_M or not now.linear_mps:
         return now, findings
-    return _with_sign(now, now.linear_mps, atan2(dy, dx), findings)
+    return _with_sign(now, now.linear_mps, atan2(now.y_m - before.y_m, now.x_m - before.x_m), findings)
 
 
 def _with_sign(

@@ -3,9 +3,10 @@
 The result of a message is an identity (an identity or a footprint), a status (an odometry), or an update.
 """
 
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, partial
 from math import isfinite
+from operator import attrgetter
 from typing import Any, NamedTuple
 from uuid import UUID, uuid5
 
@@ -15,6 +16,7 @@ from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
 from ingest.languages.iso21423.iso_memory import NOTHING, REORDERED_S, IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import (
+    KEYS,
     REQUIRED,
     RESOURCES,
     BatteryMessage,
@@ -29,11 +31,12 @@ from ingest.languages.iso21423.iso_messages import (
     TrajectoryMessage,
 )
 from ingest.languages.iso21423.iso_rules import CHAPTERS, RULES
-from ingest.languages.iso21423.iso_status import MAX_POSITION_M, path_of, status_of
+from ingest.languages.iso21423.iso_status import MAX_POSITION_M, path_of, states_of, status_of
 from ingest.languages.model import Identity, Message, Rejection, Status, Update
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerant_json import decoded, document, stamp_of
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, stamp_of, time_of
+from ingest.languages.tolerance.value_reader import LEFT_OUT
 
 PREFIXES = ("/ISO_21423/v1",)
 ROBOT = "IMR"
@@ -41,7 +44,9 @@ ROBOT = "IMR"
 NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
 MAX_REASON, MAX_TEXT, MAX_SPEED_MPS = 300, 100, 100.0
-MOST_STATES = 50
+NAMES = KnownNames(
+    frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values()))
+)
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("odometry", "localTrajectory"))
 
@@ -85,7 +90,8 @@ class IsoFrontEnd:
         try:
             return _read(raw, parsed, memory or NOTHING, findings)
         except RejectedError as rejected:
-            return Rejection(rejected.rule, rejected.reason[:MAX_REASON], parsed.sender.uuid, tuple(findings)), memory
+            reason, found = rejected.reason[:MAX_REASON], (tuple(findings), tuple(findings.oddities))
+            return Rejection(rejected.rule, reason, parsed.sender.uuid, *found), memory
 
     def status(self, raw: bytes, memory: IsoMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
         return status_of("", memory, Findings()) if memory else None
@@ -115,24 +121,59 @@ def _parsed_topic(topic: str) -> _IsoTopic | None:
 
 
 def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
-    message = decoded(RESOURCES[topic.resource], raw, findings)
-    if any(getattr(message, key) is None for key in REQUIRED.get(topic.resource, ())):
-        findings["key-absent"] = None
+    resource = topic.resource
+    message = _decoded(resource, raw, findings, is_first=resource not in memory.heard_s or resource in memory.respelt)
+    if ("key-spelling" in findings) != (resource in memory.respelt):
+        memory = replace(memory, respelt=memory.respelt ^ {resource})
     stamp = stamp_of(message.timestamp, findings)
-    last_s = memory.heard_s.get(topic.resource)
+    last_s = memory.heard_s.get(resource)
     if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
         findings["message-repeated" if stamp.t_s == last_s else "message-reordered"] = None
-        return Update(topic.sender.uuid, tuple(findings)), memory
-    memory = replace(memory, heard_s=memory.heard_s | {topic.resource: stamp.t_s})
+        return _update(topic.sender.uuid, findings), memory
+    if stamp.is_known:
+        memory = replace(memory, heard_s=memory.heard_s | {resource: stamp.t_s})
     if isinstance(message, OdometryMessage):
         return _read_odometry(message, topic.sender.uuid, stamp, memory, findings)
     if isinstance(message, IdentityMessage | FootprintMessage):
         memory = _with_body(message, memory)
         if memory.identity is None:
-            return Update(topic.sender.uuid, tuple(findings)), memory
+            return _update(topic.sender.uuid, findings), memory
         return _identity(topic.sender.uuid, stamp, memory.identity, memory, findings), memory
     memory = _with_update(message, stamp, memory, findings)
-    return Update(topic.sender.uuid, tuple(findings)), memory
+    return _update(topic.sender.uuid, findings), memory
+
+
+def _decoded(resource: str, raw: bytes, findings: Findings, *, is_first: bool) -> IsoMessage:
+    """The message of a resource. Raises `RejectedError` if it can't be understood."""
+    message, may_lack_keys = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES, is_first=is_first)
+    for key in REQUIRED.get(resource, ()) if may_lack_keys else ():
+        if getattr(message, key) is None:
+            findings.note("key-absent", KEYS.get(key, key), None, LEFT_OUT)
+    return message
+
+
+def _lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
+    """Whether a required key is absent."""
+    return None in required(message)
+
+
+def _lacks_key_of_pose(message: OdometryMessage) -> bool:
+    """Whether a key of an odometry is absent that is required or used."""
+    pose = message.pose
+    if pose is None or message.velocity is None or message.timestamp is None:
+        return True
+    return pose.location_point.ccs_id is None or pose.orientation is None or pose.orientation.yaw is None
+
+
+_LACKS_KEY: dict[str, Callable[[Any], bool]] = {
+    resource: partial(_lacks_key, attrgetter("timestamp", *REQUIRED.get(resource, ("timestamp",))))
+    for resource in RESOURCES
+} | {"odometry": _lacks_key_of_pose}
+"""By resource, whether a message is to be read anew, since a key may be there in another spelling."""
+
+
+def _update(uuid: str, findings: Findings) -> Update:
+    return Update(uuid, tuple(findings), tuple(findings.oddities))
 
 
 def _read_odometry(
@@ -141,21 +182,22 @@ def _read_odometry(
     pose = message.pose
     if pose is None or abs(pose.location_point.x) > MAX_POSITION_M or abs(pose.location_point.y) > MAX_POSITION_M:
         raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
+    stamp = stamp if stamp.is_known else timestamps.assumed(memory.path_stamp_s)
     memory = replace(memory, pose=IsoPose(stamp, pose, message.velocity))
     status = status_of(uuid, memory, findings)
-    return status or Update(uuid, tuple(findings)), memory
+    return status or _update(uuid, findings), memory
 
 
 def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings) -> IsoMemory:
     """The memory after a message without pose and size."""
     match message:
         case TrajectoryMessage():
-            path = path_of(message.local_trajectory or [], findings)
-            return replace(memory, path=path, path_stamp_s=stamp.t_s)
+            path = path_of(message.local_trajectory or [], "localTrajectory", findings)
+            return replace(memory, path=path, path_stamp_s=time_of(stamp, path))
         case PlanMessage():
-            return replace(memory, plan=path_of(message.global_plan or [], findings))
+            return replace(memory, plan=path_of(message.global_plan or [], "globalPlan", findings))
         case StatusMessage():
-            states = tuple((message.states or [])[:MOST_STATES])
+            states = states_of(message.named_states or [], findings)
             if not any(state.startswith("MODE_") for state in states):
                 findings["mode-missing"] = None
             return replace(memory, states=states)
@@ -196,7 +238,7 @@ def _identity(
         findings["speed-limit-not-positive"], speed_mps = None, None
     return Identity(
         uuid=uuid,
-        stamp_s=stamp.t_s,
+        stamp_s=time_of(stamp),
         manufacturer=(message.manufacturer_name or "")[:MAX_TEXT],
         model=(details.imr_model or "")[:MAX_TEXT],
         serial=(details.imr_serial_number or details.imr_name or uuid[:8])[:MAX_TEXT],
@@ -205,4 +247,5 @@ def _identity(
         outline=outline.outline,
         max_speed_mps=speed_mps,
         findings=tuple(findings),
+        oddities=tuple(findings.oddities),
     )

@@ -26,6 +26,8 @@ class IsoMemory(msgspec.Struct, frozen=True, gc=False):
 
     heard_s: dict[str, float] = {}
     """By resource, the time of the newest message."""
+    respelt: frozenset[str] = frozenset()
+    """Resources whose last message had keys in another spelling."""
     identity: IdentityMessage | None = None
     outline: Outline | None = None
     """The active footprint; None if only the identity has one."""

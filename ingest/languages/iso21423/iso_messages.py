@@ -49,6 +49,7 @@ class TimedPoint(IsoObject, frozen=True):
 
     timestamp: str
     location_point: LocationPoint
+    orientation: Orientation | None = None
 
 
 class TrajectoryMessage(IsoMessage, frozen=True):
@@ -91,6 +92,13 @@ class FootprintMessage(IsoMessage, frozen=True):
 
 class StatusMessage(IsoMessage, frozen=True):
     states: list[str] | None = None
+    operating_states: list[str] | None = None
+    """The name in the standard's table."""
+
+    @property
+    def named_states(self) -> list[str] | None:
+        """The states under either name. None if there are none under both."""
+        return self.operating_states if self.states is None else self.states
 
 
 class BatteryMessage(IsoMessage, frozen=True):
@@ -98,6 +106,39 @@ class BatteryMessage(IsoMessage, frozen=True):
     """Between 0 and 1."""
 
 
+STATES = (
+    "MODE_AUTO",
+    "MODE_MANUAL",
+    "MODE_SEMIAUTO",
+    "MODE_TELEOP",
+    "MODE_MAINTENANCE",
+    "OFFLINE",
+    "LOST_CONNECTION",
+    "LOST",
+    "BLOCKED",
+    "STOP_CATEGORY_0",
+    "STOP_CATEGORY_1",
+    "STOP_CATEGORY_2",
+    "PAUSED",
+    "IDLE",
+    "PARKED",
+    "CHARGING",
+    "DOCKING",
+    "UNDOCKING",
+    "WAIT_FOR_RESET",
+    "WAIT_FOR_EVENT",
+    "WAIT_FOR_ATTACHMENT",
+    "ATTACHMENT_ACTIVE",
+    "FORWARD",
+    "BACKWARD",
+    "REVERSE",
+    "TURN_LEFT",
+    "TURN_RIGHT",
+    "ROTATING",
+    "MOVING",
+    "STOPPED",
+)
+"""States as public descriptions name them. Others mean what the motion of the robot shows."""
 RESOURCES: dict[str, type[IsoMessage]] = {
     "identity": IdentityMessage,
     "footprint": FootprintMessage,
@@ -115,6 +156,14 @@ REQUIRED: dict[str, tuple[str, ...]] = {
     "odometry": ("pose", "velocity"),
     "localTrajectory": ("local_trajectory",),
     "globalPlan": ("global_plan",),
-    "status": ("states",),
+    "status": ("named_states",),
     "batteryStatus": ("battery_soc",),
 }
+KEYS = {
+    "manufacturer_name": "manufacturerName",
+    "local_trajectory": "localTrajectory",
+    "global_plan": "globalPlan",
+    "named_states": "states",
+    "battery_soc": "batterySoc",
+}
+"""Spelling in messages, where it is another."""

@@ -1,6 +1,6 @@
 """The rules of ISO 21423 by code: rejections and deviations. Rules that other languages have too keep their codes."""
 
-from ingest.languages.rules import Rule, size_rules
+from ingest.languages.rules import Rule, size_rules, value_rules, word_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -17,8 +17,6 @@ _REJECTING = (
     _rejecting("not-json", "Not JSON; send one JSON object a message.", "JSON"),
     _rejecting("too-deep", "Nested too deep; no message of the standard is.", "JSON"),
     _rejecting("not-object", "JSON, but no object.", "JSON"),
-    _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send ISO 8601 in UTC.", "times"),
-    _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "times"),
     _rejecting("position-absurd", "The position is missing, or more than ten thousand kilometres out.", "odometry"),
     _rejecting("envelope-not-positive", "The footprint has no three corners, or no area.", "identity"),
     _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
@@ -37,13 +35,17 @@ _REJECTING = (
     ),
 )
 _KEYS = (
-    Rule("key-absent", "A required key is missing or null; the message is read without it.", "JSON"),
-    Rule("number-as-text", "A value has another type, but a clear meaning; read.", "JSON"),
-    Rule("value-unreadable", "A value can't be read; its key is left out.", "JSON"),
+    *value_rules("JSON"),
+    Rule("key-unknown", "The standard does not have this key, but one like it; not used.", "JSON"),
+    *word_rules("status"),
+    Rule("stamp-unreadable", "The message's own timestamp is absent or can't be read; as of its arrival.", "times"),
+    Rule("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100; as of its arrival.", "times"),
     Rule("stamp-no-offset", "A timestamp has no offset from UTC; read as UTC.", "times"),
     Rule("stamp-offset-no-colon", "An offset from UTC lacks its colon or its minutes; read.", "times"),
     Rule("stamp-not-utc", "A timestamp has an offset from UTC; converted.", "times"),
-    Rule("stamp-spelling", "A timestamp has a space, a comma or lower-case letters; read.", "times"),
+    Rule(
+        "stamp-spelling", "A timestamp has a space, a comma, lower-case letters, or a Z after an offset; read.", "times"
+    ),
     Rule("stamp-epoch", "A timestamp is a number since 1970; its size gives the unit.", "times"),
     _in_context("message-repeated", "A message with the time of the last one came; not used.", "times"),
     _in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", "times"),
@@ -70,6 +72,7 @@ _STATE = (
     Rule("heading-missing", "A pose without yaw; the direction of travel is used.", "odometry"),
     _in_context("status-too-rare", "More than 30 s since the last odometry.", "odometry"),
     _in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", "odometry"),
+    _in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "odometry"),
     _in_context("heading-contradicts-motion", "It moves in another direction than its heading.", "odometry"),
     _in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", "odometry"),
     _in_context("datum-unknown", "The site file does not have this coordinate system; a floor of its own.", "odometry"),
@@ -80,6 +83,11 @@ _WHERE_TO = (
     Rule("point-absurd", "A point lies beyond 10,000 km; left out.", "localTrajectory"),
     Rule("path-times-equal", "Points have the same time; new times by speed.", "localTrajectory"),
     Rule("path-unordered", "Points are not in the order of their times; new times by speed.", "localTrajectory"),
+    _in_context(
+        "path-datum-unknown",
+        "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+        "localTrajectory",
+    ),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "localTrajectory"),
     _in_context(
         "path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "localTrajectory"

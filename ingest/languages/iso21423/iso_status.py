@@ -6,13 +6,16 @@ from operator import lt
 from ingest.batch import Amounts
 from ingest.languages import timestamps
 from ingest.languages.iso21423.iso_memory import IsoMemory, IsoPose
-from ingest.languages.iso21423.iso_messages import TimedPoint
+from ingest.languages.iso21423.iso_messages import STATES, Speeds, TimedPoint
 from ingest.languages.model import NO_PATH, Path, Row, Status
 from ingest.languages.rules import Findings
+from ingest.languages.tolerance.spelling import folded
 
 MAX_POSITION_M = 1e7
 MAX_SPEED_MPS = 100.0
 MOVING_MPS = 0.02
+DRIVING_MPS = 0.1
+"""A robot that is faster drives, whatever stops it reports."""
 MOST_POINTS = 200
 OUTDATED_S = 3.0
 """A trajectory that is so much older than the pose is not followed any more: it should come at least once a second."""
@@ -29,6 +32,8 @@ BY_STATE = {
     "PARKED": "idle",
 }
 """What a robot does in a state. The first that holds counts."""
+MOST_STATES = 50
+BY_SPELLING = {folded(state): state for state in STATES}
 
 
 def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None:
@@ -39,9 +44,9 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
     at = pose.location_point
     yaw_rad = pose.orientation.yaw if pose.orientation else None
     if yaw_rad is None:
-        findings["heading-missing"] = None
+        findings.note("heading-missing", "pose.orientation.yaw", None, "the direction of travel")
     if not at.ccs_id:
-        findings["map-missing"] = None
+        findings.note("map-missing", "pose.locationPoint.ccsId", at.ccs_id, "compared with nothing")
     linear_mps = velocity.linear if velocity else None
     if linear_mps is not None and abs(linear_mps) > MAX_SPEED_MPS:
         findings["speed-absurd"], linear_mps = None, None
@@ -64,14 +69,15 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
         memory.plan,
         NO_PATH if is_outdated else memory.path,
         tuple(findings),
-        is_blocked=not BLOCKED.isdisjoint(memory.states),
+        is_blocked=not (BLOCKED.isdisjoint(memory.states) or _speed_mps(velocity) > DRIVING_MPS),
         is_lost="LOST" in memory.states,
+        oddities=tuple(findings.oddities),
     )
 
 
 def _state(memory: IsoMemory, pose: IsoPose) -> str:
     """The state of the MassRobotics standard that comes nearest."""
-    is_moving = bool(pose.velocity and abs(pose.velocity.linear or 0.0) > MOVING_MPS)
+    is_moving = _speed_mps(pose.velocity) > MOVING_MPS
     modes = {state for state in memory.states if state.startswith("MODE_")}
     if modes & {"MODE_MANUAL", "MODE_TELEOP"}:
         return "manualOverride"
@@ -83,18 +89,41 @@ def _state(memory: IsoMemory, pose: IsoPose) -> str:
     return "navigating" if modes or is_moving or memory.path is not NO_PATH else "idle"
 
 
-def path_of(points: list[TimedPoint], findings: Findings) -> Path:
-    """Points with the robot's own times. Their headings are the direction of travel."""
+def _speed_mps(velocity: Speeds | None) -> float:
+    """The reported speed, 0 if none was sent."""
+    return abs(velocity.linear or 0.0) if velocity else 0.0
+
+
+def states_of(sent: list[str], findings: Findings) -> tuple[str, ...]:
+    """The states in the standard's spelling; those that it does not have are left out."""
+    states = []
+    for row, name in enumerate(sent[:MOST_STATES]):
+        state = name if name in BY_SPELLING.values() else BY_SPELLING.get(folded(name), "")
+        path = f"states[{row}]"
+        if not state:
+            findings.note("word-unknown", path, name, "by what the robot does")
+            continue
+        if state != name:
+            findings.note("word-spelling", path, name, state)
+        states.append(state)
+    return tuple(states)
+
+
+def path_of(points: list[TimedPoint], key: str, findings: Findings) -> Path:
+    """Points under a key, with the robot's own times. A heading that is not told is the direction of travel."""
     rows: list[Row] = []
     datums: list[str] = []
-    for point in points[:MOST_POINTS]:
+    for row, point in enumerate(points[:MOST_POINTS]):
         stamp, at = timestamps.parse(point.timestamp), point.location_point
         if stamp is None or not timestamps.plausible(stamp.t_s):
-            findings["point-unreadable"] = None
+            findings.note("point-unreadable", f"{key}[{row}].timestamp", point.timestamp, "left out")
         elif abs(at.x) > MAX_POSITION_M or abs(at.y) > MAX_POSITION_M:
             findings["point-absurd"] = None
         else:
-            rows.append((stamp.t_s, at.x, at.y, nan))
+            yaw_rad = point.orientation.yaw if point.orientation else None
+            rows.append((stamp.t_s, at.x, at.y, nan if yaw_rad is None else remainder(yaw_rad, 2 * pi)))
+            if stamp.findings:
+                findings.update(dict.fromkeys(stamp.findings))
             datums.append((at.ccs_id or "").lower())
     times = [row[0] for row in rows]
     if not times:

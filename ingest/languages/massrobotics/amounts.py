@@ -4,11 +4,13 @@ To add an amount: a key of `AmountsReport`, a line in `_sent`, a line in `read`,
 """
 
 from math import isnan, nan
+from typing import Any
 
 from ingest.batch import Amounts
-from ingest.languages.massrobotics import path_points, repair
+from ingest.languages.massrobotics import path_points
 from ingest.languages.massrobotics.json_objects import Report, Velocity
 from ingest.languages.rules import Findings
+from ingest.languages.tolerance.value_reader import is_number, number_of
 
 MAX_SPEED_MPS = 100.0
 HOUR_S = 3600.0
@@ -57,6 +59,8 @@ def motion(velocity: Velocity | None, findings: Findings) -> tuple[float | None,
     """Speed along the heading, and the turn made in one second. None if not sent."""
     if velocity is None:
         return None, None
+    if velocity.linear is None:
+        findings.note("key-absent", "velocity.linear", None, "left out")
     turn_rad = path_points.yaw_rad(velocity.angular, findings) if velocity.angular else nan
     return speed(velocity.linear, findings), None if isnan(turn_rad) else turn_rad
 
@@ -82,11 +86,19 @@ def _load_available(report: AmountsReport, findings: Findings) -> float | None:
     available_pct = report.loadPercentageStillAvailable
     extra = report.__pydantic_extra__
     if extra and LOAD_USED_KEY in extra:
-        findings["load-used-key"] = None
-        used_pct = repair.number(extra[LOAD_USED_KEY], findings)
-        if available_pct is None and repair.is_number(used_pct):
+        findings.note("load-used-key", LOAD_USED_KEY, extra[LOAD_USED_KEY], "loadPercentageStillAvailable")
+        used_pct = _number(extra[LOAD_USED_KEY], findings)
+        if available_pct is None and used_pct is not None:
             available_pct = 100.0 - used_pct
     return available_pct
+
+
+def _number(value: Any, findings: Findings) -> float | None:
+    """The number that a value is or spells. None if it is none."""
+    spelt = number_of(value) if isinstance(value, str) else None
+    if spelt is not None:
+        findings.note("number-as-text", LOAD_USED_KEY, value, f"{spelt:g}")
+    return float(value) if is_number(value) else spelt
 
 
 def _percentage(value_pct: float | None, rule: str, findings: Findings) -> float | None:

@@ -4,7 +4,7 @@ A message that breaks a rejecting rule is rejected. A message that deviates from
 the rule says, and the deviation is counted. Codes are label values of metrics: they do not change.
 """
 
-from ingest.languages.rules import Rule, size_rules
+from ingest.languages.rules import Rule, size_rules, value_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str) -> Rule:
@@ -20,13 +20,11 @@ _REJECTING = (
     _rejecting("not-json", "Not JSON; send one JSON object a message.", "6.2"),
     _rejecting("too-deep", "Nested more than 200 deep; no report is.", "6.2"),
     _rejecting("not-object", "JSON, but no object; send one report a message.", "6.2"),
-    _rejecting("number-not-finite", "A number is NaN or infinite; leave out what is not known.", "6.2"),
+    _rejecting("number-not-finite", "A required number is NaN or infinite; leave out what is not known.", "6.2"),
     _rejecting("report-unknown", "Neither an identity nor a status report by its keys.", "schema"),
     _rejecting("key-missing", "A required key is missing.", "schema"),
-    _rejecting("type-wrong", "A required value can't be read as what belongs there.", "schema"),
+    _rejecting("type-wrong", "A value without which the report says nothing can't be read.", "schema"),
     _rejecting("uuid-unreadable", "The UUID is none, and the vendor is not set to use names.", "2.13"),
-    _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send RFC 3339 in UTC.", "5.1.2"),
-    _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "5.1.2"),
     _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
     _rejecting("envelope-not-positive", "The envelope's length or width is not above zero.", "4.1.6"),
     Rule(
@@ -64,21 +62,22 @@ _WHO = (
     Rule("text-empty", "A required text or an error code is empty; kept, the error code left out.", "4.1"),
 )
 _KEYS_AND_TYPES = (
-    Rule("byte-order-mark", "A byte order mark comes before the JSON; skipped.", "6.2"),
+    *value_rules("schema"),
     Rule("key-unknown", "A key that the standard does not have; shown, not used.", "schema"),
-    Rule("null-value", "A key has the value null; read as left out.", "schema"),
-    Rule("number-as-text", "A number was sent as text; read as the number.", "schema"),
-    Rule("text-as-number", "A text was sent as a number; read as text.", "schema"),
-    Rule("single-not-list", "One value stands where a list belongs; read as a list of one.", "schema"),
     Rule("duplicate-items", "A list that should hold different items repeats one; kept.", "schema"),
     Rule("codes-too-many", "More than 100 error codes, or one has more than 200 letters; cut.", "schema"),
-    Rule("value-unreadable", "An optional value can't be read as what belongs there; left out.", "schema"),
 )
 _WHEN = (
+    Rule("stamp-unreadable", "The message's own timestamp is absent or can't be read; as of its arrival.", "5.1.2"),
+    Rule("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100; as of its arrival.", "5.1.2"),
     Rule("stamp-offset-no-colon", "A timestamp's offset has no colon or no minutes; read.", "5.1.2"),
     Rule("stamp-not-utc", "A timestamp has an offset other than UTC; converted.", "5.1.2"),
     Rule("stamp-no-offset", "A timestamp has no offset; read as UTC.", "5.1.2"),
-    Rule("stamp-spelling", "A timestamp has a space for T, a lower-case letter, a comma or spaces; read.", "5.1.2"),
+    Rule(
+        "stamp-spelling",
+        "A timestamp has a space for T, a lower-case letter, a comma, spaces, or a Z after an offset; read.",
+        "5.1.2",
+    ),
     Rule("stamp-epoch", "A timestamp counts from 1970; read as seconds, ms, us or ns by its size.", "5.1.2"),
     _in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
     _in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
@@ -102,6 +101,7 @@ _WHERE = (
     Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
     Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),
+    _in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "5.2.2"),
     _in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
     _in_context(
         "turn-rate-contradicts-motion", "The headings do not bear out the angular velocity; set aside.", "5.2.2"
@@ -129,6 +129,11 @@ _WHERE_TO = (
     Rule("path-times-1970", "The points' times lie at the beginning of 1970; kept, for new times.", "5.3.3"),
     Rule("path-times-equal", "Two points have the same time; kept, for new times by speed.", "5.3.3"),
     Rule("path-unordered", "Points are not in the order of their times; kept, for new times.", "5.3.3"),
+    _in_context(
+        "path-datum-unknown",
+        "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+        "5.3.3",
+    ),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "5.3.3"),
     _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used up to there.", "5.3.3"),
     Rule("point-unreadable", "A point's time or position can't be read; the point is left out.", "3.3"),

@@ -51,19 +51,20 @@ def _struct(model: type[Report]) -> type[msgspec.Struct]:
 def _kind(annotation: Any) -> Any:
     """The type of a struct's field for a model's field. It does not allow null."""
     kind, is_list = value_type(annotation)
-    item = _struct_of(kind) if issubclass(kind, Report) else kind
+    item = struct_of(kind) if issubclass(kind, Report) else kind
     return list[item] if is_list else item  # type: ignore[valid-type]
 
 
 _structs: dict[type[Report], type[msgspec.Struct]] = {}
 
 
-def _struct_of(model: type[Report]) -> type[msgspec.Struct]:
+def struct_of(model: type[Report]) -> type[msgspec.Struct]:
+    """The struct that decodes a model's reports."""
     if model not in _structs:
         _structs[model] = _struct(model)
     return _structs[model]
 
 
-_STATUSES = frozenset((StatusReport, _struct_of(StatusReport)))
-_STATUS = msgspec.json.Decoder(_struct_of(StatusReport))
-_IDENTITY = msgspec.json.Decoder(_struct_of(IdentityReport))
+_STATUSES = frozenset((StatusReport, struct_of(StatusReport)))
+_STATUS = msgspec.json.Decoder(struct_of(StatusReport))
+_IDENTITY = msgspec.json.Decoder(struct_of(IdentityReport))

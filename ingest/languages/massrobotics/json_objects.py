@@ -31,8 +31,8 @@ class Extent(Report):
 
 
 class Velocity(Report):
-    linear: float
-    """Metres a second along the heading."""
+    linear: float | None = None
+    """Metres a second along the heading. The standard requires it."""
     angular: Quaternion | None = None
     """The rotation made in one second."""
 

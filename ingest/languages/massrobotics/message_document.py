@@ -4,10 +4,10 @@ from typing import Any
 
 from ingest.languages import timestamps
 from ingest.languages.massrobotics import amounts, vocabulary
-from ingest.languages.massrobotics.parser import message_stamp
 from ingest.languages.massrobotics.report_models import StatusReport
 from ingest.languages.massrobotics.report_reader import validated_report
 from ingest.languages.rules import Findings
+from ingest.languages.tolerance.tolerant_json import stamp_of
 
 
 def message_document(raw: bytes) -> dict[str, Any]:
@@ -19,7 +19,8 @@ def message_document(raw: bytes) -> dict[str, Any]:
     document = report.model_dump(mode="json", exclude_none=True)
     if vocabulary.is_uuid(report.uuid):
         document["uuid"] = vocabulary.robot_uuid(report.uuid, None, Findings())
-    document["timestamp"] = timestamps.write(message_stamp(report.timestamp, Findings()).t_s)
+    if (stamp := stamp_of(report.timestamp, Findings())).is_known:
+        document["timestamp"] = timestamps.write(stamp.t_s)
     if isinstance(report, StatusReport):
         _spell_status(document, report)
     elif report.maxRunTime is not None:

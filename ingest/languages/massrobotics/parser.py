@@ -1,14 +1,15 @@
 """One message in; an identity, a status or a rejection out. Never raises, whatever a sender sends."""
 
 from collections.abc import Sequence
-from functools import cache
-from typing import Any, cast
+from itertools import islice
+from typing import cast
 
 from ingest.languages import timestamps
-from ingest.languages.massrobotics import amounts, fast_decoder, path_points, repair, vocabulary
-from ingest.languages.massrobotics.json_objects import Report, value_type
+from ingest.languages.massrobotics import amounts, fast_decoder, path_points, vocabulary
+from ingest.languages.massrobotics.fast_decoder import struct_of
+from ingest.languages.massrobotics.json_objects import Report
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
-from ingest.languages.massrobotics.report_reader import decoded_report
+from ingest.languages.massrobotics.report_reader import decoded_report, parts_of
 from ingest.languages.model import (
     MOST_CODE_LETTERS,
     MOST_CODES,
@@ -17,11 +18,15 @@ from ingest.languages.model import (
     Status,
     bounded_codes,
 )
-from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.rules import MOST_ODDITIES, Findings, RejectedError
+from ingest.languages.tolerance.spelling import nearest
+from ingest.languages.tolerance.tolerant_json import stamp_of, time_of
+from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.sizes.stated_bodies import Figure
 
 MAX_REASON = 300
 """Characters kept of a rejection's reason."""
+DATUM_PATH = "location.planarDatum"
 MAX_TEXT = 100
 """Characters kept of a name: it is in every batch and advisory of its robot."""
 
@@ -44,7 +49,7 @@ def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status |
 def rejection(rejected: RejectedError, sent_uuid: object, names_as_uuid: str | None, findings: Findings) -> Rejection:
     """A rejected message, with its robot if the UUID that was sent can be read."""
     uuid = _readable_uuid(rejected.sent_uuid or sent_uuid, names_as_uuid)
-    return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings))
+    return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings), tuple(findings.oddities))
 
 
 def _readable_uuid(sent_uuid: object, names_as_uuid: str | None) -> str | None:
@@ -55,7 +60,7 @@ def _readable_uuid(sent_uuid: object, names_as_uuid: str | None) -> str | None:
 
 
 def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity:
-    stamp = message_stamp(report.timestamp, findings)
+    stamp = stamp_of(report.timestamp, findings)
     _note_unknown_keys(report, findings)
     size = report.baseRobotEnvelope
     if size.x <= 0 or size.y <= 0 or size.z < 0:
@@ -69,7 +74,7 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
     max_speed_mps = amounts.speed_limit(report.maxSpeed, findings)
     return Identity(
         uuid=uuid,
-        stamp_s=stamp.t_s,
+        stamp_s=time_of(stamp),
         manufacturer=report.manufacturerName[:MAX_TEXT],
         model=report.robotModel[:MAX_TEXT],
         serial=report.robotSerialNumber[:MAX_TEXT],
@@ -77,21 +82,25 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
         figures=(Figure(cargo.x, cargo.y, "cargoMaxVolume"),) if (cargo := report.cargoMaxVolume) else (),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
+        oddities=tuple(findings.oddities),
     )
 
 
 def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
-    stamp = message_stamp(report.timestamp, findings)
+    stamp = stamp_of(report.timestamp, findings)
     here = report.location
     if path_points.absurd(here.x, here.y, here.z):
         reason = f"location {here.x:g}, {here.y:g}, {here.z:g} is off any floor; send metres on the datum"
         raise RejectedError("position-absurd", reason)
     _note_unknown_keys(report, findings)
     state, known_state = vocabulary.state(report.operationalState, findings)
+    stamp_s = stamp.t_s if stamp.is_known else _assumed_s(report)
     linear_mps, turn_rad_per_s = amounts.motion(report.velocity, findings)
+    if not known_state:
+        state = vocabulary.by_motion(state, linear_mps)
     return Status(  # by position: keyword arguments are slow, and every status comes here
         uuid,
-        stamp.t_s,
+        stamp_s,
         stamp.resolution_s,
         state,
         known_state,
@@ -99,50 +108,38 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
         here.y,
         here.z,
         path_points.yaw_rad(here.angle, findings),
-        vocabulary.datum(here.planarDatum, here.planarDatumUUID, findings, empty="datum-missing"),
+        vocabulary.datum(here.planarDatum, here.planarDatumUUID, findings, empty="datum-missing", path=DATUM_PATH),
         linear_mps,
         turn_rad_per_s,
         amounts.read(report, findings),
         _error_codes(report.errorCodes, findings) if report.errorCodes else (),
-        path_points.destinations(report.destinations, stamp.t_s, findings),
-        path_points.path(report.path, stamp.t_s, findings),
+        path_points.destinations(report.destinations, stamp_s, findings),
+        path_points.path(report.path, stamp_s, findings),
         tuple(findings),
+        oddities=tuple(findings.oddities),
     )
 
 
-def message_stamp(text: str, findings: Findings) -> timestamps.Stamp:
-    """The message's own time. Raises `RejectedError` if it can't be read or lies outside 1970 to 2100."""
-    stamp = timestamps.parse(text)
-    if stamp is None:
-        raise RejectedError("stamp-unreadable", f"timestamp {text[:60]!r} is no RFC 3339 date-time in UTC")
-    if not timestamps.plausible(stamp.t_s):
-        raise RejectedError("stamp-absurd", f"timestamp {text[:60]!r} lies outside 1970 to 2100")
-    if stamp.findings:
-        findings.update(dict.fromkeys(stamp.findings))
-    return stamp
+def _assumed_s(report: StatusReport) -> float:
+    """The time of a status without a stamp that can be read."""
+    paths = [path_points.path(points, 0.0, Findings()) for points in (report.path, report.destinations)]
+    return time_of(timestamps.NO_STAMP, *paths)
 
 
-def _note_unknown_keys(report: Report, findings: Findings) -> None:
+def _note_unknown_keys(report: Report, findings: Findings, path: str = "") -> None:
     """Note keys that the standard does not have, in the report or in any part of it. A decoded report has none."""
     extra = report.__pydantic_extra__
     if extra is None:
         return
-    if not repair.finite(extra):
-        key = next(key for key, value in extra.items() if not repair.finite(value))
-        raise RejectedError("number-not-finite", f"{key[:60]!r} holds NaN or an infinite number; leave it out")
-    if extra.keys() - {amounts.LOAD_USED_KEY}:
-        findings["key-unknown"] = None
-    for name in _parts(type(report)):
-        value: Any = getattr(report, name)
-        for part in value if isinstance(value, list) else (value,):
-            if part is not None:
-                _note_unknown_keys(part, findings)
-
-
-@cache
-def _parts(model: type[Report]) -> list[str]:
-    """The keys of a report that hold objects of the standard."""
-    return [name for name, field in model.model_fields.items() if issubclass(value_type(field.annotation)[0], Report)]
+    names = object_kind(struct_of(type(report))).names
+    for key, value in islice(extra.items(), MOST_ODDITIES):
+        if key != amounts.LOAD_USED_KEY:
+            meant = nearest(key, names)
+            findings.note(
+                "key-unknown", path + key, value, "not used", "" if meant in report.model_fields_set else meant
+            )
+    for part, where in parts_of(report):
+        _note_unknown_keys(part, findings, f"{path}{where}.")
 
 
 def _error_codes(codes: Sequence[str], findings: Findings) -> tuple[str, ...]:

@@ -1,22 +1,23 @@
 """From the bytes of a message to a validated report of the standard.
 
 A conforming message is decoded at once. A message with keys that the standard does not have is validated from its
-bytes. A message that does not validate is parsed, repaired where its meaning is clear, and validated again. Then
-optional values that still do not fit are left out. Of duplicate keys the last one holds.
+bytes. A message that does not validate is parsed, repaired where its meaning is clear, and validated again. Of
+duplicate keys the last one holds.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 from pydantic import ValidationError
-from pydantic_core import from_json
 
 from ingest.languages.massrobotics import fast_decoder, repair
+from ingest.languages.massrobotics.json_objects import Report, value_type
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.tolerance.tolerant_json import parsed
 
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))
 _STATUS_KEYS = frozenset(("operationalState", "location"))
 EXPECTED = {
@@ -33,14 +34,6 @@ EXPECTED = {
     "finite_number": "expected a finite number",
 }
 """What is said to be wrong with a value, by the kind of pydantic's error."""
-_JSON_KINDS = {
-    list: "array",
-    str: "string",
-    bool: "true or false",
-    int: "number",
-    float: "number",
-    type(None): "null",
-}
 
 
 def decoded_report(raw: bytes, findings: Findings) -> IdentityReport | StatusReport:
@@ -58,29 +51,55 @@ def validated_report(raw: bytes, findings: Findings) -> IdentityReport | StatusR
     """
     if b"null" not in raw:
         try:
-            return (StatusReport if b'"operationalState"' in raw else IdentityReport).model_validate_json(raw)
+            report = (StatusReport if b'"operationalState"' in raw else IdentityReport).model_validate_json(raw)
         except ValidationError:
             pass
+        else:
+            if not _is_spelt_otherwise(report):
+                return report
     return _repaired_report(raw, findings)
 
 
+def _is_spelt_otherwise(report: Report) -> bool:
+    """Whether a key that is absent stands there in another spelling, in the report or in any part of it."""
+    extra = report.__pydantic_extra__ or {}
+    for key in extra:
+        meant = repair.meant_key(key, type(report))
+        if meant and meant not in report.model_fields_set:
+            return True
+    return any(_is_spelt_otherwise(part) for part, _ in parts_of(report))
+
+
+def parts_of(report: Report) -> Iterator[tuple[Report, str]]:
+    """The objects of the standard in a report, and where they stand in it."""
+    for name in _parts(type(report)):
+        value: Any = getattr(report, name)
+        if isinstance(value, list):
+            yield from ((part, f"{name}[{row}]") for row, part in enumerate(value))
+        elif value is not None:
+            yield value, name
+
+
+@cache
+def _parts(model: type[Report]) -> list[str]:
+    """The keys of a report that hold objects of the standard."""
+    return [name for name, field in model.model_fields.items() if issubclass(value_type(field.annotation)[0], Report)]
+
+
 def _repaired_report(raw: bytes, findings: Findings) -> IdentityReport | StatusReport:
-    document = _parsed(raw, findings)
+    document = parsed(raw, findings)
     model = _model(document)
     repaired = repair.repaired(document, model, findings)
     try:
         return model.model_validate(repaired)
-    except ValidationError:
-        if not repair.finite(repaired):
-            reason = "a number is NaN, infinite or too large; leave out what is not known"
-            raise RejectedError("number-not-finite", reason, document.get("uuid")) from None
-    try:
-        return model.model_validate(repair.without_misfits(repaired, model, findings))
     except ValidationError as error:
         errors = error.errors(include_url=False, include_context=False, include_input=False)
-        reasons = (f"{'.'.join(map(str, misfit['loc']))[:60]}: {_plain(misfit)}" for misfit in errors[:2])
-        rule = "key-missing" if errors[0]["type"] == "missing" else "type-wrong"
-        raise RejectedError(rule, "; ".join(reasons), document.get("uuid")) from None
+    if any(misfit["type"] == "finite_number" for misfit in errors):
+        reason = "a required number is NaN, infinite or too large; leave out what is not known"
+        raise RejectedError("number-not-finite", reason, repaired.get("uuid"))
+    reasons = (f"{'.'.join(map(str, misfit['loc']))[:60]}: {_plain(misfit)}" for misfit in errors[:2])
+    rule = "key-missing" if errors[0]["type"] == "missing" else "type-wrong"
+    raise RejectedError(rule, "; ".join(reasons), repaired.get("uuid"))
 
 
 def _plain(misfit: Mapping[str, Any]) -> str:
@@ -90,36 +109,10 @@ def _plain(misfit: Mapping[str, Any]) -> str:
     )
 
 
-def _parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
-    if raw.startswith(BYTE_ORDER_MARK):
-        findings["byte-order-mark"] = None
-        raw = raw.removeprefix(BYTE_ORDER_MARK)
-    try:
-        document = from_json(raw)
-    except ValueError as error:
-        raise _not_parsed(raw, str(error)) from None
-    if not isinstance(document, dict):
-        raise RejectedError("not-object", f"JSON {_JSON_KINDS[type(document)]}; send one JSON object a message")
-    return document
-
-
-def _not_parsed(raw: bytes, why: str) -> RejectedError:
-    try:
-        raw.decode()
-    except UnicodeDecodeError as broken:
-        return RejectedError("not-utf8", f"byte {broken.start} is not UTF-8; send JSON text in UTF-8")
-    what, _, place = why.partition(" at ")
-    if what.startswith("recursion limit"):
-        return RejectedError("too-deep", f"nests deeper than any report, at {place}")
-    what = what.replace("EOF while parsing", "it ends within").replace("expected ident", "expected a value")
-    return RejectedError("not-json", f"{what} at {place}; send one JSON object a message")
-
-
 def _model(document: dict[str, Any]) -> type[IdentityReport | StatusReport]:
-    if document.keys() & _STATUS_KEYS:
-        return StatusReport
-    if document.keys() & _IDENTITY_KEYS:
-        return IdentityReport
+    for model, keys in ((StatusReport, _STATUS_KEYS), (IdentityReport, _IDENTITY_KEYS)):
+        if keys & document.keys() or any(repair.meant_key(key, model) in keys for key in document):
+            return model
     shown = json.dumps([key[:30] for key in sorted(document)[:5]])
     reason = f"keys {shown} are of neither an identity report nor a status report"
     raise RejectedError("report-unknown", reason, document.get("uuid"))

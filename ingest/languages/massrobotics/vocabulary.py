@@ -9,6 +9,8 @@ from ingest.settings import NIL_DATUM
 
 NAMED_ROBOTS = UUID("b7f0f4f1-3a3c-5d52-9a63-2b2c8a0f9d10")
 """Namespace of the UUIDs of robots that are known by name."""
+DRIVING_MPS = 0.1
+"""A robot that is faster drives, whatever its state is called."""
 MAX_WORD = 80
 """Characters kept of a datum or state that the standard does not know."""
 
@@ -56,8 +58,8 @@ def robot_uuid(text: str, names_as_uuid: str | None, findings: Findings) -> str:
     if _RFC_4122.fullmatch(text):
         return text
     uuid, found = (_cached_robot if len(text) <= MAX_WORD else _robot)(text, names_as_uuid)
-    if found:
-        findings.update(dict.fromkeys(found))
+    for rule in found:
+        findings.note(rule, "uuid", text, uuid)
     return uuid
 
 
@@ -91,24 +93,35 @@ def _plain_uuid(text: str) -> str | None:
     return f"{digits[:8]}-{digits[8:12]}-{digits[12:16]}-{digits[16:20]}-{digits[20:]}"
 
 
-def datum(proper: str | None, misplaced: str | None, findings: Findings, *, empty: str) -> str:
+def datum(proper: str | None, misplaced: str | None, findings: Findings, *, empty: str, path: str = "") -> str:
     """A datum in lower case. `proper` is under the key that the schema has for it, `misplaced` under the other key.
 
     A datum that is absent, empty or nil deviates from the rule `empty`. A nil one is returned, since a site may map it.
+    Deviations are named if a path is given, that of the key which the schema has.
     """
+    found = []
     if misplaced is not None:
-        findings["datum-key"] = None
+        found.append("datum-key")
     text = misplaced if proper is None else proper
     if text is not None and len(text) == _UUID_LENGTH and _is_plain_datum(text):
-        return text
-    lower = (text or "").strip().lower()
-    if lower in ("", NIL_DATUM):
-        findings[empty] = None
-    elif not _UUID.fullmatch(lower):
-        findings["datum-not-uuid"] = None
-    elif lower != text:
-        findings["datum-upper-case"] = None
+        lower = text
+    else:
+        lower = (text or "").strip().lower()
+        found += _datum_deviations(lower, text, empty)
+    for rule in found:
+        if path:
+            findings.note(rule, path, text, lower[:MAX_WORD] or "none")
+        else:
+            findings[rule] = None
     return lower[:MAX_WORD]
+
+
+def _datum_deviations(lower: str, text: str | None, empty: str) -> list[str]:
+    if lower in ("", NIL_DATUM):
+        return [empty]
+    if not _UUID.fullmatch(lower):
+        return ["datum-not-uuid"]
+    return ["datum-upper-case"] if lower != text else []
 
 
 @lru_cache(_DATUMS_CACHED)
@@ -120,8 +133,16 @@ def state(text: str, findings: Findings) -> tuple[str, bool]:
     """The state and whether the standard has it: in the schema's spelling if it does, else as sent."""
     if text in STATES:
         if text == "offline":
-            findings["state-offline"] = None
+            findings.note("state-offline", "operationalState", text, "present and standing")
         return text, True
     alias = _ALIASES.get("".join(letter for letter in text[:MAX_WORD].casefold() if letter.isalnum()))
-    findings["state-alias" if alias else "state-unknown"] = None
-    return (alias, True) if alias else (text[:MAX_WORD], False)
+    if alias:
+        findings.note("state-alias", "operationalState", text, alias)
+        return alias, True
+    findings.note("state-unknown", "operationalState", text, "by what the robot does")
+    return text[:MAX_WORD], False
+
+
+def by_motion(state: str, linear_mps: float | None) -> str:
+    """The state of a robot that sent none of the standard's: a robot that drives is navigating."""
+    return "navigating" if linear_mps is not None and abs(linear_mps) > DRIVING_MPS else state

@@ -1,14 +1,13 @@
-"""The path of a robot along the released base of its order, at the speed that the order and the robot allow.
+"""The path of a robot along its order, with the speed that the order and the robot allow.
 
-The robot drives from where it is along the remaining edges. It turns on the spot at corners, and stops at the first
-node with an action during which it does not drive: how long that takes, nobody says. The unreleased horizon is no path,
-since the robot may not drive there yet. Its end is a destination.
+The robot drives from where it is along the remaining edges. It turns on the spot at corners and as nodes say, and stops
+at the first node with an action during which it does not drive: how long that takes, nobody says. It goes on into the
+unreleased horizon if its bases are usually extended before it reaches their ends.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import atan2, hypot, inf, isnan, nan, pi, remainder
-from operator import attrgetter
+from math import atan2, ceil, hypot, inf, isfinite, isnan, nan, pi, remainder
 from typing import NamedTuple
 
 import msgspec
@@ -16,7 +15,9 @@ import msgspec
 from ingest.frames.angles import turn_between
 from ingest.languages.model import NO_PATH, Path, Row
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, on_earth
+from ingest.languages.vda5050.base_ends import UNDER_WAY_MPS, speed_mps
+from ingest.languages.vda5050.order_numbers import last_between
+from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, numbered_states, on_earth
 from ingest.languages.vda5050.trajectories import Polyline, polyline
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, StateMessage
@@ -30,13 +31,14 @@ CORNER_RAD = 0.35
 LONGEST_S = 40.0
 MOST_ROWS = 150
 """A path ends when it is this long."""
-UNDER_WAY_MPS = 0.1
-"""A robot that is this fast drives on in an arc, whatever its heading. It does not turn on the spot first."""
 LEAST_STEP_S = 1e-3
+SPOT_M, AT_NODE_M = 1e-3, 0.1
+"""A robot that stands is at a node that is nearer than the second; further nodes are apart if it is the first."""
+TURN_RAD, PART_RAD = 0.1, 0.5
+"""A node's or an edge's orientation is taken by a turn if it differs by more than the first, in parts of the second."""
 ON_CURVE_M = 2.0
 """A robot this near to the curve of its edge drives on along it. One further off drives straight to the next node."""
 DONE = frozenset(("FINISHED", "FAILED"))
-_SEQUENCE_ID = attrgetter("sequence_id")
 NO_EDGE = OrderEdge(None, None, None, False, None)
 
 
@@ -61,60 +63,68 @@ NO_DRIVE = OrderedDrive(NO_PATH, NO_PATH)
 
 
 def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> OrderedDrive:
-    """The path along the base, and the ends of base and horizon as destinations."""
+    """The path along the order, and the ends of base and horizon as destinations."""
     legs = _legs_ahead(memory, state, findings)
     if not legs:
         return NO_DRIVE
-    walk = _Walk(memory, pose)
     done = {action.action_id for action in state.action_states or () if action.action_status in DONE}
-    driven = 0
-    for leg in legs:
+    goes_on = memory.bases.are_extended(has_horizon=not legs[-1].is_released)
+    walk, ends_in_stop = _Walk(memory, pose), not goes_on
+    base_end, base_legs = walk.end, 0
+    for count, leg in enumerate(legs, 1):
         if leg.place is None and leg.is_released:
             findings["node-without-place"] = None
-        if leg.place is None or not leg.is_released or walk.is_long:
+        if leg.place is None or not (leg.is_released or goes_on) or walk.is_long:
             break
         walk.along(leg.edge, leg.place)
-        driven += 1
+        if leg.is_released:
+            base_end, base_legs = walk.end, count
         if leg.stops and not done.issuperset(leg.stops):
+            ends_in_stop = True
             break
-    return OrderedDrive(_path(walk.rows[1:], walk.datums[1:]), walk.destinations(legs, driven))
+    path = _path(walk.rows[1:], walk.datums[1:], walk.most[1:], ends_in_stop=ends_in_stop)
+    return OrderedDrive(path, walk.destinations(legs, base_end, base_legs))
 
 
-def _path(rows: list[Row], datums: list[str]) -> Path:
+def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, ends_in_stop: bool = True) -> Path:
     if not rows:
         return NO_PATH
-    return Path(tuple(rows), tuple(datums), in_order=True, ends_s=(rows[0][0], rows[-1][0]))
+    ends_s = rows[0][0], rows[-1][0]
+    return Path(tuple(rows), tuple(datums), True, ends_s, tuple(most), ends_in_stop)
 
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
     """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
     order = next((order for order in reversed(memory.orders) if order.order_id == state.order_id), None)
     if order and memory.is_order_newer and order is memory.orders[-1]:
-        passed = state.last_node_sequence_id if state.last_node_sequence_id is not None else -1
+        passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
     if state.node_states and order is None:
         findings["order-unseen"] = None
-    return list(_legs_of_state(state, order))
+    return list(_legs_of_state(state, order, findings))
 
 
 def _leg(order: Order, number: int, node: OrderNode) -> OrderLeg:
-    return OrderLeg(node.released, node.place, node.stops, order.edges.get(number - 1, NO_EDGE))
+    return OrderLeg(node.released, node.place, node.stops, order.edges.get(number, NO_EDGE))
 
 
-def _legs_of_state(state: StateMessage, order: Order | None) -> Iterator[OrderLeg]:
+def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings) -> Iterator[OrderLeg]:
     edge_states = state.edge_states
     curves = {edge.sequence_id: edge.trajectory for edge in edge_states if edge.trajectory} if edge_states else {}
+    curved = sorted(curves)
     nodes, edges = (order.nodes, order.edges) if order else ({}, {})
     last_number, last_id = state.last_node_sequence_id, state.last_node_id
-    for node in sorted(state.node_states or (), key=_SEQUENCE_ID):
-        number = node.sequence_id
-        if number == last_number and node.node_id == last_id:
+    before = -1 if last_number is None else last_number
+    for number, node in numbered_states(state.node_states or (), order, findings):
+        first, before = before, node.sequence_id
+        if node.sequence_id == last_number and node.node_id == last_id:
             continue
-        ordered, edge = nodes.get(number), edges.get(number - 1)
+        ordered, edge = nodes.get(number), edges.get(number)
         place = on_earth(node.node_position) if node.node_position else None
         place = place or (ordered.place if ordered else None)
-        if edge is None and (trajectory := curves.get(number - 1)):
-            edge = OrderEdge(None, None, None, False, polyline(trajectory))
+        between = last_between(curved, first, node.sequence_id) if edge is None and curved else None
+        if between is not None:
+            edge = OrderEdge(None, None, None, False, polyline(curves[between]))
         yield OrderLeg(node.released, place, ordered.stops if ordered else (), edge or NO_EDGE)
 
 
@@ -126,55 +136,81 @@ class _Walk:
         yaw_rad = nan if position.theta is None else remainder(position.theta, 2 * pi)
         self.rows: list[Row] = [(pose.stamp.t_s, position.x, position.y, yaw_rad)]
         self.datums = [(position.map_id or "").lower()]
+        self.most = [inf]
+        """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
         velocity = pose.velocity
-        self._speed_mps = hypot(velocity.vx or 0.0, velocity.vy or 0.0) if velocity else 0.0
+        self._speed_mps = speed_mps(velocity)
         self._is_backwards = bool(velocity and (velocity.vx or 0.0) < 0.0)
         self._until_s = pose.stamp.t_s + LONGEST_S
+
+    @property
+    def end(self) -> tuple[Row, str]:
+        return self.rows[-1], self.datums[-1]
 
     @property
     def is_long(self) -> bool:
         return self.rows[-1][0] > self._until_s or len(self.rows) > MOST_ROWS
 
     def along(self, edge: OrderEdge, place: NodePlace) -> None:
-        """Drive along an edge to its node."""
-        datum, limit_mps = (place.map_id or self.datums[-1]).lower(), self._limit_mps(edge)
+        """Drive along an edge to its node, and turn there as the node says."""
+        datum = (place.map_id or self.datums[-1]).lower()
         if edge.curve:
             for x, y in _curve_ahead(edge.curve, self.rows[-1]):
-                self._turn_and_drive(x, y, edge, limit_mps, datum)
-        self._turn_and_drive(place.x, place.y, edge, limit_mps, datum)
+                self._turn_and_drive(x, y, edge, datum)
+        self._turn_and_drive(place.x, place.y, edge, datum)
+        if place.theta is not None:
+            self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
         self._is_backwards = False  # an order says for each further edge if it is driven backwards
 
-    def destinations(self, legs: list[OrderLeg], driven: int) -> Path:
-        """The ends of base and horizon, for a robot that has driven the first legs when the path ends."""
-        (t_s, x, y, _), datum = self.rows[-1], self.datums[-1]
+    def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:
+        """The ends of base and horizon, for a robot that has driven the first legs where the base ends."""
+        (t_s, x, y, _), datum = base_end
         last = len(legs) - 1
-        base_end = next((row for row in range(last, -1, -1) if legs[row].is_released), last)
+        last_released = next((row for row in range(last, -1, -1) if legs[row].is_released), last)
         rows, datums = [], []
-        for row in range(min(driven, base_end), len(legs)):
+        for row in range(min(driven, last_released), len(legs)):
             place = legs[row].place
             if place and row >= driven:
-                t_s += hypot(place.x - x, place.y - y) / self._limit_mps(legs[row].edge)
+                t_s += hypot(place.x - x, place.y - y) / self._assumed_mps(self._most_mps(legs[row].edge))
                 x, y, datum = place.x, place.y, (place.map_id or datum).lower()
-            if row in {base_end, last}:
+            if row in {last_released, last}:
                 t_s += LEAST_STEP_S
                 rows.append((t_s, x, y, nan))
                 datums.append(datum)
         return _path(rows, datums)
 
-    def _turn_and_drive(self, x: float, y: float, edge: OrderEdge, limit_mps: float, datum: str) -> None:
-        t_s, from_x, from_y, from_rad = self.rows[-1]
+    def _turn_and_drive(self, x: float, y: float, edge: OrderEdge, datum: str) -> None:
+        _, from_x, from_y, from_rad = self.rows[-1]
         dx, dy = x - from_x, y - from_y
-        length_m = hypot(dx, dy)
-        if length_m < 1e-3:
+        length_m, is_first = hypot(dx, dy), len(self.rows) == 1
+        if length_m < (AT_NODE_M if is_first and self._speed_mps <= UNDER_WAY_MPS else SPOT_M):
+            if edge.orientation_rad is not None and edge.is_global:
+                self._turn(edge.orientation_rad, edge, TURN_RAD)
             return
         yaw_rad = self._heading(atan2(dy, dx), from_rad, edge)
-        turn_rad = abs(turn_between(from_rad, yaw_rad))
-        if turn_rad > CORNER_RAD and not (len(self.rows) == 1 and self._speed_mps > UNDER_WAY_MPS):
-            t_s += turn_rad / min(edge.max_turn_radps or inf, self._abilities.max_turn_radps or ASSUMED_TURN_RADPS)
-            self.rows.append((t_s, from_x, from_y, yaw_rad))
-            self.datums.append(self.datums[-1])
-        self.rows.append((t_s + length_m / limit_mps, x, y, yaw_rad))
+        if not (is_first and self._speed_mps > UNDER_WAY_MPS):  # under way it drives on in an arc
+            self._turn(yaw_rad, edge, CORNER_RAD)
+        most_mps = self._most_mps(edge)
+        t_s = self.rows[-1][0] + length_m / self._assumed_mps(most_mps)
+        self._add((t_s, x, y, yaw_rad), datum, most_mps)
+
+    def _turn(self, to_rad: float, edge: OrderEdge, least_rad: float) -> None:
+        """Turn on the spot, in parts, if the turn is larger than `least_rad`."""
+        t_s, x, y, from_rad = self.rows[-1]
+        turn_rad = turn_between(from_rad, to_rad)
+        if isnan(turn_rad) or abs(turn_rad) <= least_rad:
+            return
+        most_radps = min(edge.max_turn_radps or inf, self._abilities.max_turn_radps or inf)
+        turn_s = abs(turn_rad) / (most_radps if isfinite(most_radps) else ASSUMED_TURN_RADPS)
+        parts = ceil(abs(turn_rad) / PART_RAD)
+        for part in range(1, parts + 1):
+            yaw_rad = remainder(from_rad + turn_rad * part / parts, 2 * pi)
+            self._add((t_s + turn_s * part / parts, x, y, yaw_rad), self.datums[-1], most_radps)
+
+    def _add(self, row: Row, datum: str, most: float) -> None:
+        self.rows.append(row)
         self.datums.append(datum)
+        self.most.append(most)
 
     def _heading(self, direction_rad: float, before_rad: float, edge: OrderEdge) -> float:
         """The heading on a straight piece of an edge."""
@@ -185,12 +221,13 @@ class _Walk:
             return remainder(direction_rad + pi, 2 * pi) if self._is_backwards else direction_rad
         return remainder(orientation_rad if edge.is_global else direction_rad + orientation_rad, 2 * pi)
 
-    def _limit_mps(self, edge: OrderEdge) -> float:
-        """The least of the edge's and the robot's speed."""
-        limit_mps, most_mps = edge.max_speed_mps, self._abilities.max_speed_mps
-        if limit_mps is None:
-            return most_mps or max(self._speed_mps, ASSUMED_MPS)
-        return min(limit_mps, most_mps or inf)
+    def _most_mps(self, edge: OrderEdge) -> float:
+        """The least of the edge's and the robot's greatest speed; inf if neither is stated."""
+        return min(edge.max_speed_mps or inf, self._abilities.max_speed_mps or inf)
+
+    def _assumed_mps(self, most_mps: float) -> float:
+        """A speed for times that nobody has observed yet."""
+        return most_mps if isfinite(most_mps) else max(self._speed_mps, ASSUMED_MPS)
 
 
 def _curve_ahead(curve: Polyline | None, here: Row) -> Polyline:

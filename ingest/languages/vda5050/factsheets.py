@@ -4,6 +4,7 @@ from ingest.languages.model import Identity
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError
 from ingest.languages.timestamps import Stamp
+from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.vda_memory import Abilities
 from ingest.languages.vda5050.vda_messages import FactsheetMessage, PhysicalParameters, TypeSpecification
 from ingest.settings import MOST_BODY_M
@@ -15,7 +16,7 @@ _NO_TYPE, _NO_PARAMETERS = TypeSpecification(), PhysicalParameters()
 
 
 def identity_of(
-    uuid: str, manufacturer: str, serial: str, message: FactsheetMessage, stamp: Stamp | None, findings: Findings
+    uuid: str, manufacturer: str, serial: str, message: FactsheetMessage, stamp: Stamp, findings: Findings
 ) -> Identity:
     """The identity by a factsheet. Raises `RejectedError` if it has no size that a robot can have."""
     parameters, kind = message.physical_parameters or _NO_PARAMETERS, message.type_specification or _NO_TYPE
@@ -29,7 +30,7 @@ def identity_of(
         findings["speed-limit-not-positive"] = None
     return Identity(
         uuid=uuid,
-        stamp_s=stamp.t_s if stamp else 0.0,
+        stamp_s=time_of(stamp),
         manufacturer=manufacturer[:MAX_TEXT],
         model=(kind.series_name or "")[:MAX_TEXT],
         serial=serial[:MAX_TEXT],
@@ -39,6 +40,7 @@ def identity_of(
         figures=(*figures, *_load_figures(message.load_specification)),
         max_speed_mps=max_speed_mps,
         findings=tuple(findings),
+        oddities=tuple(findings.oddities),
     )
 
 

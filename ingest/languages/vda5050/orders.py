@@ -4,17 +4,22 @@ A state names the nodes and edges that remain. Only the order says where they ar
 where it stops. An update of an order replaces its horizon and continues its base (stitching).
 """
 
+from collections.abc import Sequence
+from operator import itemgetter
+
 import msgspec
 
 from ingest.languages.rules import Findings
+from ingest.languages.vda5050.order_numbers import edges_by_end, numbers_of
 from ingest.languages.vda5050.trajectories import Polyline, polyline
-from ingest.languages.vda5050.vda_messages import Edge, NodePlace, OrderMessage, VdaNode
+from ingest.languages.vda5050.vda_messages import Edge, NodePlace, NodeState, OrderMessage, StateMessage, VdaNode
 
-MOST_PARTS = 1000
-"""Nodes and edges of an order that are kept."""
+MOST_NODES = 3000
+"""Nodes of an order that are kept."""
 MOST_CURVE_POINTS = 4000
 """Points of an order's curves that are kept. Further edges count as straight."""
 MAX_POSITION_M = 1e7
+_NUMBER = itemgetter(0)
 DRIVING_STOPS = frozenset(("SOFT", "HARD"))
 """Blocking types of actions during which a robot does not drive."""
 
@@ -26,10 +31,11 @@ class OrderNode(msgspec.Struct, frozen=True, gc=False):
     place: NodePlace | None
     stops: tuple[str, ...]
     """Ids of the actions for which the robot stops there."""
+    node_id: str = ""
 
 
 class OrderEdge(msgspec.Struct, frozen=True, gc=False):
-    """An edge of an order, to the node with the next sequence id."""
+    """An edge of an order."""
 
     max_speed_mps: float | None
     max_turn_radps: float | None
@@ -41,25 +47,45 @@ class OrderEdge(msgspec.Struct, frozen=True, gc=False):
 
 
 class Order(msgspec.Struct, frozen=True, gc=False):
-    """The newest state of an order. Nodes and edges are by their sequence ids."""
+    """The newest state of an order. The numbers of its nodes are their sequence ids, if these rise."""
 
     order_id: str
     update_id: int
     nodes: dict[int, OrderNode]
+    """By number, in the order of the way."""
     edges: dict[int, OrderEdge]
+    """By the number of the node to which they lead."""
+
+    def number_of(self, node_id: str | None, sequence_id: int | None) -> int:
+        """The number of a node that a robot has passed. -1 if it has passed none."""
+        sent = -1 if sequence_id is None else sequence_id
+        known = self.nodes.get(sent)
+        if not node_id or known is None or known.node_id == node_id:
+            return sent
+        return next((number for number, node in self.nodes.items() if node.node_id == node_id), sent)
 
 
-def order_of(message: OrderMessage, findings: Findings) -> Order:
-    """The nodes and edges of one message."""
+def order_of(message: OrderMessage, state: StateMessage | None, findings: Findings) -> Order:
+    """The nodes and edges of one message. Of a very long order, those from where the robot is by its state."""
     nodes, edges = message.nodes or [], message.edges or []
-    if len(nodes) + len(edges) > MOST_PARTS:
-        findings["order-too-long"] = None
-    order_nodes = {node.sequence_id: _node(node) for node in nodes[:MOST_PARTS]}
+    of_edges = findings
+    if len(nodes) > MOST_NODES:
+        findings.note("order-too-long", "nodes", len(nodes), f"{MOST_NODES} from where the robot is")
+        nodes, of_edges = _from_robot_on(nodes, state), Findings()
+    numbered = sorted(zip(numbers_of(nodes, edges, findings), nodes, strict=True), key=_NUMBER)
     order_edges, curve_points = {}, 0
-    for edge in edges[:MOST_PARTS]:
-        order_edges[edge.sequence_id] = read = _edge(edge, curve_points < MOST_CURVE_POINTS, findings)
+    for number, edge in edges_by_end(numbered, edges, of_edges).items():
+        order_edges[number] = read = _edge(edge, curve_points < MOST_CURVE_POINTS, findings)
         curve_points += len(read.curve or ())
+    order_nodes = {number: _node(node) for number, node in numbered}
     return Order(message.order_id or "", message.order_update_id or 0, order_nodes, order_edges)
+
+
+def _from_robot_on(nodes: list[VdaNode], state: StateMessage | None) -> list[VdaNode]:
+    """As many nodes as are kept, from the last one that the robot has passed."""
+    passed = (state.last_node_id, state.last_node_sequence_id) if state else None
+    row = next((row for row, node in enumerate(nodes) if (node.node_id, node.sequence_id) == passed), 0)
+    return nodes[row : row + MOST_NODES]
 
 
 def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> tuple[Order, ...]:
@@ -70,20 +96,84 @@ def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> 
     if newest.update_id < before.update_id:
         findings["order-outdated"] = None
         return known
+    newest = _continuing(before, newest, findings)
     first = min(newest.nodes, default=0)
     if first > 0 and first not in before.nodes:
         findings["order-gap"] = None
     kept = {number: node for number, node in before.nodes.items() if number < first and node.released}
-    kept_edges = {number: edge for number, edge in before.edges.items() if number < first}
-    nodes = dict(sorted((kept | newest.nodes).items())[-MOST_PARTS:])
-    edges = dict(sorted((kept_edges | newest.edges).items())[-MOST_PARTS:])
+    kept_edges = {number: edge for number, edge in before.edges.items() if number <= first}
+    nodes = dict(sorted((kept | newest.nodes).items())[-MOST_NODES:])
+    edges = dict(sorted((kept_edges | newest.edges).items())[-MOST_NODES:])
     merged = Order(newest.order_id, newest.update_id, nodes, edges)
     return (*(order for order in known if order is not before), merged)
 
 
+def is_base_extended(known: tuple[Order, ...], newest: Order) -> bool:
+    """Whether an order releases more of an order that was known."""
+    before = next((order for order in known if order.order_id == newest.order_id), None)
+    return before is not None and _base_end(newest) > _base_end(before)
+
+
+def _base_end(order: Order) -> int:
+    return max((number for number, node in order.nodes.items() if node.released), default=-1)
+
+
+def _continuing(before: Order, newest: Order, findings: Findings) -> Order:
+    """The update, with the number that its first node has in the order before, if its sender began to count anew."""
+    first = min(newest.nodes, default=0)
+    known, node_id = before.nodes.get(first), newest.nodes[first].node_id if newest.nodes else ""
+    if not node_id or known is None or known.node_id == node_id:
+        return newest
+    begin = next((number for number in reversed(before.nodes) if before.nodes[number].node_id == node_id), first)
+    if begin == first:
+        return newest
+    findings.note("sequence-ids-odd", "nodes[0].sequenceId", first, f"{begin}, as before the update")
+    nodes = {number - first + begin: node for number, node in newest.nodes.items()}
+    return Order(
+        newest.order_id,
+        newest.update_id,
+        nodes,
+        {number - first + begin: edge for number, edge in newest.edges.items()},
+    )
+
+
+def numbered_states(
+    states: Sequence[NodeState], order: Order | None, findings: Findings
+) -> Sequence[tuple[int, NodeState]]:
+    """The nodes that remain by a state, in the order of the way, with the numbers that the order has for them."""
+    nodes = order.nodes if order else {}
+    by_sequence = []
+    odd: NodeState | None = None
+    for state in states:
+        number = state.sequence_id
+        if odd is None and (number not in nodes or nodes[number].node_id != state.node_id):
+            odd = state
+        by_sequence.append((number, state))
+    numbered = _by_node_id(states, order) if order and odd else None
+    if numbered and odd:
+        findings.note(
+            "sequence-ids-odd", f"nodeStates[{states.index(odd)}].sequenceId", odd.sequence_id, "by its nodeId"
+        )
+        return numbered
+    by_sequence.sort(key=_NUMBER)
+    return by_sequence
+
+
+def _by_node_id(states: Sequence[NodeState], order: Order) -> list[tuple[int, NodeState]] | None:
+    """The states as the end of the order. None if they are not."""
+    numbered = []
+    numbers = iter(reversed(order.nodes))
+    for state in reversed(states):
+        found = next((number for number in numbers if order.nodes[number].node_id == state.node_id), None)
+        if found is None:
+            return None
+        numbered.append((found, state))
+    return numbered[::-1]
+
+
 def _node(node: VdaNode) -> OrderNode:
     stops = tuple(action.action_id for action in node.actions or () if action.blocking_type in DRIVING_STOPS)
-    return OrderNode(node.released, on_earth(node.node_position), stops)
+    return OrderNode(node.released, on_earth(node.node_position), stops, node.node_id)
 
 
 def on_earth(place: NodePlace | None) -> NodePlace | None:

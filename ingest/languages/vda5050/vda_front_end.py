@@ -17,9 +17,10 @@ from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
 from ingest.languages.model import Message, Rejection, Status, Update
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerant_json import document, stamp_of
+from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
-from ingest.languages.vda5050.orders import MAX_POSITION_M, order_of, with_update
+from ingest.languages.vda5050.base_ends import is_under_way
+from ingest.languages.vda5050.orders import MAX_POSITION_M, is_base_extended, order_of, with_update
 from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -30,9 +31,9 @@ from ingest.languages.vda5050.vda_messages import (
     StateMessage,
     VdaMotion,
 )
-from ingest.languages.vda5050.vda_reader import decoded
+from ingest.languages.vda5050.vda_reader import read_message
 from ingest.languages.vda5050.vda_rules import CHAPTERS, RULES
-from ingest.languages.vda5050.vda_status import status_of
+from ingest.languages.vda5050.vda_status import status_of, unstamped
 
 ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
 """Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
@@ -42,6 +43,7 @@ MAX_REASON = 300
 MAX_NAME = 100
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("state", "visualization"))
+_BROKEN = frozenset(("CONNECTIONBROKEN", "CONNECTION_BROKEN"))
 
 
 class _VdaTopic(NamedTuple):
@@ -85,7 +87,9 @@ class VdaFrontEnd:
         try:
             return _read(raw, parsed, before, findings)
         except RejectedError as rejected:
-            return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings)), memory
+            return Rejection(
+                rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings), tuple(findings.oddities)
+            ), memory
 
     def status(self, raw: bytes, memory: VdaMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
         return status_of("", memory, Findings()) if memory else None
@@ -118,41 +122,50 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
 
 
 def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
-    message = decoded(topic.kind, raw, findings)
+    kind = topic.kind
+    message = read_message(kind, raw, findings, is_first=kind not in memory.heard or kind in memory.respelt)
+    if ("key-spelling" in findings) != (kind in memory.respelt):
+        memory = msgspec.structs.replace(memory, respelt=memory.respelt ^ {kind})
     _compare_names(message, topic.sender, findings)
-    stamp = (
-        None
-        if isinstance(message, FactsheetMessage) and not message.timestamp
-        else stamp_of(message.timestamp, findings)
-    )
-    heard = Heard(message.header_id, stamp.t_s if stamp else 0.0)
-    last = None if _is_last_will(message) else memory.heard.get(topic.kind)
-    if last and stamp and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
+    has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
+    stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
+    heard = Heard(message.header_id, time_of(stamp))
+    last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
+    if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
-        return Update(topic.sender.uuid, tuple(findings)), memory
-    memory = msgspec.structs.replace(memory, heard=memory.heard | {topic.kind: heard})
+        return _update(topic, findings), memory
+    changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
+    if isinstance(message, VdaMotion):
+        return _read_motion(message, topic, stamp, memory, changes, findings)
+    memory = msgspec.structs.replace(memory, **changes)
     if isinstance(message, FactsheetMessage):
         identity = factsheets.identity_of(*topic.sender, message, stamp, findings)
         return identity, msgspec.structs.replace(memory, abilities=factsheets.abilities_of(message))
-    if isinstance(message, VdaMotion) and stamp:
-        return _read_motion(message, topic, stamp, memory, findings)
     if isinstance(message, OrderMessage):
-        orders = with_update(memory.orders, order_of(message, findings), findings)
+        orders = with_update(memory.orders, order_of(message, memory.state, findings), findings)
         is_newer = orders is not memory.orders
-        memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_newer or memory.is_order_newer)
+        bases = memory.bases
+        if is_newer and is_base_extended(memory.orders, orders[-1]) and memory.state and memory.pose:
+            bases = bases.after(in_time=is_under_way(memory.state, memory.pose.velocity))
+        is_order_newer = is_newer or memory.is_order_newer
+        memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_order_newer, bases=bases)
     elif isinstance(message, ConnectionMessage):
         memory = _with_connection(memory, message.connection_state or "", heard)
-    return Update(topic.sender.uuid, tuple(findings)), memory
+    return _update(topic, findings), memory
+
+
+def _update(topic: _VdaTopic, findings: Findings) -> Update:
+    return Update(topic.sender.uuid, tuple(findings), tuple(findings.oddities))
 
 
 def _is_last_will(message: Header) -> bool:
     """Whether the broker sent it. The robot stamped it when it connected."""
-    return isinstance(message, ConnectionMessage) and "BROKEN" in (message.connection_state or "")
+    return isinstance(message, ConnectionMessage) and message.connection_state in _BROKEN
 
 
 def _with_connection(memory: VdaMemory, connection: str, heard: Heard) -> VdaMemory:
     """The memory after a connection message. A retained one may be older than what the robot said since."""
-    is_old = memory.pose is not None and heard.stamp_s < memory.pose.stamp.t_s
+    is_old = memory.pose is not None and 0.0 < heard.stamp_s < memory.pose.stamp.t_s
     return memory if is_old else msgspec.structs.replace(memory, connection=connection)
 
 
@@ -160,7 +173,7 @@ def _compare_names(message: Header, sender: TopicSender, findings: Findings) -> 
     """Topics may replace characters that brokers do not allow, so only letters and digits are compared."""
     named = tuple(_plain((name or "")[:MAX_NAME]) for name in (message.manufacturer, message.serial_number))
     if any(named) and named != (_plain(sender.manufacturer), _plain(sender.serial)):
-        findings["robot-not-of-topic"] = None
+        findings.note("robot-not-of-topic", "serialNumber", message.serial_number, "as the topic says")
 
 
 @lru_cache(_TOPICS_CACHED)
@@ -169,19 +182,27 @@ def _plain(name: str) -> str:
 
 
 def _read_motion(
-    message: VdaMotion, topic: _VdaTopic, stamp: timestamps.Stamp, memory: VdaMemory, findings: Findings
+    message: VdaMotion,
+    topic: _VdaTopic,
+    stamp: timestamps.Stamp,
+    memory: VdaMemory,
+    changes: dict[str, Any],
+    findings: Findings,
 ) -> tuple[Message, VdaMemory]:
-    position, is_newest = message.position, memory.pose is None or stamp.t_s >= memory.pose.stamp.t_s
-    changes: dict[str, Any] = {}
+    """What a state or a visualization says. `changes` are those of the memory by any message."""
+    position, last = message.position, memory.pose
+    is_newest = last is None or not (stamp.is_known and last.stamp.is_known) or stamp.t_s >= last.stamp.t_s
     if isinstance(message, StateMessage):
-        changes = {"state": message, "is_order_newer": False, "connection": "ONLINE"}
+        changes = changes | {"state": message, "is_order_newer": False, "connection": "ONLINE"}
     if position is None:
-        findings["position-missing"] = None
+        key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
+        findings.note("position-missing", key, None, "where it was last seen")
     elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
     elif is_newest:
+        stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
         pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
-        return status or Update(topic.sender.uuid, tuple(findings)), memory
-    return Update(topic.sender.uuid, tuple(findings)), msgspec.structs.replace(memory, **changes)
+        return status or _update(topic, findings), memory
+    return _update(topic, findings), msgspec.structs.replace(memory, **changes)

@@ -3,6 +3,7 @@
 import msgspec
 
 from ingest.languages.timestamps import Stamp
+from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
 from ingest.languages.vda5050.vda_messages import IntermediatePath, PlannedPath, Position, StateMessage, Velocity2d
 
@@ -43,13 +44,16 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """All that is kept of a robot."""
 
     heard: dict[str, Heard] = {}
-    """By topic."""
+    """By kind of message."""
+    respelt: frozenset[str] = frozenset()
+    """Kinds of messages whose last one had keys in another spelling."""
     state: StateMessage | None = None
     pose: VdaPose | None = None
     orders: tuple[Order, ...] = ()
     """The last two, the newest last."""
     is_order_newer: bool = False
     """Whether the newest order came after the newest state, which therefore does not show it."""
+    bases: BaseEnds = BaseEnds()
     abilities: Abilities = Abilities()
     connection: str = ""
     """The newest connection state."""

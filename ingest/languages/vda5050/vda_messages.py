@@ -1,10 +1,31 @@
 """The messages of VDA 5050 as far as they are read: the keys of 2.0, 2.1 and 3.0 together.
 
 Every key is optional and may be null, so that a message with a gap still says the rest. `REQUIRED` names the keys that
-all versions demand. Keys that are not read are skipped.
+all versions demand. Keys that are not read are skipped. `UNKNOWN` stands for a word that an enumeration does not have.
 """
 
+from typing import Literal
+
 import msgspec
+
+OperatingMode = Literal[
+    "AUTOMATIC",
+    "SEMIAUTOMATIC",
+    "MANUAL",
+    "INTERVENED",
+    "SERVICE",
+    "TEACHIN",
+    "TEACH_IN",
+    "STARTUP",
+    "UNKNOWN",
+]
+ActionStatus = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED", "FAILED", "UNKNOWN"]
+ErrorLevel = Literal["WARNING", "URGENT", "CRITICAL", "FATAL", "UNKNOWN"]
+EmergencyStop = Literal["NONE", "AUTOACK", "MANUAL", "REMOTE", "UNKNOWN"]
+RequestStatus = Literal["REQUESTED", "GRANTED", "REVOKED", "EXPIRED", "UNKNOWN"]
+BlockingType = Literal["NONE", "SINGLE", "SOFT", "HARD", "UNKNOWN"]
+OrientationType = Literal["GLOBAL", "TANGENTIAL", "UNKNOWN"]
+ConnectionState = Literal["ONLINE", "OFFLINE", "HIBERNATING", "CONNECTIONBROKEN", "CONNECTION_BROKEN", "UNKNOWN"]
 
 
 class VdaObject(msgspec.Struct, rename="camel", gc=False, frozen=True):
@@ -31,6 +52,11 @@ class Position(VdaObject, frozen=True):
     localized: bool | None = None
     deviation_range: float | None = None
 
+    @property
+    def key(self) -> str:
+        """The key under which it stands, by what only 3.0 has."""
+        return "agvPosition" if self.localized is None else "mobileRobotPosition"
+
 
 class Velocity2d(VdaObject, frozen=True):
     """Metres a second along and across the heading, and radians a second."""
@@ -46,6 +72,8 @@ class NodePlace(VdaObject, frozen=True):
     x: float
     y: float
     theta: float | None = None
+    """The heading that the robot takes there."""
+    allowed_deviation_theta: float | None = None
     map_id: str | None = None
 
 
@@ -77,7 +105,7 @@ class EdgeState(VdaObject, frozen=True):
 class ActionState(VdaObject, frozen=True):
     action_id: str = ""
     action_type: str | None = None
-    action_status: str = ""
+    action_status: ActionStatus | None = None
 
 
 class Point3d(VdaObject, frozen=True):
@@ -109,17 +137,17 @@ class Power(VdaObject, frozen=True):
 
 class VdaError(VdaObject, frozen=True):
     error_type: str = ""
-    error_level: str = ""
+    error_level: ErrorLevel | None = None
 
 
 class SafetyState(VdaObject, frozen=True):
-    e_stop: str | None = None
-    active_emergency_stop: str | None = None
+    e_stop: EmergencyStop | None = None
+    active_emergency_stop: EmergencyStop | None = None
     field_violation: bool | None = None
 
 
 class Request(VdaObject, frozen=True):
-    request_status: str = ""
+    request_status: RequestStatus | None = None
 
 
 class Waypoint(VdaObject, frozen=True):
@@ -167,14 +195,14 @@ class StateMessage(VdaMotion, frozen=True):
     action_states: list[ActionState] | None = None
     battery_state: Power | None = None
     power_supply: Power | None = None
-    operating_mode: str | None = None
+    operating_mode: OperatingMode | None = None
     errors: list[VdaError] | None = None
     safety_state: SafetyState | None = None
 
 
 class VdaAction(VdaObject, frozen=True):
     action_id: str = ""
-    blocking_type: str = ""
+    blocking_type: BlockingType | None = None
 
 
 class VdaNode(VdaObject, frozen=True):
@@ -187,12 +215,14 @@ class VdaNode(VdaObject, frozen=True):
 
 class Edge(VdaObject, frozen=True):
     sequence_id: int
+    start_node_id: str = ""
+    end_node_id: str = ""
     released: bool = False
     max_speed: float | None = None
     maximum_speed: float | None = None
     max_rotation_speed: float | None = None
     orientation: float | None = None
-    orientation_type: str | None = None
+    orientation_type: OrientationType | None = None
     trajectory: Trajectory | None = None
 
 
@@ -204,7 +234,7 @@ class OrderMessage(Header, frozen=True):
 
 
 class ConnectionMessage(Header, frozen=True):
-    connection_state: str | None = None
+    connection_state: ConnectionState | None = None
 
 
 class TypeSpecification(VdaObject, frozen=True):

@@ -1,21 +1,77 @@
 """From the bytes of a message of VDA 5050 to a model of it, with the deviations of its keys and header."""
 
+from collections.abc import Callable
+from functools import partial
 from operator import attrgetter
+from typing import Any
 
-from ingest.languages import tolerant_json
+from msgspec.structs import fields
+
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded
+from ingest.languages.tolerance.value_reader import LEFT_OUT
+from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, VdaMotion
 
-_REQUIRED_KEYS = {kind: attrgetter(*keys) for kind, keys in REQUIRED.items()}
 _READABLE = ("2.", "3.")
-"""Versions begin with one of these."""
+"""Versions begin with one of these, or are the whole number."""
+_REQUIRED = {
+    kind: [(field.name, field.encode_name) for field in fields(KINDS[kind]) if field.name in REQUIRED[kind]]
+    for kind in KINDS
+}
+"""By kind, the required keys as attributes and as spelt in messages."""
+NAMES = KnownNames(
+    frozenset(("agvPosition", "mobileRobotPosition", "x", "y", "theta", "mapId", "velocity", "nodePosition"))
+    | {name for names in _REQUIRED.values() for _, name in names},
+    {
+        "false": "none",
+        "0": "none",
+        "inactive": "none",
+        "released": "none",
+        "auto": "automatic",
+        "semiauto": "semiautomatic",
+        "info": "warning",
+        "warn": "warning",
+        "completed": "finished",
+        "done": "finished",
+    },
+    "sequenceId",
+)
+"""Keys of which a likeness is noticed, and words that senders use beside those of the enumerations."""
 
 
-def decoded(kind: str, raw: bytes, findings: Findings) -> Header:
-    """The message of a topic that ends in `kind`. Raises `RejectedError` if it can't be understood."""
-    message = tolerant_json.decoded(KINDS[kind], raw, findings)
-    if None in _REQUIRED_KEYS[kind](message):
-        findings["key-absent"] = None
-    if message.version and not message.version.startswith(_READABLE):
-        findings["version-unknown"] = None
+def read_message(kind: str, raw: bytes, findings: Findings, *, is_first: bool) -> Header:
+    """The message of a topic that ends in `kind`. Raises `RejectedError` if it can't be understood.
+
+    `is_first` if it is the robot's first of this kind, or if the last one had keys in another spelling.
+    """
+    message, may_lack_keys = decoded(KINDS[kind], raw, findings, _LACKS_KEY[kind], NAMES, is_first=is_first)
+    if may_lack_keys:
+        _note_absent(kind, message, findings)
+    version = message.version
+    if version and not version.startswith(_READABLE) and version not in {"2", "3"}:
+        findings.note("version-unknown", "version", version, "2.x or 3.x")
     return message
+
+
+def _lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
+    """Whether a required key is absent."""
+    return None in required(message)
+
+
+def _lacks_key_of_motion(required: Callable[[Any], Any], message: Any) -> bool:
+    """Whether a key is absent that is required or, of a pose, used."""
+    position = message.mobile_robot_position or message.agv_position
+    return position is None or position.map_id is None or position.theta is None or None in required(message)
+
+
+_LACKS_KEY = {
+    kind: partial(_lacks_key_of_motion if issubclass(KINDS[kind], VdaMotion) else _lacks_key, attrgetter(*keys))
+    for kind, keys in REQUIRED.items()
+}
+"""By kind, whether a message is to be read anew, since a key may be there in another spelling."""
+
+
+def _note_absent(kind: str, message: Header, findings: Findings) -> None:
+    for key, name in _REQUIRED[kind]:
+        if getattr(message, key) is None:
+            findings.note("key-absent", name, None, LEFT_OUT)

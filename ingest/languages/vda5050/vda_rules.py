@@ -1,6 +1,6 @@
 """The rules of VDA 5050 by code: rejections and deviations. Rules that MassRobotics has too keep their codes."""
 
-from ingest.languages.rules import Rule, load_rules, size_rules
+from ingest.languages.rules import Rule, load_rules, size_rules, value_rules, word_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -17,9 +17,6 @@ _REJECTING = (
     _rejecting("not-json", "Not JSON; send one JSON object a message.", "JSON"),
     _rejecting("too-deep", "Nested too deep; no message of the standard is.", "JSON"),
     _rejecting("not-object", "JSON, but no object.", "schema"),
-    _rejecting("type-wrong", "A required value can't be read as what belongs there.", "schema"),
-    _rejecting("stamp-unreadable", "The message's own timestamp can't be read; send ISO 8601 in UTC.", "header"),
-    _rejecting("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100.", "header"),
     _rejecting("position-absurd", "The position lies more than ten thousand kilometres out.", "state"),
     _rejecting("envelope-not-positive", "The factsheet's length or width is not above zero.", "factsheet"),
     _rejecting("message-too-large", "Larger than the limit of the source.", "topics", alone=False),
@@ -38,15 +35,21 @@ _REJECTING = (
     ),
 )
 _HEADER = (
-    Rule("key-absent", "A required key is missing or null; the message is read without it.", "schema"),
-    Rule("number-as-text", "A value has another type, but a clear meaning; read.", "schema"),
-    Rule("value-unreadable", "A value can't be read; its key is left out.", "schema"),
+    *value_rules("schema"),
+    Rule("key-unknown", "The standard does not have this key, but one like it; not used.", "schema"),
+    *word_rules("schema"),
     Rule("version-unknown", "The version is neither 2.x nor 3.x; read as these.", "header"),
     Rule("robot-not-of-topic", "The header names another robot than the topic; the topic holds.", "header"),
+    Rule("stamp-unreadable", "The message's own timestamp is absent or can't be read; as of its arrival.", "header"),
+    Rule("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100; as of its arrival.", "header"),
     Rule("stamp-no-offset", "A timestamp has no offset from UTC; read as UTC.", "header"),
     Rule("stamp-offset-no-colon", "An offset from UTC lacks its colon or its minutes; read.", "header"),
     Rule("stamp-not-utc", "A timestamp has an offset from UTC; converted.", "header"),
-    Rule("stamp-spelling", "A timestamp has a space, a comma or lower-case letters; read.", "header"),
+    Rule(
+        "stamp-spelling",
+        "A timestamp has a space, a comma, lower-case letters, or a Z after an offset; read.",
+        "header",
+    ),
     Rule("stamp-epoch", "A timestamp is a number since 1970; its size gives the unit.", "header"),
     _in_context("message-repeated", "The same message came again, as from a second broker; not used.", "header"),
     _in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", "header"),
@@ -67,12 +70,12 @@ _WHO = (
     _in_context("identity-changed", "Type or size changed; the newest factsheet is used.", "factsheet"),
 )
 _STATE = (
-    Rule("operating-mode-unknown", "The standard does not have this operating mode; read as automatic.", "state"),
     Rule("battery-out-of-range", "The battery is not within 0 to 100 %; clamped.", "state"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "state"),
     *load_rules("state"),
     _in_context("status-too-rare", "More than 30 s since the last state.", "state"),
     _in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", "state"),
+    _in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "state"),
     _in_context("heading-contradicts-motion", "It moves in another direction than its heading.", "state"),
     _in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", "state"),
 )
@@ -84,7 +87,9 @@ _WHERE = (
     _in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),
 )
 _WHERE_TO = (
-    Rule("order-too-long", "More than a thousand nodes and edges; the first thousand used.", "order"),
+    Rule("order-too-long", "More than three thousand nodes; three thousand from the robot's last node used.", "order"),
+    Rule("sequence-ids-odd", "Sequence ids repeat, fall or begin anew; the ids and the order of nodes count.", "order"),
+    Rule("edge-misfit", "An edge fits no two nodes that follow each other; not used, or by its sequence id.", "order"),
     Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; the edge counts as straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
     Rule("order-unseen", "A state names an order that was not heard; only what the state says is used.", "order"),
@@ -94,6 +99,11 @@ _WHERE_TO = (
     Rule("point-absurd", "A waypoint lies beyond 10,000 km; left out.", "state"),
     Rule("path-past", "The times of all waypoints are over; new times by speed.", "state"),
     Rule("path-unordered", "Waypoints are not in the order of their times; new times by speed.", "state"),
+    _in_context(
+        "path-datum-unknown",
+        "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+        "state",
+    ),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "state"),
     _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "state"),
 )

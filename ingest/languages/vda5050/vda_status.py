@@ -1,19 +1,22 @@
 """The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
 
-from math import hypot, nan, pi, remainder
+from math import nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts, Basis
 from ingest.languages import timestamps
 from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
+from ingest.languages.tolerance.tolerant_json import time_of
+from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, UNDER_WAY_MPS, speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
-from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
+from ingest.languages.vda5050.vda_memory import VdaMemory
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
     Load,
+    OperatingMode,
     PlannedPath,
     Position,
     StateMessage,
@@ -21,10 +24,9 @@ from ingest.languages.vda5050.vda_messages import (
 )
 from ingest.sizes.stated_loads import StatedLoad
 
-MAX_SPEED_MPS = 100.0
 MOVING_MPS = 0.02
 MOST_WAYPOINTS = 200
-BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL"))
+BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL", "UNKNOWN"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
 STANDING_REPORTS_S = 35.0
 """A robot that does not drive sends a state every 30 s. A few seconds are for the way to here."""
@@ -37,7 +39,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     if pose is None:
         return None
     position, stamp = pose.position, pose.stamp
-    operational = _operational_state(memory, state, pose, findings)
+    reported_mps = speed_mps(pose.velocity)
+    operational = _operational_state(memory, state, reported_mps)
     linear_mps, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
@@ -63,23 +66,24 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         path,
         tuple(findings),
         path_basis=basis,
-        is_blocked=_is_blocked(state),
+        is_blocked=_is_blocked(state, reported_mps),
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
+        oddities=tuple(findings.oddities),
     )
 
 
 def datum_of(position: Position, findings: Findings) -> str:
     if not position.map_id:
-        findings["map-missing"] = None
+        findings.note("map-missing", f"{position.key}.mapId", position.map_id, "compared with nothing")
     return (position.map_id or "").lower()
 
 
 def _yaw_rad(position: Position, findings: Findings) -> float:
     if position.theta is None:
-        findings["heading-missing"] = None
+        findings.note("heading-missing", f"{position.key}.theta", None, "the direction of travel")
         return nan
     return remainder(position.theta, 2 * pi)
 
@@ -94,32 +98,28 @@ def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | No
     return velocity.vx, velocity.omega
 
 
-def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> str:
+def _operational_state(memory: VdaMemory, state: StateMessage, reported_mps: float) -> str:
     """The state of the MassRobotics standard that comes nearest."""
     if memory.connection in {"OFFLINE", "HIBERNATING"}:
         return "offline"
-    velocity = pose.velocity
-    is_moving = bool(velocity and hypot(velocity.vx or 0.0, velocity.vy or 0.0) > MOVING_MPS)
-    if (by_mode := _by_mode(state.operating_mode, is_moving, findings)) is not None:
+    is_moving = reported_mps > MOVING_MPS
+    if (by_mode := _by_mode(state.operating_mode, is_moving)) is not None:
         return by_mode
     power = state.power_supply or state.battery_state
-    if state.driving or (state.driving is None and is_moving):
+    if state.driving or reported_mps > UNDER_WAY_MPS or (state.driving is None and is_moving):
         return "navigating"
     if power and power.charging:
         return "charging"
     return _standing_state(state)
 
 
-def _by_mode(mode: str | None, is_moving: bool, findings: Findings) -> str | None:
+def _by_mode(mode: OperatingMode | None, is_moving: bool) -> str | None:
     """The state in a mode in which the fleet manager is not in control. None in the others."""
     match mode:
-        case None | "AUTOMATIC" | "SEMIAUTOMATIC":
-            return None
         case "MANUAL" | "INTERVENED":
             return "manualOverride"
         case "SERVICE" | "TEACHIN" | "TEACH_IN" | "STARTUP":
             return "manualOverride" if is_moving else "disabled"
-    findings["operating-mode-unknown"] = None
     return None
 
 
@@ -135,12 +135,17 @@ def _standing_state(state: StateMessage) -> str:
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
-def _is_blocked(state: StateMessage) -> bool:
+def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
+    """Whether it can't move. A robot that drives can, whatever errors, fields and unknown words it reports."""
+    if reported_mps > UNDER_WAY_MPS:
+        return False
     safety = state.safety_state
-    is_stopped = safety and (
-        (safety.active_emergency_stop or safety.e_stop or "NONE") != "NONE" or bool(safety.field_violation)
-    )
-    return bool(is_stopped) or any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
+    stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
+    if stop not in {"NONE", "UNKNOWN"}:
+        return True
+    is_hindered = stop == "UNKNOWN" or bool(safety and safety.field_violation)
+    is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
+    return (is_hindered or is_faulty) and not state.driving
 
 
 def _is_lost(position: Position) -> bool:
@@ -179,6 +184,8 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
         else:
             yaw_rad = nan if point.theta is None else remainder(point.theta, 2 * pi)
             rows.append((stamp.t_s, point.x, point.y, yaw_rad))
+            if stamp.findings:
+                findings.update(dict.fromkeys(stamp.findings))
     if not rows:
         return NO_PATH
     times = [row[0] for row in rows]
@@ -188,6 +195,11 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
     if not in_order:
         findings["path-unordered"] = None
     return Path(tuple(rows), ("",) * len(rows), in_order, (times[0], times[-1]))
+
+
+def unstamped(sent: IntermediatePath | None) -> timestamps.Stamp:
+    """In place of the stamp of a pose that has none: the time of the path that came with it."""
+    return timestamps.assumed(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())))
 
 
 def _planned_end(sent: PlannedPath | None, stamp_s: float) -> Path:

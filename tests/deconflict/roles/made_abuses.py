@@ -30,7 +30,7 @@ BROKEN: dict[str, Callable[[float], bytes]] = {
     "number-not-finite": lambda now_s: status("M-1", now_s).replace(b'"x": 0.0', b'"x": NaN', 1),
     "report-unknown": lambda _: json.dumps({"uuid": robot("M-1")}).encode(),
     "position-absurd": lambda now_s: status("M-1", now_s, 1e308, 0.0),
-    "stamp-absurd": lambda _: status("M-1", 253_402_300_799.0),
+    "key-missing": lambda now_s: status("M-1", now_s, location={"x": 1.0}),
     "envelope-not-positive": lambda now_s: identity("M-1", now_s, **MALLORY, baseRobotEnvelope={"x": 1e308, "y": 0}),
     "uuid-unreadable": lambda now_s: status("M-1", now_s, uuid="x" * 10_000),
 }

@@ -172,25 +172,25 @@ def test_batches_documents_and_measures_are_the_same_with_and_without_the_fast_p
     messages = list(sent(seed, 400))
     for fast, slow in zip(results(messages, fast=True), results(messages, fast=False), strict=True):
         assert fast == slow
-    assert 0.3 * len(messages) < sum(repeats) < len(repeats) - 100
+    assert 0.12 * len(messages) < sum(repeats) < len(repeats) - 100
 
 
-@pytest.mark.parametrize(("every_s", "turn_rad"), [(8.0, 0.0), (8.0, 2.0), (4.0, 0.7)])
-def test_a_robot_that_reports_seldom_or_sends_no_turn_rate_repeats_its_statuses(
-    repeats: list[bool], every_s: float, turn_rad: float
+@pytest.mark.parametrize(("every_s", "turn_rad", "is_repeat"), [(8.0, 0.0, False), (1.9, 0.0, True), (1.5, 0.7, True)])
+def test_only_a_robot_that_reports_seldom_repeats_no_status(
+    repeats: list[bool], every_s: float, turn_rad: float, is_repeat: bool
 ) -> None:
     receiving_fleet, (x, y, yaw_rad) = fleet(), (0.0, 0.0, 0.0)
     for i in range(5):
         t_s = NOW_S + every_s * i
         here = {"x": x, "y": y, "angle": angle(yaw_rad), "planarDatum": HALL}
         x, y, yaw_rad = x + every_s * cos(yaw_rad), y + every_s * sin(yaw_rad), yaw_rad + turn_rad
-        raw = status("R", t_s, location=here, velocity={"linear": 1.0}, path=points((t_s + every_s, x, y, yaw_rad)))
+        raw = status("R", t_s, location=here, velocity={"linear": 1.0}, path=points((t_s + 10.0, x, y, yaw_rad)))
         receiving_fleet.receive(raw, t_s, LINES[0])
-    assert repeats == [True] * 4
+    assert repeats == [is_repeat] * 4
 
 
 def test_the_reader_of_a_robots_repeated_statuses_is_dropped_with_the_robot(repeats: list[bool]) -> None:
-    receiving_fleet, path = fleet(), points((NOW_S + 5, 3.0, 0.0, 0.0))
+    receiving_fleet, path = fleet(), points((NOW_S + 15, 3.0, 0.0, 0.0))
     for i in range(3):
         receiving_fleet.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True]
@@ -204,7 +204,7 @@ def test_the_reader_of_a_robots_repeated_statuses_is_dropped_with_the_robot(repe
 def test_changed_settings_end_the_reading_of_repeated_statuses(repeats: list[bool]) -> None:
     receiving_fleet = fleet()
     for i in range(4):
-        path = points((NOW_S + i + 1, i + 1.0, 0.0, 0.0), (NOW_S + i + 2, i + 2.0, 0.0, 0.0))
+        path = points((NOW_S + i + 1, i + 1.0, 0.0, 0.0), (NOW_S + i + 10, i + 10.0, 0.0, 0.0))
         receiving_fleet.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True, True]
     receiving_fleet.reconfigure(

@@ -206,7 +206,7 @@ def test_a_clock_set_forward_leaves_the_forecast_where_it_belongs_from_the_first
         path = points((stamp_s + 4, 4.0, 0.0, 0.0))
         receiving_fleet.receive(status("A-1", stamp_s, path=path), NOW_S + i + 0.1, LINE)
     batch = receiving_fleet.next_batch(NOW_S + 4)
-    assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 3, NOW_S + 7], abs=0.15)
+    assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 3, NOW_S + 7, NOW_S + 13], abs=0.15)
 
 
 def test_stamps_in_whole_seconds_are_corrected_in_the_forecast_too() -> None:
@@ -216,7 +216,7 @@ def test_stamps_in_whole_seconds_are_corrected_in_the_forecast_too() -> None:
         stamp = f"2026-09-21T14:13:{20 + i}+0000"
         receiving_fleet.receive(status("A-1", NOW_S + i, timestamp=stamp, path=path), NOW_S + i + 0.8, LINE)
     batch = receiving_fleet.next_batch(NOW_S + 4)
-    assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 2.8, NOW_S + 6.8], abs=0.01)
+    assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 2.8, NOW_S + 6.8, NOW_S + 12.8], abs=0.01)
 
 
 def test_a_vendor_adds_a_limited_number_of_floors_by_unknown_datums() -> None:

@@ -21,7 +21,8 @@ def test_a_robot_has_vendor_name_and_forecast_by_its_messages() -> None:
     of.receive(ahead, NOW_S, line("localTrajectory"))
     assert robot.forecast is not None
     assert robot.forecast.basis is Basis.PATH
-    assert robot.forecast.knots[-1][:3] == pytest.approx((NOW_S + 5, 5.0, 0.0))
+    assert robot.forecast.knots[5][:3] == pytest.approx((NOW_S + 5, 5.0, 0.0))
+    assert robot.forecast.knots[-1][:3] == pytest.approx((NOW_S + 10, 10.0, 0.0))
     assert robot.forecast.length_m == 1.2
     assert counted(of, "rejections_total") == {}
 
@@ -33,7 +34,7 @@ def test_points_that_all_have_the_present_time_get_times_by_speed() -> None:
     of.receive(odometry(NOW_S, speed=1.0), NOW_S, line("odometry"))
     robot = of.robots[ROBOT]
     assert robot.forecast is not None
-    assert robot.forecast.knots[-1][:2] == pytest.approx((NOW_S + 5, 5.0))
+    assert robot.forecast.knots[5][:2] == pytest.approx((NOW_S + 5, 5.0))
     assert robot.deviations["path-retimed"] == 1
 
 

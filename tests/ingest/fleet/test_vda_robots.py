@@ -131,6 +131,23 @@ def test_a_robot_in_an_emergency_stop_stands_whatever_its_order() -> None:
     assert robot.forecast.basis is Basis.STATIONARY
 
 
+@pytest.mark.parametrize("stamp", ["soon", {}, float("nan"), "1960-01-01T00:00:00Z"])
+def test_a_robot_whose_timestamps_can_not_be_read_is_where_it_says_as_of_their_arrival(stamp: Any) -> None:
+    of = floor_of()
+    robot = on_its_way(of)
+    for second in (2.0, 3.0):
+        raw = under_way(NOW_S, second, 0.0, NODES[1:], timestamp=stamp, headerId=None)
+        assert tell(of, "state", raw, NOW_S + second) is None
+        assert robot.seen is not None
+        assert robot.forecast is not None
+        assert (robot.seen.t_s, robot.seen.x_m) == (NOW_S + second, second)
+        assert robot.forecast.basis is Basis.ORDER
+        assert robot.forecast.knots[1][:3] == pytest.approx((NOW_S + 10, 10.0, 0.0))
+    tell(of, "state", under_way(NOW_S + 4, 4.0, 0.0, NODES[1:]), NOW_S + 4)
+    assert robot.seen is not None
+    assert (robot.seen.t_s, robot.seen.x_m, robot.clock.offset_s) == (NOW_S + 4, 4.0, 0.0)
+
+
 def test_documents_name_the_language_and_show_what_was_sent() -> None:
     of = floor_of()
     robot = on_its_way(of)

@@ -18,6 +18,7 @@ def cases(probabilities: Floats, two_s_ahead: list[float] | None = None) -> Case
     return Cases(
         stops=np.empty((0, 5)),
         encounters=np.empty((0, 5)),
+        outcomes=np.empty((0, 5)),
         silent=np.empty((0, 5)),
         standing=np.empty((0, 5)),
         silent_seconds=np.empty((0, 2)),

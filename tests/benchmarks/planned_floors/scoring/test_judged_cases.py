@@ -98,6 +98,15 @@ def test_an_encounter_while_one_drives_around_is_not_natural() -> None:
     assert len(judged([], [stop(20.0, B, A, around_s=5.0)], motion).encounters) == 1
 
 
+def test_a_stop_and_the_encounter_that_follows_are_one_outcome() -> None:
+    motion = motion_of(60.0, **{A: (0.0, 0.0), B: (20.0, 0.0)})
+    line(motion, B, 20.0, 1.2, 0.0, 40.0)
+    cases = judged([alert(30.0, 45.0)], [stop(38.0)], motion)
+    assert (len(cases.stops), len(cases.encounters)) == (1, 1)
+    assert cases.outcomes.tolist() == cases.stops.tolist()
+    assert len(judged([], [stop(20.0)], motion).outcomes) == 2
+
+
 def test_an_order_of_the_own_fleet_is_not_an_outcome() -> None:
     own = replace(stop(50.0), robot="x", by="y", same_vendor=True)
     motion = motion_of(100.0, x=(0.0, 0.0), y=(20.0, 0.0))

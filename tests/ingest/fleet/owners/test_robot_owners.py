@@ -19,7 +19,7 @@ def test_a_robot_that_its_vendor_spoke_for_is_refused_from_another() -> None:
     receiving_fleet.receive(status("A-1", NOW_S, 3.0), NOW_S, alder)
     for forged in (status("A-1", NOW_S + 1, 90.0), identity("A-1", NOW_S + 1, manufacturerName="Basalt")):
         assert receiving_fleet.receive(forged, NOW_S + 1, basalt) == "uuid-of-another-vendor"
-    receiving_fleet.receive(status("A-1", NOW_S + 1, operationalState=None), NOW_S + 1, basalt)
+    receiving_fleet.receive(status("A-1", NOW_S + 1, location=None), NOW_S + 1, basalt)
     assert counted(receiving_fleet, "rejections_total") == {
         ("Basalt", "uuid-of-another-vendor"): 2,
         ("Basalt", "key-missing"): 1,

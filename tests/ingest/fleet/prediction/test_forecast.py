@@ -9,6 +9,7 @@ from ingest.batch import Basis
 from ingest.fleet.prediction.envelope import with_envelope
 from ingest.fleet.prediction.forecast import forecast, matches
 from ingest.fleet.prediction.forecast_model import Forecast, ForecastContext, RobotBody, Sighting, robot_body
+from ingest.fleet.prediction.pace import Pace, Paces
 from ingest.frames.frame_registry import Frame, FrameRegistry
 from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import Status
@@ -31,7 +32,7 @@ def ahead(here: Sighting = HERE, body: RobotBody = BODY, offset_s: float = 0.0, 
     message = read(status("robot", NOW_S - offset_s, here.x_m, here.y_m, **fields))
     assert isinstance(message, Status)
     here = replace(here, clock_offset_s=offset_s)
-    return forecast(message, here, ForecastContext(body, frame_of, Reading()))
+    return forecast(message, here, ForecastContext(body, frame_of, Reading()), Paces(Pace(), here))
 
 
 def straight(speed_mps: float = 1.0, late_s: float = 0.0) -> list[dict[str, Any]]:
@@ -109,8 +110,8 @@ def test_useless_times_are_replaced_by_the_speed_along_the_points(times_s: list[
     given = points(*((NOW_S + t, 1.0 + 2.0 * (i + 1), 2.0, 0.0) for i, t in enumerate(times_s)))
     made_forecast = ahead(path=given)
     assert made_forecast.findings == ("path-retimed",)
-    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 0] - NOW_S, [0, 2, 4, 6])
-    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 1], [1, 3, 5, 7])
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 0] - NOW_S, [0, 2, 4, 6, 10])
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 1], [1, 3, 5, 7, 11])
 
 
 def test_useless_times_without_a_speed_fall_back_to_standing() -> None:
@@ -123,7 +124,8 @@ def test_a_path_is_used_up_to_an_impossible_jump() -> None:
     given = points((NOW_S + 1, 2.0, 2.0, 0.0), (NOW_S + 2, 3.0, 2.0, 0.0), (NOW_S + 3, 90.0, 2.0, 0.0))
     made_forecast = ahead(path=given, body=RobotBody((1.0, 0.5, 0.4), max_speed_mps=1.5))
     assert made_forecast.findings == ("path-contradicts-motion",)
-    assert made_forecast.knots[-1][1] == pytest.approx(3.0)
+    assert made_forecast.knots[2][1] == pytest.approx(3.0)
+    assert made_forecast.knots[-1][1] == pytest.approx(11.0)
 
 
 def test_a_path_that_jumps_at_once_gives_way_to_the_velocity() -> None:

@@ -7,15 +7,56 @@ from ingest.fleet.prediction.forecast_model import Sighting
 from ingest.fleet.prediction.plausibility import frequency, reconcile
 
 BEFORE = Sighting(100.0, 0, 0.0, 0.0, 0.0, 1.0)
-AFTER = Sighting(101.0, 0, 1.0, 0.0, 0.0, 1.0)
+AFTER = Sighting(101.0, 0, 1.0, 0.0, 0.0, 1.0, is_driving=True)
 
 
 def test_motion_that_agrees_is_left_alone() -> None:
-    assert reconcile(BEFORE, AFTER) == (AFTER, ())
+    assert reconcile(BEFORE, AFTER) == (replace(AFTER, interval_s=1.0), ())
 
 
 def test_the_first_sighting_has_nothing_to_contradict() -> None:
     assert reconcile(None, AFTER) == (AFTER, ())
+
+
+@pytest.mark.parametrize(("gap_s", "yaw_rad"), [(10.0, 0.0), (30.0, nan)])
+def test_a_robot_that_reports_its_position_alone_and_seldom_drives_as_it_was_displaced(
+    gap_s: float, yaw_rad: float
+) -> None:
+    before = replace(BEFORE, linear_mps=None, yaw_rad=yaw_rad)
+    now = replace(AFTER, t_s=100.0 + gap_s, x_m=1.2 * gap_s, linear_mps=None, yaw_rad=yaw_rad)
+    mended, findings = reconcile(before, now)
+    assert mended.linear_mps == pytest.approx(1.2)
+    assert mended.yaw_rad == 0.0
+    assert (mended.interval_s, mended.is_driving, findings) == (gap_s, True, ())
+
+
+def test_a_speed_of_zero_that_the_positions_contradict_twice_is_the_observed_one() -> None:
+    said_still = replace(AFTER, linear_mps=0.0)
+    assert reconcile(BEFORE, said_still)[0].linear_mps == 0.0
+    mended, findings = reconcile(replace(BEFORE, linear_mps=0.0), said_still)
+    assert mended.linear_mps == pytest.approx(1.0)
+    assert findings == ("speed-contradicts-motion",)
+    again, _ = reconcile(mended, replace(said_still, t_s=102.0, x_m=2.0))
+    assert again.linear_mps == pytest.approx(1.0)
+    still, _ = reconcile(again, replace(said_still, t_s=103.0, x_m=2.0))
+    assert (still.linear_mps, still.is_driving) == (0.0, False)
+
+
+@pytest.mark.parametrize(
+    ("before_mps", "now_mps", "moved_m", "is_driving"),
+    [
+        (0.5, 0.5, 0.5, True),
+        (0.0, 0.5, 0.3, True),
+        (0.5, 0.0, 0.3, False),
+        (0.0, 0.5, 0.0, False),
+        (0.0, 0.05, 0.05, False),
+    ],
+)
+def test_a_robot_drives_if_two_reports_say_so(
+    before_mps: float, now_mps: float, moved_m: float, is_driving: bool
+) -> None:
+    mended, _ = reconcile(replace(BEFORE, linear_mps=before_mps), replace(AFTER, linear_mps=now_mps, x_m=moved_m))
+    assert mended.is_driving is is_driving
 
 
 def test_a_speed_without_sign_gets_the_sign_of_the_motion() -> None:

@@ -56,8 +56,8 @@ VECTORS = (
     IsoVector("status", iso(T), ("key-absent", "mode-missing")),
     IsoVector("batteryStatus", iso(T, batterySoc="0.5"), ("number-as-text",)),
     IsoVector("odometry", changed(velocity="fast"), ("value-unreadable", "key-absent")),
-    stamped("soon", (), "stamp-unreadable"),
-    stamped("1960-01-01T00:00:00Z", (), "stamp-absurd"),
+    stamped("soon", ("stamp-unreadable",)),
+    stamped("1960-01-01T00:00:00Z", ("stamp-absurd",)),
     stamped("2026-09-21T14:13:20.000", ("stamp-no-offset",)),
     stamped("2026-09-21T14:13:20+00", ("stamp-offset-no-colon",)),
     stamped("2026-09-21T15:13:20+01:00", ("stamp-not-utc",)),
@@ -66,7 +66,25 @@ VECTORS = (
     IsoVector("identity", identity(T, ratedSpeed=0.0), ("speed-limit-not-positive",)),
     IsoVector("batteryStatus", iso(T, batterySoc=1.2), ("battery-out-of-range",)),
     IsoVector("odometry", odometry(T, speed=101.0), ("speed-absurd",)),
-    IsoVector("odometry", odometry(T, yaw=None), ("heading-missing",)),
+    IsoVector("odometry", odometry(T, yaw=None), ("null-value", "heading-missing")),
+    IsoVector("odometry", b"\xef\xbb\xbf" + odometry(T), ("byte-order-mark",)),
+    IsoVector(
+        "odometry", changed(pose={"location_point": at(0.0, 0.0), "orientation": {"yaw": 0.0}}), ("key-spelling",)
+    ),
+    IsoVector(
+        "odometry", changed(pose=[{"locationPoint": at(0.0, 0.0), "orientation": {"yaw": 0.0}}]), ("single-not-list",)
+    ),
+    IsoVector(
+        "odometry", changed(velocity=None, velocities={"linear": 0.0}), ("null-value", "key-unknown", "key-absent")
+    ),
+    IsoVector(
+        "odometry",
+        changed(pose={"locationPoint": at(0.0, 0.0, ccsId=3), "orientation": {"yaw": 0.0}}),
+        ("text-as-number",),
+    ),
+    IsoVector("status", states(T, "mode-auto", "Blocked"), ("word-spelling",)),
+    IsoVector("status", states(T, "MODE_AUTO", "DANCING"), ("word-unknown",)),
+    IsoVector("status", iso(T, operatingStates=["MODE_AUTO", "BLOCKED"])),
     IsoVector("odometry", changed(pose=NOWHERE), ("map-missing",)),
     IsoVector("localTrajectory", iso(T, localTrajectory=[POINT | {"timestamp": "soon"}]), ("point-unreadable",)),
     IsoVector("localTrajectory", trajectory(T, (T + 1, 2e7, 0.0)), ("point-absurd",)),
@@ -77,8 +95,8 @@ VECTORS = (
     IsoVector(
         "identity",
         json.dumps({"timestamp": {}, "details": 1, "manufacturerName": 1}).encode(),
-        ("value-unreadable", "key-absent"),
-        "stamp-unreadable",
+        ("value-unreadable", "text-as-number", "key-absent", "stamp-unreadable"),
+        "envelope-not-positive",
     ),
 )
 

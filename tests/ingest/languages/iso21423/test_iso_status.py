@@ -43,6 +43,22 @@ def test_a_stopped_robot_is_blocked_also_in_manual_mode(name: str) -> None:
     assert not IsoListener().status_after(HERE, ("status", states(T, "MODE_AUTO", "STOPPED"))).is_blocked
 
 
+def test_a_robot_that_moves_is_not_blocked_whatever_it_says() -> None:
+    moving = ("odometry", odometry(T + 1, 1.0, 2.0, 0.0, -0.2))
+    assert not IsoListener().status_after(HERE, ("status", states(T, "MODE_AUTO", "BLOCKED")), moving).is_blocked
+
+
+@pytest.mark.parametrize("key", ["states", "operatingStates", "operating_states", "STATES"])
+def test_states_are_read_under_both_names_and_in_any_spelling(key: str) -> None:
+    said_of = iso(T, **{key: ["mode-auto", "Stop Category 1"]})
+    assert IsoListener().status_after(HERE, ("status", said_of)).is_blocked
+
+
+def test_a_last_will_needs_no_time() -> None:
+    raw = b'{"states": ["LOST_CONNECTION"]}'
+    assert set(IsoListener().hears("disconnection", raw).findings) == {"stamp-unreadable"}
+
+
 def test_pose_motion_battery_and_doubt() -> None:
     status = IsoListener().status_after(
         ("batteryStatus", iso(T, batterySoc=0.25)),

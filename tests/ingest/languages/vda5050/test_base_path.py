@@ -57,8 +57,13 @@ def test_it_turns_on_the_spot_at_a_corner() -> None:
     nodes = [node(0, 0.0), node(1, 2.0), node(2, 2.0, 3.0)]
     status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
     corner_s = 2.0 + pi / 2
-    assert points(status.path) == [(2.0, 2.0, 0.0), (round(corner_s, 3), 2.0, 0.0), (round(corner_s + 3, 3), 2.0, 3.0)]
-    assert [round(row[3], 3) for row in status.path.poses] == [0.0, round(pi / 2, 3), round(pi / 2, 3)]
+    straight, *turn, end = points(status.path)
+    assert (straight, end) == ((2.0, 2.0, 0.0), (round(corner_s + 3, 3), 2.0, 3.0))
+    assert turn[-1][0] == round(corner_s, 3)
+    assert {point[1:] for point in turn} == {(2.0, 0.0)}
+    yaws_rad = [row[3] for row in status.path.poses]
+    assert yaws_rad == sorted(yaws_rad)
+    assert yaws_rad[-2:] == [pi / 2, pi / 2]
 
 
 def test_a_robot_under_way_does_not_turn_on_the_spot_first() -> None:
@@ -66,7 +71,8 @@ def test_a_robot_under_way_does_not_turn_on_the_spot_first() -> None:
     driving = Listener().status_after(
         ORDERED, ("state", under_way(T, 0.0, 0.0, LINE[1:], velocity={"vx": 1.0}, theta=pi / 2))
     )
-    assert len(standing.path.poses) == len(driving.path.poses) + 1
+    assert points(driving.path) == [(4.0, 4.0, 0.0), (10.0, 10.0, 0.0)]
+    assert points(standing.path)[-1][0] == round(10.0 + pi / 2, 3)
 
 
 def test_a_curve_is_followed_from_where_the_robot_is() -> None:
@@ -104,11 +110,32 @@ def test_it_drives_through_a_node_with_another_action(kind: str) -> None:
     assert points(status.path)[-1] == (10.0, 10.0, 0.0)
 
 
-def test_the_horizon_is_a_destination_only() -> None:
+def test_the_horizon_is_a_destination_and_is_driven_while_bases_are_extended_in_time() -> None:
     nodes = [*LINE, node(3, 10.0, 5.0, released=False), node(4, 10.0, 9.0, released=False)]
-    status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 1.0, 0.0, nodes[1:])))
-    assert points(status.path) == [(3.0, 4.0, 0.0), (9.0, 10.0, 0.0)]
+    listener = Listener()
+    status = listener.status_after(("order", order(T, nodes)), ("state", under_way(T, 1.0, 0.0, nodes[1:])))
+    assert [points(status.path)[row] for row in (0, 1, -1)] == [
+        (3.0, 4.0, 0.0),
+        (9.0, 10.0, 0.0),
+        (round(18.0 + pi / 2, 3), 10.0, 9.0),
+    ]
+    assert not status.path.ends_in_stop
     assert [point[1:] for point in points(status.destinations)] == [(10.0, 0.0), (10.0, 9.0)]
+
+
+def test_a_robot_whose_bases_are_extended_once_it_stands_stops_at_the_end_of_its_base() -> None:
+    place, listener = LINE[:2], Listener()
+    listener.hears("order", order(T, place))
+    for number in range(2, 5):
+        listener.hears("state", under_way(T + number, 4.0 * (number - 1), 0.0, place[-1:], driving=False))
+        further = node(number, 4.0 * number)
+        place.append(further)
+        listener.hears("order", order(T + number, place, orderUpdateId=number))
+    ahead = [*place[3:], node(5, 30.0, released=False)]
+    listener.hears("order", order(T + 6, [*place, ahead[-1]], orderUpdateId=6))
+    status = listener.status_after(("state", under_way(T + 6, 13.0, 0.0, ahead)))
+    assert status.path.ends_in_stop
+    assert points(status.path)[-1][1:] == (16.0, 0.0)
 
 
 def test_a_state_that_names_an_order_nobody_saw_is_read_by_its_own_places() -> None:

@@ -85,6 +85,45 @@ def test_a_robot_that_can_not_go_on_is_blocked(keys: dict[str, Any]) -> None:
     assert status(**keys).is_blocked
 
 
+HINDRANCES: tuple[dict[str, Any], ...] = (
+    {"safetyState": {"eStop": "NONE", "fieldViolation": True}},
+    {"safetyState": {"eStop": "SOMETHING", "fieldViolation": False}},
+    {"errors": [{"errorType": "e", "errorLevel": "FATAL"}]},
+    {"errors": [{"errorType": "e", "errorLevel": "critical"}]},
+    {"errors": [{"errorType": "e", "errorLevel": "GHASTLY"}]},
+)
+
+
+@pytest.mark.parametrize("keys", HINDRANCES)
+def test_what_hinders_a_robot_that_stands_hinders_none_that_drives(keys: dict[str, Any]) -> None:
+    assert status(**keys).is_blocked
+    assert status(**keys, velocity={"vx": 0.05}).is_blocked
+    for driving in ({"driving": True}, {"velocity": {"vx": -0.2}}, {"velocity": {"vx": 0.1, "vy": 0.1}}):
+        read = status(**keys, **driving)
+        assert (read.is_blocked, read.state) == (False, "navigating")
+
+
+def test_an_emergency_stop_is_believed_until_the_robot_moves() -> None:
+    stop = {"safetyState": {"eStop": "manual", "fieldViolation": False}}
+    assert status(**stop, driving=True).is_blocked
+    assert not status(**stop, driving=True, velocity={"vx": 0.2}).is_blocked
+
+
+@pytest.mark.parametrize("stop", ["none", "None", "NONE ", "no-ne", False, 0])
+def test_no_stop_is_none_however_it_is_spelt(stop: Any) -> None:
+    assert not status(safetyState={"eStop": stop, "fieldViolation": False}).is_blocked
+
+
+@pytest.mark.parametrize(
+    ("mode", "expected"),
+    [("manual", "manualOverride"), ("teach-in", "disabled"), ("Semi Automatic", "idle"), ("?", "idle")],
+)
+def test_a_mode_is_read_in_any_spelling(mode: str, expected: str) -> None:
+    read = status(operatingMode=mode)
+    assert read.state == expected
+    assert read.oddities[0].path == "operatingMode"
+
+
 def test_a_warning_blocks_nothing() -> None:
     read = status(errors=[{"errorType": "lowBattery", "errorLevel": "WARNING"}])
     assert (read.is_blocked, read.error_codes) == (False, ("lowBattery",))
@@ -126,3 +165,14 @@ def test_a_robot_that_plans_by_itself_has_its_own_path() -> None:
     assert [row[:3] for row in read.path.poses] == [(T + 1, 1.0, 0.0), (T + 3, 3.0, 1.0)]
     assert read.path_basis is Basis.PATH
     assert read.destinations.poses[0][1:3] == (9.0, 9.0)
+
+
+def test_what_a_position_lacks_is_named_by_the_key_of_its_version() -> None:
+    assert [each.path for each in status(agvPosition={"x": 0.0, "y": 0.0}).oddities] == [
+        "agvPosition.theta",
+        "agvPosition.mapId",
+    ]
+    place = {"x": 0.0, "y": 0.0, "localized": True}
+    assert status_3(mobileRobotPosition=place).oddities[0].path == "mobileRobotPosition.theta"
+    named = Listener().hears("state", state_3(T, mobileRobotPosition=None))
+    assert [each.path for each in named.oddities] == ["mobileRobotPosition"]

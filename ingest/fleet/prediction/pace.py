@@ -1,0 +1,253 @@
+"""How fast robots drive and turn: what they do, as far as they have been seen to; what is usual for their model; else
+what they are allowed.
+
+A vendor's robots are observed by kind of way: the speed that is allowed there, and whether it is straight. A median
+over a window of motion is not moved by starts and stops, and follows a change of firmware once the window has passed.
+"""
+
+from collections import OrderedDict, deque
+from math import ceil, cos, hypot, inf, isfinite, sin
+from typing import NamedTuple
+
+from ingest.fleet.prediction.forecast_model import Knot, Sighting
+from ingest.frames.angles import turn_between
+
+ASSUMED_MPS, ASSUMED_TURN_RADPS = 1.0, 1.0
+"""Speed, and turn rate on the spot, if nothing says one."""
+SPEEDS_UP_MPS2 = 1.0
+"""How quickly robots are assumed to start and to brake."""
+DRIVES_MPS, TURNS_RADPS = 0.1, 0.05
+"""A robot that is faster drives; one that does not, but turns faster than this, turns on the spot."""
+OBSERVED_S = 5.0
+"""A robot's own speeds count once they were seen for so long; turn rates for `TURNED_S`."""
+TURNED_S = 2.0
+OWN_S, USUAL_S = 30.0, 240.0
+"""Motion over which the speeds of a robot, and of a model, are kept. All robots of a model share the second."""
+SPACED_S, APART_S = 0.45, 35.0
+"""Sightings nearer in time show more noise than motion, those further apart do not show how a robot drives."""
+LEAST_SHARE = 0.2
+"""A robot that stops at the end of most of its paths is thought to go on this much of its speed."""
+MOST_MODELS, MOST_KINDS = 1000, 12
+FULL_TURN = 0.8
+"""Of the turn rates between two reports, this part is too small, since the robot turned only some of the time."""
+TURN, CORNER, BEYOND = "turn", "corner", "beyond"
+BEYOND_S, BEYOND_COUNTS_S = 3.0, 0.5
+"""When a robot is compared with how it was thought to go on beyond its path, and as how much motion that counts."""
+PASSED_M, OVERDUE_S, COUNTS_S = 0.7, 15.0, 5.0
+"""A robot passes a place at this distance or less. One that is later than the second passes it no more. A corner counts
+as this much motion."""
+Kind = float | str
+"""The allowed speed in steps of 0.1 m/s, inf if none is stated and negative in a bend; `TURN` for turns on the spot;
+`CORNER` for what a corner takes beyond its turn, which is seconds instead of a speed; `BEYOND` for the share of its
+speed with which a robot goes on in a straight line beyond the end of its path."""
+
+
+class Allowance(NamedTuple):
+    """What bounds one piece of a way."""
+
+    most: float
+    """m/s or rad/s; inf if nothing is stated."""
+    kind: Kind
+
+
+def allowance(most_mps: float, *, is_bend: bool = False) -> Allowance:
+    """What bounds a piece of a way on which a speed is allowed; inf if none is stated."""
+    kind = round(most_mps, 1) if isfinite(most_mps) else inf
+    return Allowance(most_mps, -kind if is_bend else kind)
+
+
+class ObservedSpeeds:
+    """ObservedSpeeds, or turn rates, over the last seconds of motion."""
+
+    def __init__(self, window_s: float, part: float) -> None:
+        """`part` of them are smaller than the usual one."""
+        self._window_s, self._part, self.seen_s = window_s, part, 0.0
+        self._samples: deque[tuple[float, float]] = deque()
+        self._usual: float | None = None
+
+    def add(self, lasted_s: float, speed: float) -> None:
+        self._samples.append((lasted_s, speed))
+        self.seen_s, self._usual = self.seen_s + lasted_s, None
+        while self.seen_s - self._samples[0][0] >= self._window_s:
+            self.seen_s -= self._samples.popleft()[0]
+
+    @property
+    def usual(self) -> float:
+        if self._usual is None:
+            speeds = sorted(speed for _, speed in self._samples)
+            self._usual = speeds[ceil(self._part * len(speeds)) - 1]
+        return self._usual
+
+
+SpeedsByKind = dict[Kind, ObservedSpeeds]
+
+
+class Pace:
+    """How fast one robot was seen to drive and to turn, and others of its model."""
+
+    def __init__(self) -> None:
+        self.own: SpeedsByKind = {}
+        self.of_model: SpeedsByKind = {}
+        """All robots of its model share it."""
+        self.kind: Kind | None = None
+        """Of the way on which it is; None if nobody says how fast it may drive there, and it plans its own times."""
+        self._from: Sighting | None = None
+        """The sighting from which it is observed next."""
+        self._beyond_corner: tuple[float, float, float] | None = None
+        """A place beyond a corner, x and y, and when it would be there if it lost no time by braking and starting."""
+        self._beyond_path: tuple[Knot, float, float] | None = None
+        """The end of a path, and the direction and the speed with which it was thought to go on there."""
+
+    def observe(self, now: Sighting) -> None:
+        """Take in where the robot is now."""
+        before = self._from
+        if before is None or before.floor != now.floor:
+            self._from = now
+            return
+        lasted_s = now.t_s - before.t_s
+        if 0.0 <= lasted_s < SPACED_S:
+            return
+        self._from = now
+        moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
+        if not 0.0 < lasted_s <= APART_S:
+            return
+        self._pass_corner(before, now)
+        self._go_beyond(now)
+        if moved_m > DRIVES_MPS * lasted_s:
+            if self.kind is not None:
+                self._add(self.kind, lasted_s, moved_m / lasted_s)
+            return
+        turned_rad = abs(turn_between(before.yaw_rad, now.yaw_rad))
+        if turned_rad > TURNS_RADPS * lasted_s:
+            self._add(TURN, lasted_s, turned_rad / lasted_s)
+
+    def seen(self, kind: Kind) -> float | None:
+        """Its own speed on ways of a kind. None before it was seen for long enough."""
+        return _known(self.own.get(kind), kind)
+
+    def usual(self, kind: Kind) -> float | None:
+        """The speed of its model on ways of a kind. None if that is not known."""
+        return _known(self.of_model.get(kind), kind)
+
+    def expect_beyond_corner(self, x: float, y: float, t_s: float) -> None:
+        """Compare with what is seen when the robot will be beyond a corner, unless it is observed at one already."""
+        self._beyond_corner = self._beyond_corner or (x, y, t_s)
+
+    def expect_beyond_path(self, end: Knot, direction_rad: float, mps: float) -> None:
+        """Compare with how it goes on beyond the end of its path, unless that of an earlier path is awaited."""
+        self._beyond_path = self._beyond_path or (end, direction_rad, mps)
+
+    def _go_beyond(self, now: Sighting) -> None:
+        if self._beyond_path is None:
+            return
+        (t_s, x, y, _), direction_rad, mps = self._beyond_path
+        if now.t_s < t_s + BEYOND_S:
+            return
+        along_m = (now.x_m - x) * cos(direction_rad) + (now.y_m - y) * sin(direction_rad)
+        self._add(BEYOND, BEYOND_COUNTS_S, min(max(along_m / (mps * (now.t_s - t_s)), 0.0), 1.0))
+        self._beyond_path = None
+
+    def _pass_corner(self, before: Sighting, now: Sighting) -> None:
+        if self._beyond_corner is None:
+            return
+        x, y, expected_s = self._beyond_corner
+        dx, dy = now.x_m - before.x_m, now.y_m - before.y_m
+        square = dx * dx + dy * dy
+        share = ((x - before.x_m) * dx + (y - before.y_m) * dy) / square if square else -1.0
+        aside_m = hypot(before.x_m + share * dx - x, before.y_m + share * dy - y)
+        if 0.0 <= share <= 1.0 and aside_m <= PASSED_M:
+            passed_s = before.t_s + share * (now.t_s - before.t_s)
+            self._add(CORNER, COUNTS_S, passed_s - expected_s)
+            self._beyond_corner = None
+        elif now.t_s > expected_s + OVERDUE_S:
+            self._beyond_corner = None
+
+    def _add(self, kind: Kind, lasted_s: float, speed: float) -> None:
+        for by_kind, window_s in ((self.own, OWN_S), (self.of_model, USUAL_S)):
+            if kind not in by_kind and len(by_kind) >= MOST_KINDS:
+                del by_kind[next(iter(by_kind))]
+            part = FULL_TURN if kind == TURN else 0.5
+            by_kind.setdefault(kind, ObservedSpeeds(window_s, part)).add(lasted_s, speed)
+
+
+def _known(speeds: ObservedSpeeds | None, kind: Kind) -> float | None:
+    needed_s = TURNED_S if kind == TURN else OBSERVED_S
+    return speeds.usual if speeds and speeds.seen_s >= needed_s else None
+
+
+class PaceBook:
+    """What was seen of the robots of each model of each vendor."""
+
+    def __init__(self) -> None:
+        self._models: OrderedDict[tuple[str, str], SpeedsByKind] = OrderedDict()
+
+    def of_model(self, vendor: str, model: str) -> SpeedsByKind:
+        known = self._models.setdefault((vendor, model), {})
+        self._models.move_to_end((vendor, model))
+        if len(self._models) > MOST_MODELS:
+            self._models.popitem(last=False)
+        return known
+
+
+class Paces:
+    """How fast one robot will drive and turn."""
+
+    def __init__(self, pace: Pace, here: Sighting) -> None:
+        """`here` has its speed and turn rate now."""
+        self._pace, mps, radps = pace, abs(here.linear_mps or 0.0), abs(here.turn_radps)
+        self._now_mps = mps if mps > DRIVES_MPS else None
+        self._now_radps = radps if radps > TURNS_RADPS and self._now_mps is None else None
+
+    def of(self, allowance: Allowance) -> float:
+        """Speed, or turn rate, on a piece of its way."""
+        if (own := self._pace.seen(allowance.kind)) is not None:
+            return own
+        most, kind = allowance
+        usual = self._pace.usual(kind)
+        if kind == TURN:
+            return min(self._now_radps or usual or (most if isfinite(most) else ASSUMED_TURN_RADPS), most)
+        if self._now_mps is not None and kind == self._pace.kind:
+            return min(self._now_mps, most)
+        if usual is not None:
+            return min(usual, most)
+        if isfinite(most):
+            return most * self._share()
+        return self._now_mps or ASSUMED_MPS
+
+    def note_way(self, kind: Kind) -> None:
+        """It is on a way of this kind now."""
+        self._pace.kind = kind
+
+    def note_corner(self, x: float, y: float, t_s: float) -> None:
+        """It would pass a place beyond a corner at this time, if it lost no time there."""
+        self._pace.expect_beyond_corner(x, y, t_s)
+
+    def note_beyond(self, end: Knot, direction_rad: float, mps: float) -> None:
+        """It may go on so beyond the end of its path."""
+        self._pace.expect_beyond_path(end, direction_rad, mps)
+
+    @property
+    def beyond_share(self) -> float:
+        """The share of its speed with which robots of its model usually go on in a straight line beyond their paths."""
+        usual = self._pace.usual(BEYOND)
+        return 1.0 if usual is None else max(usual, LEAST_SHARE)
+
+    @property
+    def corner_s(self) -> float:
+        """What a corner takes beyond its turn, as far as that was seen."""
+        own = self._pace.seen(CORNER)
+        return max(own if own is not None else self._pace.usual(CORNER) or 0.0, 0.0)
+
+    @property
+    def turn_radps(self) -> float:
+        """Turn rate on the spot, where none is stated."""
+        return self.of(Allowance(inf, TURN))
+
+    def _share(self) -> float:
+        """The share of the allowed speed at which it drives on other ways; 1 if that is not known."""
+        shares = [
+            speeds.usual / abs(kind)
+            for kind, speeds in self._pace.own.items()
+            if not isinstance(kind, str) and isfinite(kind) and kind and speeds.seen_s >= OBSERVED_S
+        ]
+        return min(max(shares), 1.0) if shares else 1.0

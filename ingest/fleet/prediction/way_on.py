@@ -1,0 +1,131 @@
+"""Where a robot goes on beyond the end of what it has told: as it was going, and towards its destination.
+
+A path of three seconds is not a plan to stop after three seconds. A robot stops at the end of its path only if it says
+so: the path slows to a stop there, or a destination lies there.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, ceil, cos, hypot, isfinite, pi, remainder, sin
+from typing import NamedTuple
+
+from ingest.fleet.prediction.forecast_model import Knot
+from ingest.frames.angles import turn_between
+
+SHORT_BY_S = 1.0
+"""A path that reaches the horizon but for this time is whole."""
+STOPS_MPS = 0.1
+"""A path that ends slower than this ends in a stop."""
+THERE_M = 0.5
+"""A robot this near to a destination is there. It drives on straight if it is this far beside its way or nearer."""
+CORNER_RAD = 0.35
+"""A robot turns on the spot where its direction changes by more than this."""
+STEP_RAD = 0.5
+"""A turn has a knot for each part of this size, since an envelope off the centre moves straight between knots."""
+TURNS_RAD = 0.1
+"""A robot whose last piece is a turn of more than this is not at its stop."""
+SLOWING = 0.9
+"""A robot whose speed falls to less than this share on the last piece slows down."""
+AWAY_M = 0.1
+"""A robot that is to go no further than this stands."""
+
+
+class End(NamedTuple):
+    """How a route ends, if the robot goes on."""
+
+    direction_rad: float
+    mps: float
+
+
+def end_of(knots: Sequence[Knot], now_mps: float, destination: Knot | None) -> End | None:
+    """The direction and speed with which a robot goes on after a route. None if the route says that it stops there.
+
+    A robot that turns on the spot at the end of its route goes on in the direction that it turns to. One that is not
+    slowing down goes on at the greatest speed of the route, and at least at its speed now.
+    """
+    _, x, y, yaw_rad = knots[-1]
+    if destination is not None and hypot(destination[1] - x, destination[2] - y) <= THERE_M:
+        return None
+    speeds = [_speed(before, after) for before, after in pairwise(knots)]
+    cruise_mps = max(*speeds, now_mps)
+    if speeds[-1] < STOPS_MPS:
+        turned_rad = turn_between(knots[-2][3], yaw_rad)
+        backwards = pi if _is_backwards(knots) else 0.0
+        return End(yaw_rad + backwards, cruise_mps) if abs(turned_rad) > TURNS_RAD and cruise_mps > STOPS_MPS else None
+    is_slowing = len(speeds) > 1 and speeds[-1] < SLOWING * speeds[-2]
+    direction_rad = atan2(y - knots[-2][2], x - knots[-2][1])
+    return End(direction_rad, speeds[-1] if is_slowing else cruise_mps)
+
+
+def _speed(before: Knot, after: Knot) -> float:
+    return hypot(after[1] - before[1], after[2] - before[2]) / max(after[0] - before[0], 1e-3)
+
+
+def _is_backwards(knots: Sequence[Knot]) -> bool:
+    """Whether the last piece on which the robot drives is driven backwards."""
+    for before, after in pairwise(reversed(knots)):
+        dx, dy = before[1] - after[1], before[2] - after[2]
+        if hypot(dx, dy) > AWAY_M:
+            return dx * cos(before[3]) + dy * sin(before[3]) < 0.0
+    return False
+
+
+def way_on(
+    end: Knot, direction_rad: float, mps: float, destination: Knot | None, until_s: float, turn_radps: float
+) -> list[Knot]:
+    """The knots of a robot after `end`, where it drives in a direction at a speed, up to a time.
+
+    It drives straight on. With a destination ahead it turns on the spot where that lies beside it, drives there, turns
+    as the destination says, and stands.
+    """
+    t_s, x, y, yaw_rad = end
+    off_rad = turn_between(direction_rad, yaw_rad)
+    straight_m, aside_m = mps * (until_s - t_s), 0.0
+    if destination:
+        dx, dy = destination[1] - x, destination[2] - y
+        ahead_m = dx * cos(direction_rad) + dy * sin(direction_rad)
+        if 0.0 < ahead_m < straight_m:
+            straight_m, aside_m = ahead_m, dy * cos(direction_rad) - dx * sin(direction_rad)
+        else:
+            destination = None
+    knots = [_moved(end, direction_rad, straight_m, mps)]
+    if destination is None:
+        return knots
+    if abs(aside_m) > THERE_M:
+        aside_rad = direction_rad + (pi / 2 if aside_m > 0.0 else -pi / 2)
+        knots += turned(knots[-1], aside_rad + off_rad, turn_radps)
+        knots.append(_moved(knots[-1], aside_rad, abs(aside_m), mps))
+    if abs(turn_between(knots[-1][3], destination[3])) > CORNER_RAD:
+        knots += turned(knots[-1], destination[3], turn_radps)
+    return knots
+
+
+def _moved(knot: Knot, direction_rad: float, length_m: float, mps: float) -> Knot:
+    t_s, x, y, yaw_rad = knot
+    to_x, to_y = x + length_m * cos(direction_rad), y + length_m * sin(direction_rad)
+    return t_s + max(length_m / mps, 1e-3), to_x, to_y, yaw_rad
+
+
+def turned(knot: Knot, to_rad: float, turn_radps: float) -> list[Knot]:
+    """The knots of a robot that turns on the spot after `knot`, one for each part of a turn."""
+    t_s, x, y, from_rad = knot
+    turn_rad = turn_between(from_rad, to_rad)
+    steps = ceil(abs(turn_rad) / STEP_RAD) if isfinite(turn_rad) else 0
+    parts = [step / steps * turn_rad for step in range(1, steps + 1)]
+    return [(t_s + max(abs(part) / turn_radps, 1e-3), x, y, remainder(from_rad + part, 2 * pi)) for part in parts]
+
+
+def driven_to(here: Knot, destination: Knot, mps: float, turn_radps: float) -> list[Knot]:
+    """The knots of a robot that turns towards a destination, drives there straight, and turns as it says."""
+    knots = [here]
+    dx, dy = destination[1] - here[1], destination[2] - here[2]
+    length_m = hypot(dx, dy)
+    if length_m > AWAY_M:
+        direction_rad = atan2(dy, dx)
+        if abs(turn_between(here[3], direction_rad)) > CORNER_RAD:
+            knots += turned(here, direction_rad, turn_radps)
+        t_s = knots[-1][0] + max(length_m / mps, 1e-3)
+        knots.append((t_s, destination[1], destination[2], direction_rad))
+    if abs(turn_between(knots[-1][3], destination[3])) > CORNER_RAD:
+        knots += turned(knots[-1], destination[3], turn_radps)
+    return knots

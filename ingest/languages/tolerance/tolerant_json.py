@@ -1,0 +1,133 @@
+"""From the bytes of a message to a model of it, as far as its meaning is clear. Languages of brokers share it."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, cast
+
+import msgspec
+from pydantic_core import from_json
+
+from ingest.languages import timestamps
+from ingest.languages.model import Path
+from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.tolerance.null_free import null_free
+from ingest.languages.tolerance.value_kinds import object_kind
+from ingest.languages.tolerance.value_reader import ValueReader
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+Model = TypeVar("Model", bound=msgspec.Struct)
+_JSON_KINDS = {
+    list: "array",
+    str: "string",
+    bool: "true or false",
+    int: "number",
+    float: "number",
+    type(None): "null",
+}
+
+
+class KnownNames(NamedTuple):
+    """The names of a language as senders have them."""
+
+    needed: frozenset[str]
+    """Keys of which a likeness is noticed if they are absent."""
+    words: Mapping[str, str] = {}
+    """From words of no enumeration to those that are meant, both folded."""
+    counter: str = ""
+    """The key that counts the objects of a list by twos."""
+
+
+def decoded(
+    model: type[Model],
+    raw: bytes,
+    findings: Findings,
+    lacks_key: Callable[[Any], bool],
+    names: KnownNames,
+    *,
+    is_first: bool,
+) -> tuple[Model, bool]:
+    """The message as a model whose keys are all optional, and whether it has to be looked at for absent keys.
+
+    A message that lacks a key which it should have is read anew, for the key may be there in another spelling. So is
+    the first one of a robot, and each further one if that had such a key. Raises `RejectedError` if it can't be
+    understood.
+    """
+    if not is_first:
+        try:
+            message = cast(Model, _decoder(model).decode(raw))
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            pass
+        else:
+            if not lacks_key(message):
+                return message, False
+    return _repaired(model, raw, findings, names), True
+
+
+def document(raw: bytes) -> dict[str, Any]:
+    """A message that was accepted, as it was sent; null stands for numbers that are not finite."""
+    try:
+        sent: dict[str, Any] = msgspec.json.decode(raw)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        reader = ValueReader(Findings(), keeps_others=True)
+        return reader.read(parsed(raw, Findings()), object_kind(_Anything))[0]
+    return sent
+
+
+def stamp_of(text: str | None, findings: Findings) -> timestamps.Stamp:
+    """The message's own time. `NO_STAMP` if it can't be read or lies outside 1970 to 2100."""
+    stamp = timestamps.parse(text or "")
+    if stamp is None or not timestamps.plausible(stamp.t_s):
+        findings.note("stamp-absurd" if stamp else "stamp-unreadable", "timestamp", text, "as of its arrival")
+        return timestamps.NO_STAMP
+    for rule in stamp.findings:
+        findings.note(rule, "timestamp", text, timestamps.write(stamp.t_s))
+    return stamp
+
+
+def time_of(stamp: timestamps.Stamp, *paths: Path) -> float:
+    """The time of a pose. Without a stamp that of the first point of its paths; 0 if it has none."""
+    if stamp.is_known:
+        return stamp.t_s
+    return min((min(path.times) for path in paths if path.poses), default=0.0)
+
+
+def parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
+    """The JSON object of a message, numbers that are not finite included. Raises `RejectedError` if it is none."""
+    if raw.startswith(BYTE_ORDER_MARK):
+        findings["byte-order-mark"] = None
+        raw = raw.removeprefix(BYTE_ORDER_MARK)
+    try:
+        sent = from_json(raw)
+    except ValueError as error:
+        raise _not_parsed(raw, str(error)) from None
+    if not isinstance(sent, dict):
+        raise RejectedError("not-object", f"JSON {_JSON_KINDS[type(sent)]}; send one JSON object a message")
+    return sent
+
+
+class _Anything(msgspec.Struct):
+    """An object of which no key is known."""
+
+
+@cache
+def _decoder(model: type[msgspec.Struct]) -> msgspec.json.Decoder[Any]:
+    return msgspec.json.Decoder(null_free(model))
+
+
+def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:
+    """The message read value by value."""
+    reader = ValueReader(findings, word_aliases=names.words, needed=names.needed, counter=names.counter)
+    read, _ = reader.read(parsed(raw, findings), object_kind(model))
+    return msgspec.convert(read, model)
+
+
+def _not_parsed(raw: bytes, why: str) -> RejectedError:
+    try:
+        raw.decode()
+    except UnicodeDecodeError as broken:
+        return RejectedError("not-utf8", f"byte {broken.start} is not UTF-8; send JSON text in UTF-8")
+    what, _, place = why.partition(" at ")
+    if what.startswith("recursion limit"):
+        return RejectedError("too-deep", f"nests deeper than any message of the standard, at {place}")
+    what = what.replace("EOF while parsing", "it ends within").replace("expected ident", "expected a value")
+    return RejectedError("not-json", f"{what} at {place}; send one JSON object a message")

@@ -1,0 +1,298 @@
+"""Forecasts follow what robots do: their pace, turns on the spot, and the way beyond a short path."""
+
+import json
+from itertools import pairwise
+from math import atan2, cos, hypot, pi, sin
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ingest.batch import Basis
+from ingest.fleet.fleet import Fleet
+from ingest.fleet.prediction.forecast_model import Forecast, Sighting
+from ingest.fleet.prediction.pace import CORNER, Pace, Paces
+from ingest.fleet.robot import Robot
+from ingest.settings import Datum
+from tests.helpers.iso_saying import CCS, identity, odometry, trajectory
+from tests.helpers.iso_saying import line as iso_line
+from tests.helpers.saying import HALL, angle, points, robot, status
+from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, fleet
+
+FAR = [node(0, 0.0), node(1, 2000.0)]
+LIMIT = {"physicalParameters": {"length": 1.2, "width": 0.8, "speedMax": 2.0}}
+
+
+def hall() -> Fleet:
+    return fleet(datums=(Datum(id=MAP, name="Hall"), Datum(id=HALL, name="Other hall")))
+
+
+def drive(
+    of: Fleet, mps: float, seconds: range, *, from_m: float = 0.0, serial: str = "0001", tells_speed: bool = True
+) -> Robot:
+    """Let a robot drive straight for some seconds, at the speed, along an order whose edge has no limit."""
+    for s in seconds:
+        if s == seconds.start:
+            of.receive(factsheet(NOW_S + s, serialNumber=serial, **LIMIT), NOW_S + s, line("factsheet", serial))
+            of.receive(order(NOW_S + s, FAR, serialNumber=serial), NOW_S + s, line("order", serial))
+        velocity = {"vx": mps, "vy": 0.0, "omega": 0.0} if tells_speed else None
+        x = from_m + mps * (s - seconds.start)
+        raw = under_way(NOW_S + s, x, 0.0, FAR[1:], serialNumber=serial, velocity=velocity)
+        of.receive(raw, NOW_S + s, line("state", serial))
+    return next(each for each in of.robots.values() if each.serial == serial)
+
+
+def at(forecast: Forecast | None, t_s: float) -> tuple[float, float, float]:
+    """x, y and yaw at a time."""
+    assert forecast is not None
+    knots = np.array(forecast.knots)
+    x, y = (float(np.interp(t_s, knots[:, 0], knots[:, column])) for column in (1, 2))
+    return x, y, float(np.interp(t_s, knots[:, 0], np.unwrap(knots[:, 3])))
+
+
+@pytest.mark.parametrize("tells_speed", [True, False])
+def test_a_robot_slower_than_its_limit_is_foreseen_at_its_own_pace(tells_speed: bool) -> None:
+    last_s = 1 if tells_speed else 7
+    robot = drive(hall(), 0.5, range(last_s + 1), tells_speed=tells_speed)
+    x, _, _ = at(robot.forecast, NOW_S + last_s + 10)
+    assert x == pytest.approx(0.5 * (last_s + 10), abs=0.1)
+
+
+def test_a_robot_of_which_nothing_is_known_goes_as_its_model_usually_does() -> None:
+    of = hall()
+    drive(of, 0.5, range(8))
+    newcomer = drive(of, 0.0, range(8, 9), from_m=100.0, serial="0002", tells_speed=False)
+    assert at(newcomer.forecast, NOW_S + 18)[0] == pytest.approx(105.0, abs=0.3)
+
+
+def test_pace_follows_new_firmware_within_ten_minutes_of_driving() -> None:
+    of = hall()
+    drive(of, 0.4, range(300), tells_speed=False)
+    faster = drive(of, 1.2, range(300, 900), tells_speed=False)
+    assert at(faster.forecast, NOW_S + 909)[0] == pytest.approx(1.2 * 609, abs=0.3)
+    newcomer = drive(of, 0.0, range(900, 901), serial="0002", tells_speed=False)
+    assert at(newcomer.forecast, NOW_S + 910)[0] == pytest.approx(12.0, abs=1.0)
+
+
+def test_a_limit_of_the_edge_bounds_what_a_robot_does_elsewhere() -> None:
+    of, nodes = hall(), [node(0, 0.0), node(1, 10.0), node(2, 30.0)]
+    edges = [edge(0), edge(1, maxSpeed=0.3)]
+    of.receive(factsheet(NOW_S, **LIMIT), NOW_S, line("factsheet"))
+    of.receive(order(NOW_S, nodes, edges), NOW_S, line("order"))
+    for s in range(9):
+        moving = under_way(NOW_S + s, float(s), 0.0, nodes[1:], velocity={"vx": 1.0, "omega": 0.0})
+        of.receive(moving, NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 10)[0] == pytest.approx(10.0, abs=0.1)
+    knots = np.array(robot.forecast.knots if robot.forecast else ())
+    slow = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(knots) if a[1] >= 10.0 and b[1] > a[1]]
+    assert max(slow) <= 0.3
+
+
+def turning(of: Fleet, *messages: bytes, length_m: float = 3.0) -> Forecast:
+    sizes = {"physicalParameters": {"length": length_m, "width": 1.0, "speedMax": 1.0}}
+    of.receive(factsheet(NOW_S, **sizes), NOW_S, line("factsheet"))
+    for kind, raw in zip(("order", "state"), messages, strict=True):
+        of.receive(raw, NOW_S, line(kind))
+    (robot,) = of.robots.values()
+    assert robot.forecast is not None
+    return robot.forecast
+
+
+@pytest.mark.parametrize("theta", [pi / 2, -pi / 2, 3.0])
+def test_a_robot_turns_on_the_spot_as_a_node_says(theta: float) -> None:
+    nodes = [node(0, 0.0), node(1, 0.0, nodePosition={"x": 0.0, "y": 0.0, "mapId": MAP, "theta": theta})]
+    made = turning(hall(), order(NOW_S, nodes), under_way(NOW_S, 0.0, 0.0, nodes[1:]))
+    assert made.basis is Basis.ORDER
+    assert at(made, NOW_S + 10) == pytest.approx((0.0, 0.0, theta))
+    assert abs(at(made, NOW_S + 1)[2]) == pytest.approx(1.0)
+
+
+def test_a_robot_turns_where_it_arrives_and_before_an_edge_of_rotation() -> None:
+    place = {"x": 5.0, "y": 0.0, "mapId": MAP}
+    nodes = [node(0, 0.0), node(1, 5.0), node(2, 5.0, nodePosition=place)]
+    edges = [edge(0, maxSpeed=1.0), edge(1, orientation=pi / 2, orientationType="GLOBAL", maxRotationSpeed=0.5)]
+    made = turning(hall(), order(NOW_S, nodes, edges), under_way(NOW_S, 0.0, 0.0, nodes[1:], velocity={"vx": 1.0}))
+    assert at(made, NOW_S + 5)[2] == pytest.approx(0.0)
+    assert at(made, NOW_S + 7)[2] == pytest.approx(1.0, abs=0.05)
+    assert at(made, NOW_S + 9)[2] == pytest.approx(pi / 2)
+
+
+def test_a_node_whose_heading_may_differ_asks_for_no_turn() -> None:
+    place = {"x": 0.0, "y": 0.0, "mapId": MAP, "theta": 1.0, "allowedDeviationTheta": 3.14}
+    nodes = [node(0, 0.0), node(1, 0.0, nodePosition=place)]
+    made = turning(hall(), order(NOW_S, nodes), under_way(NOW_S, 0.0, 0.0, nodes[1:]))
+    assert at(made, NOW_S + 10)[2] == 0.0
+
+
+def test_the_turn_of_a_body_off_its_centre_stays_on_its_circle() -> None:
+    outline = [{"x": 0.0, "y": 0.5}, {"x": 0.0, "y": -0.5}, {"x": 3.0, "y": -0.5}, {"x": 3.0, "y": 0.5}]
+    sheet = {
+        "physicalParameters": {"length": 3.0, "width": 1.0, "speedMax": 1.0},
+        "agvGeometry": {"envelopes2d": [{"set": "body", "polygonPoints": outline}]},
+    }
+    of = hall()
+    of.receive(factsheet(NOW_S, **sheet), NOW_S, line("factsheet"))
+    nodes = [node(0, 0.0), node(1, 0.0, nodePosition={"x": 0.0, "y": 0.0, "mapId": MAP, "theta": pi / 2})]
+    of.receive(order(NOW_S, nodes), NOW_S, line("order"))
+    of.receive(under_way(NOW_S, 0.0, 0.0, nodes[1:]), NOW_S, line("state"))
+    (robot,) = of.robots.values()
+    for t_s in np.linspace(NOW_S, NOW_S + 3, 13):
+        x, y, _ = at(robot.forecast, t_s)
+        assert hypot(x, y) == pytest.approx(1.5, abs=0.06)
+
+
+def test_a_turn_rate_is_what_was_observed() -> None:
+    of = hall()
+    nodes = [node(0, 0.0), node(1, 0.0, nodePosition={"x": 0.0, "y": 0.0, "mapId": MAP, "theta": 3.0})]
+    of.receive(order(NOW_S, nodes), NOW_S, line("order"))
+    for s in range(5):
+        place = position(0.0, 0.0, 0.25 * s)
+        of.receive(under_way(NOW_S + s, 0.0, 0.0, nodes[1:], agvPosition=place), NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 8)[2] == pytest.approx(2.0, abs=0.02)
+
+
+def told(of: Fleet, *path: tuple[float, float, float], mps: float = 1.0, **keys: Any) -> Forecast:
+    (_, to_x, to_y), *_ = path
+    ways = points(*((NOW_S + t_s, x, y, atan2(to_y, to_x)) for t_s, x, y in path))
+    of.receive(status("A", NOW_S, velocity={"linear": mps}, path=ways, **keys), NOW_S, LINE)
+    made = of.robots[robot("A")].forecast
+    assert made is not None
+    return made
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 8])
+def test_a_path_that_ends_before_the_horizon_goes_on_as_it_went(count: int) -> None:
+    ways = [(float(s), 0.8 * s, 0.6 * s) for s in range(1, count + 1)]
+    assert at(told(fleet(), *ways), NOW_S + 10)[:2] == pytest.approx((8.0, 6.0))
+
+
+def test_a_path_that_slows_to_a_stop_or_ends_at_a_destination_ends_there() -> None:
+    assert at(told(fleet(), (1, 1.0, 0.0), (2, 1.5, 0.0), (3, 1.51, 0.0)), NOW_S + 10)[0] == pytest.approx(1.51)
+    there = points((NOW_S + 60, 3.2, 0.0, 0.0))
+    made = told(fleet(), (1, 1.0, 0.0), (2, 2.0, 0.0), (3, 3.0, 0.0), destinations=there)
+    assert at(made, NOW_S + 10)[0] == pytest.approx(3.0)
+
+
+def test_a_robot_goes_on_towards_its_destination_and_stands_there() -> None:
+    there = points((NOW_S + 60, 5.0, 2.0, pi / 2))
+    made = told(fleet(), (1, 1.0, 0.0), (2, 2.0, 0.0), (3, 3.0, 0.0), destinations=there)
+    assert at(made, NOW_S + 5)[:2] == pytest.approx((5.0, 0.0))
+    assert at(made, NOW_S + 12)[:2] == pytest.approx((5.0, 2.0))
+
+
+def test_a_robot_that_only_tells_a_destination_turns_towards_it_and_at_it() -> None:
+    there = points((NOW_S - 1, 0.0, 4.0, 0.0))
+    of = fleet()
+    of.receive(status("A", NOW_S, velocity={"linear": 0.0}, destinations=there), NOW_S, LINE)
+    made = of.robots[robot("A")].forecast
+    assert made is not None
+    assert made.basis is Basis.DESTINATION
+    turned_s = pi / 2
+    assert at(made, NOW_S + turned_s) == pytest.approx((0.0, 0.0, pi / 2))
+    assert at(made, NOW_S + turned_s + 4) == pytest.approx((0.0, 4.0, pi / 2))
+    assert at(made, NOW_S + 2 * turned_s + 4) == pytest.approx((0.0, 4.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("every_s", [5.0, 10.0, 30.0])
+@pytest.mark.parametrize("state", ["navigating", "manualOverride"])
+def test_a_robot_that_tells_its_place_alone_and_seldom_is_foreseen_until_its_next_report(
+    every_s: float, state: str
+) -> None:
+    of, direction_rad = fleet(), 0.7
+    for count in range(3):
+        x, y = (1.2 * every_s * count * part for part in (cos(direction_rad), sin(direction_rad)))
+        place = {"x": x, "y": y, "planarDatum": HALL}
+        raw = status("A", NOW_S + every_s * count, location=place, operationalState=state, velocity=None)
+        of.receive(raw, NOW_S + every_s * count, LINE)
+    made = of.robots[robot("A")].forecast
+    assert made is not None
+    assert made.basis is Basis.VELOCITY
+    x, y, _ = at(made, NOW_S + 3 * every_s + 9.9)
+    assert hypot(x, y) == pytest.approx(1.2 * (3 * every_s + 9.9), rel=0.01)
+
+
+@pytest.mark.parametrize("code", ["Robot Stuck", "E-Stop pressed"])
+def test_a_robot_that_drives_keeps_its_path_whatever_error_it_reports(code: str) -> None:
+    of = fleet()
+    for s, mps in enumerate((1.0, 1.0, 0.0, 0.0)):
+        x = float(min(s, 2))
+        ways = points(*((NOW_S + s + i, x + i, 0.0, 0.0) for i in range(1, 11)))
+        raw = status("A", NOW_S + s, x, velocity={"linear": mps}, path=ways, errorCodes=[code])
+        of.receive(raw, NOW_S + s, LINE)
+        made = of.robots[robot("A")].forecast
+        assert made is not None
+        assert made.basis is (Basis.PATH if mps else Basis.STATIONARY)
+
+
+def test_a_path_under_another_spelling_of_its_datum_stays_on_the_robots_floor() -> None:
+    of = fleet()
+    ways = points(*((NOW_S + i, float(i), 0.0, 0.0) for i in range(1, 11)))
+    for each in ways:
+        each["planarDatumUUID"] = "Hall-1"
+    for s in range(2):
+        of.receive(status("A", NOW_S + s, velocity={"linear": 1.0}, path=ways), NOW_S + s, LINE)
+    made = of.robots[robot("A")].forecast
+    assert made is not None
+    assert made.basis is Basis.PATH
+    assert set(made.floors) == {0}
+    assert counted(of, "deviations_total")["unknown", "path-datum-unknown"] == 2
+
+
+def test_an_order_that_comes_later_keeps_the_speed_that_was_observed() -> None:
+    of = hall()
+    robot = drive(of, 0.5, range(3), tells_speed=False)
+    of.receive(vda(NOW_S + 2.5, orderId="", connectionState="ONLINE"), NOW_S + 2.5, line("connection"))
+    of.receive(factsheet(NOW_S + 2.6, **LIMIT), NOW_S + 2.6, line("factsheet"))
+    assert robot.seen is not None
+    assert robot.seen.linear_mps == pytest.approx(0.5)
+
+
+def test_a_robot_that_reports_its_turn_rate_turns_at_it() -> None:
+    nodes = [node(0, 0.0), node(1, 0.0, nodePosition={"x": 0.0, "y": 0.0, "mapId": MAP, "theta": 1.5})]
+    moving = under_way(NOW_S, 0.0, 0.0, nodes[1:], velocity={"vx": 0.0, "omega": 0.3})
+    assert at(turning(hall(), order(NOW_S, nodes), moving), NOW_S + 2)[2] == pytest.approx(0.6, abs=0.01)
+
+
+def test_what_a_corner_takes_beyond_its_turn_is_learned() -> None:
+    """The robot turns in the time that is assumed, and loses 1.5 s by braking and starting at each corner."""
+    of, lost_s, side_m, turn_s = hall(), 1.5, 6.0, pi / 2
+    places = [(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)]
+    nodes = [node(number, *places[number % 4]) for number in range(13)]
+    of.receive(order(NOW_S, nodes), NOW_S, line("order"))
+    for s in range(60):
+        side, since_s = divmod(float(s), side_m + turn_s + lost_s)
+        part, number = min(since_s / side_m, 1.0), int(side)
+        (from_x, from_y), (to_x, to_y) = places[number % 4], places[(number + 1) % 4]
+        x, y = from_x + part * (to_x - from_x), from_y + part * (to_y - from_y)
+        yaw_rad = number * pi / 2 + min(max(since_s - side_m - lost_s / 2, 0.0), turn_s)
+        velocity = {"vx": 1.0 if part < 1.0 else 0.0, "omega": 0.0}
+        place = position(x, y, yaw_rad)
+        moving = under_way(NOW_S + s, x, y, nodes[number + 1 :], agvPosition=place, velocity=velocity)
+        of.receive(moving, NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert robot.pace.seen(CORNER) == pytest.approx(lost_s, abs=0.4)
+    assert Paces(Pace(), Sighting(NOW_S, 0, 0.0, 0.0, 0.0)).corner_s == 0.0
+
+
+def test_a_robot_that_turns_where_its_path_stands_goes_on_turning() -> None:
+    here = points(*((NOW_S + s, 0.0, 0.0, 0.0) for s in range(1, 11)))
+    of = fleet()
+    of.receive(status("A", NOW_S, velocity={"linear": 0.0, "angular": angle(0.3)}, path=here), NOW_S, LINE)
+    made = of.robots[robot("A")].forecast
+    assert at(made, NOW_S + 5)[2] == pytest.approx(1.5)
+
+
+def test_the_heading_of_a_point_of_an_iso_trajectory_is_a_turn() -> None:
+    of = fleet(datums=(Datum(id=CCS, name="Hall"),))
+    of.receive(identity(NOW_S), NOW_S, iso_line("identity"))
+    document = json.loads(trajectory(NOW_S, (NOW_S + 2, 0.0, 0.0), (NOW_S + 8, 0.0, 0.0)))
+    for point, yaw_rad in zip(document["localTrajectory"], (0.0, 1.2), strict=True):
+        point["orientation"] = {"yaw": yaw_rad}
+    of.receive(json.dumps(document).encode(), NOW_S, iso_line("localTrajectory"))
+    of.receive(odometry(NOW_S), NOW_S, iso_line("odometry"))
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 5)[2] == pytest.approx(0.6)
+    assert at(robot.forecast, NOW_S + 9)[2] == pytest.approx(1.2)

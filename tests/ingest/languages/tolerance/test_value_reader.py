@@ -1,0 +1,132 @@
+"""The rule by which values are read, on an object that has one key of each kind."""
+
+from math import inf, nan
+from typing import Any, Literal
+
+import msgspec
+import pytest
+
+from ingest.languages.rules import Findings
+from ingest.languages.tolerance.spelling import nearest
+from ingest.languages.tolerance.value_kinds import object_kind
+from ingest.languages.tolerance.value_reader import ValueReader
+
+
+class Part(msgspec.Struct, rename="camel"):
+    x: float
+    note: str | None = None
+
+
+class Whole(msgspec.Struct, rename="camel"):
+    length: float | None = None
+    count: int | None = None
+    map_id: str | None = None
+    is_new: bool | None = None
+    level: Literal["LOW", "VERY_HIGH", "UNKNOWN"] | None = None
+    part: Part | None = None
+    parts: list[Part] | None = None
+    names: list[str] | None = None
+    timestamp: str | None = None
+
+
+KIND = object_kind(Whole)
+
+
+def read(**sent: Any) -> tuple[dict[str, Any], Findings]:
+    findings = Findings()
+    return ValueReader(findings, needed=frozenset(("length", "mapId"))).read(sent, KIND)[0], findings
+
+
+CASES: tuple[tuple[str, Any, Any, str], ...] = (
+    ("length", "1.5", 1.5, "number-as-text"),
+    ("length", " 1e3 ", 1000.0, "number-as-text"),
+    ("length", [2.5], 2.5, "single-not-list"),
+    ("count", "3", 3, "number-as-text"),
+    ("count", 3.0, 3, "number-as-text"),
+    ("count", "3.0", 3, "number-as-text"),
+    ("mapId", 3, "3", "text-as-number"),
+    ("mapId", 3.0, "3", "text-as-number"),
+    ("mapId", 2.5, "2.5", "text-as-number"),
+    ("isNew", "True", True, "number-as-text"),
+    ("isNew", 0, False, "number-as-text"),
+    ("level", "low", "LOW", "word-spelling"),
+    ("level", "Very-High", "VERY_HIGH", "word-spelling"),
+    ("level", "ghastly", "UNKNOWN", "word-unknown"),
+    ("level", 7, "UNKNOWN", "word-unknown"),
+    ("part", [{"x": 1.0}], {"x": 1.0}, "single-not-list"),
+    ("parts", {"x": 1.0}, [{"x": 1.0}], "single-not-list"),
+    ("parts", {}, [], "single-not-list"),
+    ("names", "a", ["a"], "single-not-list"),
+    ("names", [1], ["1"], "text-as-number"),
+)
+
+
+@pytest.mark.parametrize(("key", "value", "expected", "rule"), CASES)
+def test_a_value_whose_meaning_is_plain_is_read_and_counted(key: str, value: Any, expected: Any, rule: str) -> None:
+    values, findings = read(**{key: value})
+    assert values == {key: expected}
+    assert type(values[key]) is type(expected)
+    assert tuple(findings) == (rule,)
+    assert findings.oddities[0].path.startswith(key)
+
+
+UNREADABLE: dict[str, tuple[Any, ...]] = {
+    "length": (nan, inf, "NaN", "1_000", "wide", True, {}, [], "", 10**400, [1.0, 2.0]),
+    "count": (2.5, "two", False, nan),
+    "mapId": ({}, [], nan),
+    "isNew": ("perhaps", 2, [], nan),
+    "level": ("", "  "),
+    "part": ("here", {"note": "no x"}, {"x": "left"}, 3),
+    "parts": ("none", 1.5, ""),
+}
+
+
+@pytest.mark.parametrize(("key", "value"), [(key, value) for key, values in UNREADABLE.items() for value in values])
+def test_any_other_value_costs_itself(key: str, value: Any) -> None:
+    values, findings = read(**{key: value, "timestamp": "2026-09-21T14:13:20Z"})
+    assert values == {"timestamp": "2026-09-21T14:13:20Z"}
+    assert "value-unreadable" in findings
+    assert findings.oddities[-1].path.startswith(key)
+
+
+def test_an_item_or_a_key_that_cannot_be_read_costs_itself() -> None:
+    values, findings = read(parts=[{"x": 1.0, "note": {}}, {"x": "left"}, None, 7, {"x": 2.0}])
+    assert values == {"parts": [{"x": 1.0}, {"x": 2.0}]}
+    named = [(oddity.rule, oddity.path) for oddity in findings.oddities]
+    assert named == [
+        ("value-unreadable", "parts[0].note"),
+        ("value-unreadable", "parts[1].x"),
+        ("value-unreadable", "parts[1]"),
+        ("null-value", "parts[2]"),
+        ("value-unreadable", "parts[3]"),
+    ]
+
+
+def test_a_time_may_be_a_number() -> None:
+    values, findings = read(timestamp=1790000000000)
+    assert values == {"timestamp": "1790000000000"}
+    assert not findings, "it is counted where it is read"
+
+
+@pytest.mark.parametrize("key", ["map_id", "MapId", "MAPID", "map-id"])
+def test_another_spelling_of_an_absent_key_is_read(key: str) -> None:
+    values, findings = read(**{key: "hall"})
+    assert values == {"mapId": "hall"}
+    assert findings.oddities[0][:2] == ("key-spelling", key)
+    assert findings.oddities[0].nearest == "mapId"
+
+
+def test_a_likeness_of_a_needed_key_is_noticed_and_not_read() -> None:
+    values, findings = read(lenght=1.0, isNow=True)
+    assert values == {}
+    assert [(oddity.path, oddity.nearest) for oddity in findings.oddities] == [("lenght", "length")]
+
+
+def test_a_vendors_own_key_is_no_deviation() -> None:
+    assert read(mapId="hall", length=1.0, lengthOfQueue=3, acme={"a": [None]}) == ({"mapId": "hall", "length": 1.0}, {})
+
+
+def test_the_nearest_key_is_found_whatever_the_case() -> None:
+    known = frozenset(("planarDatum", "angle", "x"))
+    assert nearest("PLANAR_DATM", known) == "planarDatum"
+    assert nearest("colour", known) == ""
