@@ -37,6 +37,8 @@ TYPICAL_KEYS = {"vda5050": (b'"headerId"', b'"serialNumber"'), "iso21423": (b'"t
 """What their messages have; other things have topics of this form too."""
 
 log = logging.getLogger(__name__)
+_CLIENT_LOG = log.getChild("client")
+_CLIENT_LOG.setLevel(logging.ERROR)  # it warns of each message beyond the most
 
 
 class OtherTopics(NamedTuple):
@@ -93,6 +95,7 @@ class TopicScan:
             password=secret(settings.password) if settings.password else None,
             tls_context=ssl.create_default_context(cafile=settings.ca or None) if settings.tls else None,
             max_queued_incoming_messages=MOST_MESSAGES,
+            logger=_CLIENT_LOG,
         ) as client:
             await client.subscribe([(topic_filter, 0) for topic_filter in filters(self._languages)])
             self._found = {}
