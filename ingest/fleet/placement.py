@@ -20,6 +20,7 @@ from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
 from ingest.languages.model import Rejection, Status
+from ingest.languages.rules import Oddity
 from ingest.settings import Reading
 from ingest.sizes.model_sizes import ModelSizes
 from ingest.sizes.site_sizes import site_figures
@@ -119,8 +120,11 @@ class Placement:
         robot.doubt_m = most_m if is_lost else min(status.deviation_m, most_m)
         robot.reports_within_s = status.reports_within_s
         unknown: tuple[str, ...] = () if frame.known else ("datum-unknown",)
-        if self._floors.misspells(robot.vendor, status.datum, status.path.datums):
+        if misspelling := self._floors.misspelling(robot.vendor, status.datum, status.path.datums):
             unknown += ("path-datum-unknown",)
+            reading = "the robot's own floor; give the vendor a map for it"
+            odd = Oddity("path-datum-unknown", "path", misspelling, reading, status.datum)
+            robot.odd_values.note((odd,), robot.arrival_s)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
         return (*findings, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
 

@@ -54,13 +54,13 @@ class FloorIndex:
             return self._placed.get(key) or self._add(key)
         return self.of_own(vendor, own, "")
 
-    def misspells(self, vendor: str, own: str, datums: Sequence[str]) -> bool:
-        """Whether `of_own` takes one of these datums for a spelling of the robot's own."""
+    def misspelling(self, vendor: str, own: str, datums: Sequence[str]) -> str | None:
+        """One of these datums that `of_own` takes for a spelling of the robot's own; None if there is none."""
         for datum in set(datums) - {"", own}:
             frame = self._frames.frame(vendor, datum)
             if not frame.known and frame.floor not in self._inhabited:
-                return True
-        return False
+                return datum
+        return None
 
     def _add(self, key: tuple[str, str]) -> Placed:
         vendor, datum = key

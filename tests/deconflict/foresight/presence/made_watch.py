@@ -45,12 +45,17 @@ class Watch:
         self.fleet.receive(identity(name, NOW_S + self.now_s, **fields), NOW_S + self.now_s, LINE)
 
     def say(self, name: str, x: float, y: float = 0.0, speed_mps: float = 0.0, **fields: Any) -> None:
-        """A report: the robot goes along x at that speed, for as long as it says; datum and state may be given too."""
+        """A report: the robot goes along x at that speed for `path_s`, and stands then if that ends before the horizon.
+
+        Datum and state may be given too.
+        """
         at_s = NOW_S + self.now_s
         datum, path_s = fields.pop("datum", HALL), fields.pop("path_s", 10)
         location = {"x": x, "y": y, "angle": angle(0.0), "planarDatum": datum} | fields.pop("place", {})
         if speed_mps:
-            ahead = ((at_s + second, x + speed_mps * second, y, 0.0) for second in range(1, path_s + 1))
+            ahead = [(at_s + second, x + speed_mps * second, y, 0.0) for second in range(1, path_s + 1)]
+            if path_s < 9:
+                ahead.append((at_s + path_s + 1, *ahead[-1][1:]))
             fields = {"path": points(*ahead)} | fields
         self.fleet.receive(status(name, at_s, location=location, **fields), at_s, LINE)
 

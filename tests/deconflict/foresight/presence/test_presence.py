@@ -82,7 +82,7 @@ def test_robots_with_short_radio_losses_stay_present() -> None:
     for number in range(12):
         watch.drive(f"R{number}", 3.0 * number, seconds=3)
         watch.wait(10.0 + 4.0 * number)
-        watch.say(f"R{number}", 3.0 * number + min(3.0 + watch.now_s, 13.0))
+        watch.say(f"R{number}", 3.0 * number + min(3.0 + watch.now_s, 13.0), operationalState="idle")
         watch.tick()
     watch.drive("A", 5.0)
     watch.wait(40.0)

@@ -18,7 +18,7 @@ from tests.helpers.iso_saying import CCS, identity, odometry, trajectory
 from tests.helpers.iso_saying import line as iso_line
 from tests.helpers.saying import HALL, angle, points, robot, status
 from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
-from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, fleet
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
 FAR = [node(0, 0.0), node(1, 2000.0)]
 LIMIT = {"physicalParameters": {"length": 1.2, "width": 0.8, "speedMax": 2.0}}
@@ -239,6 +239,8 @@ def test_a_path_under_another_spelling_of_its_datum_stays_on_the_robots_floor() 
     assert made.basis is Basis.PATH
     assert set(made.floors) == {0}
     assert counted(of, "deviations_total")["unknown", "path-datum-unknown"] == 2
+    named = [value["value"] for value in document(of, "A")["odd_values"] if value["rule"] == "path-datum-unknown"]
+    assert named == ["hall-1"]
 
 
 def test_an_order_that_comes_later_keeps_the_speed_that_was_observed() -> None:
@@ -288,10 +290,10 @@ def test_a_robot_that_turns_where_its_path_stands_goes_on_turning() -> None:
 def test_the_heading_of_a_point_of_an_iso_trajectory_is_a_turn() -> None:
     of = fleet(datums=(Datum(id=CCS, name="Hall"),))
     of.receive(identity(NOW_S), NOW_S, iso_line("identity"))
-    document = json.loads(trajectory(NOW_S, (NOW_S + 2, 0.0, 0.0), (NOW_S + 8, 0.0, 0.0)))
-    for point, yaw_rad in zip(document["localTrajectory"], (0.0, 1.2), strict=True):
+    sent = json.loads(trajectory(NOW_S, (NOW_S + 2, 0.0, 0.0), (NOW_S + 8, 0.0, 0.0)))
+    for point, yaw_rad in zip(sent["localTrajectory"], (0.0, 1.2), strict=True):
         point["orientation"] = {"yaw": yaw_rad}
-    of.receive(json.dumps(document).encode(), NOW_S, iso_line("localTrajectory"))
+    of.receive(json.dumps(sent).encode(), NOW_S, iso_line("localTrajectory"))
     of.receive(odometry(NOW_S), NOW_S, iso_line("odometry"))
     (robot,) = of.robots.values()
     assert at(robot.forecast, NOW_S + 5)[2] == pytest.approx(0.6)
