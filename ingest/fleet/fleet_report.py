@@ -13,10 +13,11 @@ from ingest.clocks import SenderClock, vendor_offset
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners import comparability
 from ingest.fleet.owners.admission import UNEXAMINED
-from ingest.fleet.owners.comparability import NotCompared, unexamined_sentence
+from ingest.fleet.owners.comparability import NotCompared, shown_by_history, unexamined_sentence
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.fleet.shown import odd_values
+from ingest.fleet.shown.odd_values import OddValue
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures import clock_changes
 from ingest.port.connection import Connection
@@ -94,7 +95,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "state": robot.state,
         "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
         "deviations": dict(sorted(robot.deviations.items())),
-        "odd_values": [value.document() for value in robot.odd_values.newest_first()],
+        "odd_values": [value.document() for value in _odd_values(fleet, robot)],
         "sizes": [*(robot.size.notes if robot.size else ()), *robot.loads.notes],
         "identity": _message(robot, robot.shared_identity.raw if robot.shared_identity else b""),
         "status": _message(robot, robot.status_raw),
@@ -128,7 +129,7 @@ def _not_read(fleet: Fleet, now_s: float) -> Iterator[tuple[str, str, str]]:
 
 def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
     """What each vendor should mend, JSON-ready: values that deviate, and robots that are compared with nobody."""
-    named = odd_values.by_vendor((robot.vendor, robot.odd_values) for robot in fleet.robots.values())
+    named = odd_values.by_vendor((robot.vendor, _odd_values(fleet, robot)) for robot in fleet.robots.values())
     robots: dict[str, list[dict[str, Any]]] = {}
     for robot, why in islice(_not_compared(fleet, now_s), MOST_SHOWN):
         shown = {"uuid": robot.uuid, "name": robot.name, "placed": robot.forecast is not None}
@@ -140,6 +141,14 @@ def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
         {"vendor": vendor, "odd_values": named.get(vendor, []), "not_compared": robots.get(vendor, [])}
         for vendor in sorted({*named, *robots})
     ]
+
+
+def _odd_values(fleet: Fleet, robot: Robot) -> list[OddValue]:
+    """The values of its messages that deviate, the newest first, then those that its history and the site show."""
+    named = robot.odd_values.newest_first()
+    rules = {value.newest.rule for value in named}
+    shown = (oddity for oddity in shown_by_history(robot, fleet.site_floors) if oddity.rule not in rules)
+    return named + [OddValue(oddity, robot.deviations[oddity.rule], robot.heard_s) for oddity in shown]
 
 
 def _message(robot: Robot, raw: bytes) -> dict[str, Any] | None:

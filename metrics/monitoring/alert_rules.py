@@ -120,6 +120,14 @@ ALERTING_RULES = (
         "minutes. They are treated as obstacles where they were last seen.",
     ),
     AlertingRule(
+        "DeconflictRobotsNotCompared",
+        f"{level('deconflict_robots_not_compared', ['vendor', 'fault'])} > 0",
+        "5m",
+        "ticket",
+        "Robots of {{ $labels.vendor }} are compared with nobody: {{ $labels.fault }}",
+        "{{ $value }} robots of {{ $labels.vendor }} are heard, and nobody is warned of them: {{ $labels.fault }}.",
+    ),
+    AlertingRule(
         "DeconflictConformanceWorsening",
         "vendor:deconflict_rejected:ratio_rate15m > 0.05 or vendor:deconflict_deviations_per_message:ratio_rate15m"
         " > 0.2 + 1.5 * avg_over_time(vendor:deconflict_deviations_per_message:ratio_rate15m[1d] offset 30m)",

@@ -115,7 +115,8 @@ def value_in_words(value: dict[str, Any]) -> str:
     """A value that deviates, as a line for whoever mends the sender. It may have the number of `robots`."""
     meant = f"; did you mean {value['nearest']}?" if value["nearest"] else ""
     robots = f" ({value['robots']} robot{'s' if value['robots'] != 1 else ''})" if "robots" in value else ""
-    return f"{value['path']} = {value['value']}, {value['reading']}{meant}{robots}"
+    reading = value["reading"].removeprefix("read as ")
+    return f"{value['path']}: sent {value['value']}, read: {reading}{meant}{robots}"
 
 
 def _finding(rule: str, count: int, languages: list[str]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Why a robot that is heard is compared with nobody, and what its vendor should send or the site file should say."""
 
-from collections.abc import Callable, Set
+import json
+from collections.abc import Callable, Iterator, Set
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
@@ -8,6 +9,7 @@ from ingest.fleet.owners.admission import REMEDY
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
 from ingest.languages.front_ends import MASSROBOTICS
+from ingest.languages.rules import MOST_LETTERS, Oddity
 from ingest.settings import Reading
 
 NEW_S = 30.0
@@ -22,11 +24,13 @@ POSITIONS = {
 }
 """What has the position, by language."""
 MAPS = {
-    MASSROBOTICS: "`location.planarDatum`",
-    "vda5050": "`agvPosition.mapId` (3.0: `mobileRobotPosition.mapId`)",
-    "iso21423": "`pose.locationPoint.ccsId`",
+    MASSROBOTICS: "location.planarDatum",
+    "vda5050": "agvPosition.mapId",
+    "iso21423": "pose.locationPoint.ccsId",
 }
-"""The key that names the map, by language."""
+"""The key that names the map, by language; in VDA 5050 3.0 it is in `mobileRobotPosition`."""
+IDENTITIES = {MASSROBOTICS: "identityReport", "vda5050": "factsheet", "iso21423": "identity"}
+"""The message that says who a robot is, by language."""
 
 NOT_READ, NO_POSITION, POSITION_STOPPED, NO_MAP, MAP_UNKNOWN, TOO_MANY_MAPS = (
     "not read",
@@ -97,7 +101,7 @@ def _without_floor(robot: Robot, site_floors: Set[str], is_alone: Callable[[Robo
     if not frame.comparable:
         return NotCompared(
             NO_MAP,
-            f"its position names no map; send {MAPS.get(robot.language, 'it')}, "
+            f"its position names no map; send `{MAPS.get(robot.language, 'its map')}`, "
             f'or give {robot.vendor} a map with datum = "" in vendors.maps of the site file',
         )
     if seen.floor == NOWHERE:
@@ -108,14 +112,32 @@ def _without_floor(robot: Robot, site_floors: Set[str], is_alone: Callable[[Robo
         )
     if frame.known or not site_floors or not is_alone(robot):
         return None
-    near = get_close_matches(frame.floor, [*site_floors], 1)
     floors = ", ".join(repr(floor) for floor in sorted(site_floors)[:MOST_NAMED])
-    meant = f"did you mean {near[0]!r}?" if near else f"those of the site file are {floors}"
+    near = _nearest(frame.floor, site_floors)
+    meant = f"did you mean {near!r}?" if near else f"those of the site file are {floors}"
     return NotCompared(
         MAP_UNKNOWN,
         f"no other robot is on its map {frame.floor!r}, which the site file does not have ({meant}); send that of "
-        f"the site in {MAPS.get(robot.language, 'its messages')}, or add the map to vendors.maps of {robot.vendor}",
+        f"the site in `{MAPS.get(robot.language, 'its messages')}`, or add the map to vendors.maps of {robot.vendor}",
     )
+
+
+def shown_by_history(robot: Robot, site_floors: Set[str]) -> Iterator[Oddity]:
+    """What no message shows by itself and is so at present: an unknown map, a clock that is off, no identity."""
+    counted, frame = robot.deviations, robot.frame
+    if "datum-unknown" in counted and frame and frame.comparable and not frame.known:
+        path, near = MAPS.get(robot.language, ""), _nearest(frame.floor, site_floors)
+        yield Oddity("datum-unknown", path, json.dumps(frame.floor)[:MOST_LETTERS], "a floor of its own", near)
+    if "clock-off" in counted and robot.clock.offset_s:
+        off_s = -robot.clock.offset_s
+        value = f"{abs(off_s):.1f} s {'ahead' if off_s > 0.0 else 'behind'}"
+        yield Oddity("clock-off", "timestamp", value, f"corrected by {robot.clock.offset_s:.1f} s")
+    if "identity-missing" in counted and robot.identity is None:
+        yield Oddity("identity-missing", IDENTITIES.get(robot.language, ""), "none", "the default size")
+
+
+def _nearest(floor: str, site_floors: Set[str]) -> str:
+    return next(iter(get_close_matches(floor, [*site_floors], 1)), "")
 
 
 def _position(robot: Robot) -> str:

@@ -33,7 +33,7 @@ from ingest.fleet.prediction.forecast_model import (
 )
 from ingest.fleet.prediction.pace import DRIVES_MPS, TURNS_RADPS, Paces, allowance
 from ingest.fleet.prediction.path_forecast import MOVING_MPS, knot_at, on_floors, route_by_path
-from ingest.fleet.prediction.plausibility import COMPARABLE_S, REGULAR_S
+from ingest.fleet.prediction.plausibility import REGULAR_S
 from ingest.fleet.prediction.way_on import (
     AWAY_M,
     SHORT_BY_S,
@@ -110,8 +110,11 @@ class _Route(NamedTuple):
         return Basis.STATIONARY, _standing(here)
 
     def _is_overruled(self) -> bool:
-        """Whether a state in which robots stand counts for less than the motion: what was long ago may be over."""
-        return not self.status.known_state or self.here.interval_s <= COMPARABLE_S
+        """Whether a state in which robots stand counts for less than the motion.
+
+        The speed must be stated: a robot that has just arrived was displaced, too.
+        """
+        return not self.status.known_state or self.status.linear_mps is not None
 
     def _navigating(self) -> tuple[Basis, Route]:
         status, here = self.status, self.here

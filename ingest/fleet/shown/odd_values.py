@@ -55,14 +55,14 @@ class OddValues:
         return [*reversed(self._by_place.values())]
 
 
-def by_vendor(robots: Iterable[tuple[str, OddValues]]) -> dict[str, list[dict[str, Any]]]:
+def by_vendor(robots: Iterable[tuple[str, list[OddValue]]]) -> dict[str, list[dict[str, Any]]]:
     """By vendor, what its robots send: as `OddValue.document`, with the number of `robots`; the most frequent first.
 
     `robots` has the vendor and the values of each robot. The value shown is the newest.
     """
     joined: dict[tuple[str, str, str], list[OddValue]] = {}
     for vendor, values in robots:
-        for value in values.newest_first():
+        for value in values:
             joined.setdefault((vendor, value.newest.rule, value.newest.path), []).append(value)
     documents: dict[str, list[dict[str, Any]]] = {}
     for (vendor, _, _), same in joined.items():

@@ -8,7 +8,7 @@ not touched by it.
 import asyncio
 import logging
 import ssl
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -37,6 +37,8 @@ TYPICAL_KEYS = {"vda5050": (b'"headerId"', b'"serialNumber"'), "iso21423": (b'"t
 """What their messages have; other things have topics of this form too."""
 
 log = logging.getLogger(__name__)
+_CLIENT_LOG = log.getChild("client")
+_CLIENT_LOG.setLevel(logging.ERROR)  # it warns of each message beyond the most
 
 
 class OtherTopics(NamedTuple):
@@ -52,17 +54,22 @@ class TopicScan:
     """Scans one broker."""
 
     def __init__(
-        self, settings: MqttSource, sources: Iterable[MqttSource], found_before: Collection[OtherTopics] = ()
+        self, settings: MqttSource, sources: Sequence[MqttSource], found_before: Collection[OtherTopics] = ()
     ) -> None:
-        """`sources` are all of the site file: what another of them hears at the same broker is heard."""
+        """`sources` are all of the site file: what another of them hears at the same broker is heard.
+
+        The first of them at a broker looks for languages, too, that none of them hears.
+        """
         self._settings = settings
-        heard = (
+        same = [each for each in sources if (each.host, each.port) == (settings.host, settings.port)]
+        spoken = {each.language for each in same}
+        unspoken = [language for language in SCANNED if language not in spoken] if settings is same[0] else []
+        self._languages = (settings.language, *unspoken)
+        self._heard = {
             _prefix(topic_filter)
-            for source in sources
-            if (source.host, source.port, source.language) == (settings.host, settings.port, settings.language)
-            for topic_filter in FRONT_ENDS[source.language].topic_filters(source.prefixes, ())
-        )
-        self._heard = [*dict.fromkeys(heard)]
+            for each in same
+            for topic_filter in FRONT_ENDS[each.language].topic_filters(each.prefixes, ())
+        }
         self._found = {other.prefix: other for other in found_before if other.prefix not in self._heard}
 
     @property
@@ -88,8 +95,9 @@ class TopicScan:
             password=secret(settings.password) if settings.password else None,
             tls_context=ssl.create_default_context(cafile=settings.ca or None) if settings.tls else None,
             max_queued_incoming_messages=MOST_MESSAGES,
+            logger=_CLIENT_LOG,
         ) as client:
-            await client.subscribe([(topic_filter, 0) for topic_filter in filters(settings.language)])
+            await client.subscribe([(topic_filter, 0) for topic_filter in filters(self._languages)])
             self._found = {}
             with suppress(TimeoutError):
                 async with asyncio.timeout(SCAN_S if seconds is None else seconds):
@@ -108,25 +116,30 @@ class TopicScan:
     def look_at(self, message: Message) -> None:
         """Take note of the message's topic if it is a robot's and is not heard."""
         topic, raw = message.topic.value, message.payload
-        prefix = _prefix(topic)
-        if prefix in self._heard or prefix in self._found or len(topic) > LONGEST_TOPIC:
+        prefix, kind = _prefix(topic), topic.rpartition("/")[2]
+        if prefix in self._heard or prefix in self._found or len(topic) > LONGEST_TOPIC or not isinstance(raw, bytes):
             return
-        if isinstance(raw, bytes) and all(key in raw for key in TYPICAL_KEYS[self._settings.language]):
-            self._found[prefix] = OtherTopics(prefix, topic, self._advice(prefix, topic))
+        for language in self._languages:
+            kinds = (end.rpartition("/")[2] for end in SCANNED[language])
+            if kind in kinds and all(key in raw for key in TYPICAL_KEYS[language]):
+                self._found[prefix] = OtherTopics(prefix, topic, self._advice(language, prefix, topic))
+                return
 
-    def _advice(self, prefix: str, topic: str) -> str:
-        standard = FRONT_ENDS[self._settings.language].standard.partition(",")[0]
-        wanted = ", ".join(f'"{each}"' for each in (*self._heard, prefix))
-        return (
-            f"the broker has topics such as {topic!r} that look like {standard} and are not heard; "
-            f"set mqtt_sources.prefixes = [{wanted}] for {self._settings.name!r} to hear them"
-        )
+    def _advice(self, language: str, prefix: str, topic: str) -> str:
+        standard = FRONT_ENDS[language].standard.partition(",")[0]
+        seen = f"the broker has topics such as {topic!r} that look like {standard} and are not heard"
+        if language == self._settings.language:
+            wanted = ", ".join(f'"{each}"' for each in (*sorted(self._heard), prefix))
+            return f"{seen}; set mqtt_sources.prefixes = [{wanted}] for {self._settings.name!r} to hear them"
+        section = f'language = "{language}" and prefixes = ["{prefix}"]'
+        return f"{seen}; add a section [[mqtt_sources]] of this broker with {section}"
 
 
 def _prefix(topic: str) -> str:
     return "/".join(topic.split("/")[:-PARTS_AFTER_PREFIX])
 
 
-def filters(language: str) -> list[str]:
-    """What a scan subscribes to: topics of the language's form, with a prefix of any few levels."""
-    return [f"{'+/' * levels}{end}" for levels in range(MOST_PREFIX_LEVELS + 1) for end in SCANNED[language]]
+def filters(languages: Iterable[str]) -> list[str]:
+    """What a scan subscribes to: topics of the languages' form, with a prefix of any few levels."""
+    ends = [end for language in languages for end in SCANNED[language]]
+    return [f"{'+/' * levels}{end}" for levels in range(MOST_PREFIX_LEVELS + 1) for end in ends]

@@ -183,7 +183,7 @@ async def test_a_situation_is_outlined_on_the_map_and_can_be_chosen_there(browse
 async def test_the_page_says_what_vendors_should_mend_and_who_is_compared_with_nobody(
     browser: "Browser", face: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    odd = {"rule": "key-unknown", "path": "location.planarDatm", "value": "3", "reading": "not read"}
+    odd = {"rule": "key-unknown", "path": "location.planarDatm", "value": "3", "reading": "not at all"}
     value = odd | {"nearest": "planarDatum", "robots": 2, "count": 5, "last_received": "2026-01-01T00:00:00Z"}
     robots = [
         {"uuid": uuid, "name": called, "reason": why, "fault": "no map", "placed": placed}
@@ -206,7 +206,7 @@ async def test_the_page_says_what_vendors_should_mend_and_who_is_compared_with_n
         assert lines == [
             "Alder A-0 is compared with nobody: its position names no map",
             "Alder A-99 is compared with nobody: no position of it has come",
-            "Alder, 2 robots: location.planarDatm = 3, not read (key-unknown); did you mean planarDatum?",
+            "Alder, 2 robots: location.planarDatm: sent 3, read: not at all (key-unknown); did you mean planarDatum?",
             "hall: set mqtt_sources.prefixes",
         ]
         assert "2 robots compared with nobody" in await text(page, "#vendors")

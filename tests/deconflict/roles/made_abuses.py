@@ -128,12 +128,9 @@ async def say_absurd_points(url: str) -> None:
 
 async def name_made_up_floors(url: str) -> None:
     async with mallory(url) as socket:
-        path = points(*((time.time() + i / 10, 1.0, 1.0, 0.0) for i in range(2 * MOST_UNKNOWN)))
-        for i, point in enumerate(path):
-            point["planarDatumUUID"] = robot(f"floor {i}")
-        here = {"x": 1.0, "y": 1.0, "planarDatum": robot("floor here")}
-        await socket.send(status("M-8", time.time(), path=path))
-        await socket.send(status("M-9", time.time(), location=here))
+        for i in range(2 * MOST_UNKNOWN):
+            here = {"x": 1.0, "y": 1.0, "planarDatum": robot(f"floor {i}")}
+            await socket.send(status("M-9", time.time() + i / 1000, location=here))
 
 
 async def send_in_crumbs(url: str) -> None:

@@ -56,8 +56,8 @@ def test_only_what_came_while_it_was_watched_is_listed() -> None:
     }
     (more,) = watched(answers([], Alder=before), answers([], Alder=after), 60.0)
     assert more.to_mend[:2] == (
-        '2 x number-as-text: agvPosition.mapId = 3, read as "3" (2 robots)',
-        '1 x key-unknown: locaton = 3, read as "3"; did you mean location? (1 robot)',
+        '2 x number-as-text: agvPosition.mapId: sent 3, read: "3" (2 robots)',
+        '1 x key-unknown: locaton: sent 3, read: "3"; did you mean location? (1 robot)',
     )
     assert more.to_mend[2].startswith("1 x stamp-stale: ")
     assert len(more.to_mend) == 3
@@ -77,7 +77,7 @@ def test_a_rejection_has_the_reason_and_the_values_of_a_kept_message() -> None:
     (alder,) = watched(answers([], Alder={}), answers([], kept, Alder=now), 60.0)
     assert alder.to_mend == (
         "5 x rejected, key-missing: send x",
-        '  agvPosition.mapId = 3, read as "3"; did you mean mapId?',
+        '  agvPosition.mapId: sent 3, read: "3"; did you mean mapId?',
     )
 
 

@@ -55,7 +55,11 @@ CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
 LOST = 'deconflict_lost_seconds_total{vendor="Acme",by="Acme",kind="queue",zone="Dock"}'
 DAY_MIN = 1440
 
+NOT_COMPARED = 'deconflict_robots_not_compared{vendor="Acme",fault="no map"}'
+
 CASES = [
+    Case("DeconflictRobotsNotCompared", 10, ACME | {"fault": "no map"}, {NOT_COMPARED: "2x10"}),
+    Case("DeconflictRobotsNotCompared", 10, None, {NOT_COMPARED: "2x3 0x10"}),
     Case("DeconflictAbsent", 10, {}, {BUSY_S: "0+1x10"}),
     Case("DeconflictAbsent", 10, None, {'deconflict_build_info{version="1"}': "1x10"}),
     Case("DeconflictRoleDown", 5, {"role": "engine"}, {'deconflict_role_up{role="engine"}': "1 0x9"}),

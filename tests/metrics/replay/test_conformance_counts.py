@@ -52,10 +52,10 @@ def test_values_that_deviate_are_listed_below_their_rule_and_robots_without_a_po
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     odd, read = (
-        Oddity("identity-missing", "location.planarDatm", "3", "not read", "planarDatum"),
+        Oddity("identity-missing", "location.planarDatm", "3", "not at all", "planarDatum"),
         MassRoboticsFrontEnd.read,
     )
-    wrong = Oddity("envelope-not-positive", "baseRobotEnvelope.x", "-1", "not read")
+    wrong = Oddity("envelope-not-positive", "baseRobotEnvelope.x", "-1", "not at all")
 
     def with_oddity(*arguments: Any) -> Any:
         message, memory = read(*arguments)
@@ -76,12 +76,14 @@ def test_values_that_deviate_are_listed_below_their_rule_and_robots_without_a_po
     (alder,) = result["conformance"]
     lines = page(result).splitlines()
     (at,) = [number for number, line in enumerate(lines) if " identity-missing " in line]
-    assert lines[at + 1].strip() == "location.planarDatm = 3, not read; did you mean planarDatum? (2 robots)"
-    assert "            baseRobotEnvelope.x = -1, not read" in lines
+    assert (
+        lines[at + 1].strip() == "location.planarDatm: sent 3, read: not at all; did you mean planarDatum? (2 robots)"
+    )
+    assert "            baseRobotEnvelope.x: sent -1, read: not at all" in lines
     assert lines[-1].startswith(
         "  Alder A-1 is compared with nobody: no position of it has come (heard: identity report)"
     )
     html = vendor_page(alder, "the standard", "log.jsonl")
-    assert "<li>location.planarDatm = 3, not read; did you mean planarDatum? (2 robots)</li>" in html
+    assert "<li>location.planarDatm: sent 3, read: not at all; did you mean planarDatum? (2 robots)</li>" in html
     assert "<h2>Compared with no other robot</h2><ul><li>Alder A-1: " in html
     assert isinstance(read(MassRoboticsFrontEnd(), messages[0][1], "", None, None)[0], Identity)

@@ -48,6 +48,7 @@ export function fillTable(body, robots, nowS, isTakenOff, notCompared) {
     const row = document.createElement("tr"), head = Object.assign(document.createElement("th"), { scope: "row", textContent: `${robot.unidentified ? "? " : ""}${robot.name}` });
     const why = notCompared.get(robot.uuid)?.reason;
     row.append(head, ...[`${stateOf(robot, isTakenOff(robot))}${why ? `; not compared: ${why}` : ""}`, `${robot.knots[1].toFixed(1)}, ${robot.knots[2].toFixed(1)}`, ago(nowS - robot.arrivalS)].map((textContent) => Object.assign(document.createElement("td"), { textContent })));
+    row.children[1].classList.toggle("why", !!why);
     return row;
   });
   const left = robots.length - rows.length;
@@ -62,7 +63,7 @@ export function fillTable(body, robots, nowS, isTakenOff, notCompared) {
 
 function unplacedRow({ name, reason }) {
   const row = document.createElement("tr"), head = Object.assign(document.createElement("th"), { scope: "row", textContent: name });
-  row.append(head, Object.assign(document.createElement("td"), { colSpan: 3, textContent: `on no floor: ${reason}` }));
+  row.append(head, Object.assign(document.createElement("td"), { colSpan: 3, className: "why", textContent: `on no floor: ${reason}` }));
   return row;
 }
 

@@ -114,7 +114,7 @@ function inWords(vendor, rate) {
 function toMend(name, { odd_values: values = [], not_compared: robots = [] }) {
   return [
     ...robots.map((robot) => `${robot.name} is compared with nobody: ${robot.reason}`),
-    ...values.map(({ rule, path, value, reading, nearest, robots: count }) => `${name}, ${plural(count, "robot")}: ${path} = ${value}, ${reading} (${rule})${nearest ? `; did you mean ${nearest}?` : ""}`),
+    ...values.map(({ rule, path, value, reading, nearest, robots: count }) => `${name}, ${plural(count, "robot")}: ${path}: sent ${value}, read: ${reading.replace(/^read as /, "")} (${rule})${nearest ? `; did you mean ${nearest}?` : ""}`),
   ];
 }
 

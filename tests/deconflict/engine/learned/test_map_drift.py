@@ -81,7 +81,10 @@ def test_the_engine_measures_the_drift_of_a_frame_by_robots_that_dock() -> None:
     for row in range(MARK_RESTS + FEWEST_RESTS):
         x_m = 1.0 if row < MARK_RESTS else 1.4
         away = points((t_s + 5, 8.0, 8.0, 0.0))
-        for message in (status("A-1", t_s, 5.0, 8.0, path=away), status("A-1", t_s + 20, x_m, 1.0)):
+        for message in (
+            status("A-1", t_s, 5.0, 8.0, path=away),
+            status("A-1", t_s + 20, x_m, 1.0, operationalState="idle"),
+        ):
             fleet.receive(message, t_s, line)
             engine.receive(fleet.next_batch(t_s))
             engine.step(t_s)
@@ -141,7 +144,7 @@ def test_the_engine_measures_since_when_a_frame_has_moved() -> None:
         away = points((t_s + 5, 8.0, 8.0, 0.0))
         for message, at_s in (
             (status("A-1", t_s, 5.0, 8.0, path=away), t_s),
-            (status("A-1", t_s + 20, x_m, 1.0), t_s + 20),
+            (status("A-1", t_s + 20, x_m, 1.0, operationalState="idle"), t_s + 20),
         ):
             fleet.receive(message, at_s, line)
             engine.receive(fleet.next_batch(at_s))

@@ -11,7 +11,7 @@ from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.settings import Model, Trailers, Vendor
+from ingest.settings import Datum, Model, Trailers, Vendor
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, status
 
 NOW_S = 1_792_000_000.0
@@ -64,16 +64,17 @@ def test_a_row_has_the_trailers_of_a_train_along_its_path() -> None:
     pulled = Trailers(count=2, length_m=1.2, width_m=0.8, hitch_m=1.5)
     fleet = fleet_of(Site(vendors=(Vendor(name="Alder", models={"A1": Model(trailers=pulled)}),)), Measures())
     fleet.receive(identity("A-1", NOW_S), NOW_S, LINE)
-    fleet.receive(status("A-1", NOW_S, 2.0, 1.0, path=points((NOW_S + 4, 6.0, 1.0, 0.0))), NOW_S, LINE)
+    fleet.receive(status("A-1", NOW_S, 2.0, 1.0, path=points((NOW_S + 10, 12.0, 1.0, 0.0))), NOW_S, LINE)
     picture = FloorFrames()
     picture.add_batch(fleet.next_batch(NOW_S), whole=True)
     (row,) = frame(picture, 0)["robots"]
     shape, (first, second) = row[12:]
     assert shape == []
-    assert (first[:2], second[2:6], second[-4:]) == ([1.2, 0.8], [0.0, -1.0, 1.0, 0.0], [4.0, 3.0, 1.0, 0.0])
+    assert (first[:2], second[2:6], second[-4:]) == ([1.2, 0.8], [0.0, -1.0, 1.0, 0.0], [10.0, 9.0, 1.0, 0.0])
 
 
-def test_the_row_ends_where_the_robot_leaves_the_floor(fleet: Fleet) -> None:
+def test_the_row_ends_where_the_robot_leaves_the_floor() -> None:
+    fleet = fleet_of(Site(datums=(Datum(id=HALL, name="Hall"), Datum(id=LOFT, name="Loft"))), Measures())
     path = points((NOW_S + 2, 1.0, 0.0, 0.0), (NOW_S + 4, 9.0, 9.0, 0.0))
     path[1]["planarDatumUUID"] = LOFT
     fleet.receive(status("A-1", NOW_S, path=path), NOW_S, LINE)

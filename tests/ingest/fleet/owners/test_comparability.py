@@ -148,10 +148,11 @@ def test_values_that_deviate_are_named_at_the_robot_and_by_vendor(monkeypatch: p
     monkeypatch.setattr(vda_front_end.VdaFrontEnd, "read", with_oddity)
     for second in range(3):
         of.receive(vda_saying.state(NOW_S + second), NOW_S + second, vda_saying.line("state"))
-    (shown,) = only(of, NOW_S + 3)["odd_values"]
+    shown = only(of, NOW_S + 3)["odd_values"][0]
     assert shown == {**odd._asdict(), "count": 3, "last_received": timestamps.write(NOW_S + 2)}
     (vendor,) = fleet_report.senders(of, NOW_S + 3)
-    assert (vendor["vendor"], vendor["odd_values"]) == (vda_saying.MAKER, [{**shown, "robots": 1}])
+    assert vendor["vendor"] == vda_saying.MAKER
+    assert {**shown, "robots": 1} in vendor["odd_values"]
 
 
 def test_what_vendors_should_mend_has_the_robots_that_are_compared_with_nobody() -> None:
@@ -185,3 +186,21 @@ def test_one_message_that_is_rejected_and_those_of_nobodys_robots_are_no_fault()
     for second in range(3):
         of.receive(status("X-1", NOW_S + second, location="here"), NOW_S + second, LINE)
     assert measured(of, NOW_S + 3) == {}
+
+
+def test_what_only_history_and_the_site_show_is_named_too() -> None:
+    of, misspelt = fleet(), HALL.replace("0d6f", "0d6e")
+    place = {"x": 1.0, "y": 2.0, "angle": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}, "planarDatum": misspelt}
+    for second in range(3):
+        of.receive(status("A-1", NOW_S + second - 5.0, location=place), NOW_S + second, LINE)
+    shown = {row["rule"]: row for row in document(of, "A-1", NOW_S + 3)["odd_values"]}
+    unknown = shown["datum-unknown"]
+    assert (unknown["path"], unknown["value"], unknown["nearest"]) == ("location.planarDatum", f'"{misspelt}"', HALL)
+    assert (unknown["reading"], unknown["count"]) == ("a floor of its own", 3)
+    assert (shown["clock-off"]["value"], shown["clock-off"]["reading"]) == ("5.0 s behind", "corrected by 5.0 s")
+    assert (shown["identity-missing"]["path"], shown["identity-missing"]["reading"]) == (
+        "identityReport",
+        "the default size",
+    )
+    of.receive(identity("A-1", NOW_S + 4), NOW_S + 4, LINE)
+    assert "identity-missing" not in {row["rule"] for row in document(of, "A-1", NOW_S + 4)["odd_values"]}

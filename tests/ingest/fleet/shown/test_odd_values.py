@@ -41,7 +41,8 @@ def test_a_vendors_values_have_the_number_of_robots_and_a_newest_example() -> No
     first.note((KEY,), 2.0)
     second.note((MAP._replace(value="7"),), 3.0)
     other.note((KEY,), 4.0)
-    joined = by_vendor([("Alder", first), ("Alder", second), ("Basalt", other), ("Corvid", OddValues())])
+    rows = ("Alder", first), ("Alder", second), ("Basalt", other), ("Corvid", OddValues())
+    joined = by_vendor((vendor, values.newest_first()) for vendor, values in rows)
     assert joined.keys() == {"Alder", "Basalt"}
     shown = [(row["path"], row["value"], row["robots"], row["count"]) for row in joined["Alder"]]
     assert shown == [(MAP.path, "7", 2, 2), (KEY.path, '"hall"', 1, 1)]
@@ -52,5 +53,5 @@ def test_a_vendors_values_are_bounded() -> None:
     for number in range(10):
         values = OddValues()
         values.note(tuple(MAP._replace(path=f"a{number}.{i}") for i in range(MOST_KEPT)), 1.0)
-        robots.append(("Alder", values))
+        robots.append(("Alder", values.newest_first()))
     assert len(by_vendor(robots)["Alder"]) == MOST_OF_VENDOR

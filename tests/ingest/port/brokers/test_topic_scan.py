@@ -7,7 +7,7 @@ import pytest
 from aiomqtt import Client, Message
 
 from ingest.port.brokers import topic_scan
-from ingest.port.brokers.topic_scan import MOST_FOUND, MOST_MESSAGES, TopicScan, filters
+from ingest.port.brokers.topic_scan import MOST_FOUND, MOST_MESSAGES, OtherTopics, TopicScan, filters
 from ingest.settings import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.helpers import iso_saying
@@ -74,8 +74,26 @@ def test_topics_of_iso_21423_are_known_by_their_entity_type() -> None:
 
 
 def test_no_scan_subscribes_to_everything() -> None:
-    for language in ("vda5050", "iso21423"):
-        assert all("#" not in each and each.rsplit("/", 1)[1] != "+" for each in filters(language))
+    assert all("#" not in each and each.rsplit("/", 1)[1] != "+" for each in filters(("vda5050", "iso21423")))
+
+
+def test_robots_of_another_standard_at_the_broker_are_named_once_with_the_section_to_add() -> None:
+    settings, second = source(), source(prefixes=["x/v2"])
+    topic = f"/ISO_21423/v1/IMR/{iso_saying.ROBOT}/odometry"
+    for scan, named in ((scan_of(settings, second), True), (TopicScan(second, (settings, second)), False)):
+        scan.look_at(came(topic, iso_saying.odometry(NOW_S)))
+        assert [other.example for other in scan.found] == [topic] * named
+    (other,) = scan_of_iso(settings, topic)
+    assert 'add a section [[mqtt_sources]] of this broker with language = "iso21423"' in other.advice
+    both = scan_of(settings, source(language="iso21423"))
+    both.look_at(came(topic, iso_saying.odometry(NOW_S)))
+    assert both.found == ()
+
+
+def scan_of_iso(settings: MqttSource, topic: str) -> tuple[OtherTopics, ...]:
+    scan = scan_of(settings)
+    scan.look_at(came(topic, iso_saying.odometry(NOW_S)))
+    return scan.found
 
 
 @needs_mosquitto
