@@ -40,7 +40,8 @@ class FloorIndex:
         """The frame and floor that a vendor means by the datum of a robot's location."""
         key = vendor, datum
         placed = self._placed.get(key) or self._add(key)
-        self._inhabited.add(placed[0].floor)
+        if placed[1] != NOWHERE:
+            self._inhabited.add(placed[0].floor)
         return placed
 
     def of_own(self, vendor: str, own: str, datum: str) -> Placed:
