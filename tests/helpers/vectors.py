@@ -204,6 +204,13 @@ def _keys_and_types() -> Iterator[Vector]:
         ("key-spelling",),
         reads={"destinations.x": [3.0]},
     )
+    turned = {"qx": 0, "qy": 0, "qz": 1, "w": 0}
+    yield Vector(
+        "a pose and its quaternion by the names of the text",
+        said(location=None, pose={"x": 7, "y": 2, "pose": turned, "planar datum ID": HALL}),
+        ("key-spelling",),
+        reads={"x": 7.0, "yaw_rad": pi, "datum": HALL},
+    )
     yield Vector(
         "another case of a key", said(BatteryPercentage=81), ("key-spelling",), reads={"amounts.battery_pct": 81.0}
     )

@@ -11,13 +11,26 @@ from ingest.languages.tolerance.spelling import folded
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader, is_number
 
-NAMES_OF_THE_TEXT = {
-    "pose": "location",
-    "nextworkinglocations": "destinations",
-    "nextworkinglocation": "destinations",
-    "loadpercentagestillavailable": "loadPercentageStillAvailable",
+NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
+    "pose": ("location", "angle"),
+    "posequaternion": ("angle",),
+    "posequaternions": ("angle",),
+    "quaternion": ("angle",),
+    "qx": ("x",),
+    "qy": ("y",),
+    "qz": ("z",),
+    "qw": ("w",),
+    "planardatumid": ("planarDatum",),
+    "nextworkinglocation": ("destinations",),
+    "nextworkinglocations": ("destinations",),
+    "errorcode": ("errorCodes",),
+    "estimatedremainingruntime": ("remainingRunTime",),
+    "cargocapacityvolumelimit": ("cargoMaxVolume",),
+    "cargocapacityweightlimit": ("cargoMaxWeight",),
+    "visualthumbnailimage": ("thumbnailImage",),
+    "linktoproductdocumentation": ("productDocumentation",),
 }
-"""Names of keys in the text of the standard, folded, by those in its schema."""
+"""Names of keys in the text of the standard, folded, and those of its schema, of which an object has one."""
 TEXTS = ("timestamp", "operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
 """Required texts without which a report still says the rest."""
 
@@ -45,6 +58,4 @@ def _is_size(envelope: Any) -> bool:
 
 def meant_key(key: str, model: type[Report]) -> str:
     """The key that is meant by one which the schema spells otherwise. "" if the schema has none for it."""
-    plain = folded(key)
-    meant = object_kind(struct_of(model)).by_folded.get(plain) or NAMES_OF_THE_TEXT.get(plain, "")
-    return meant if meant in model.model_fields else ""
+    return object_kind(struct_of(model)).meant(folded(key), NAMES_OF_THE_TEXT)

@@ -1,5 +1,6 @@
 """What belongs under each key of a message, derived from the structs that decode it."""
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple, cast
 
@@ -43,6 +44,10 @@ class ObjectKind:
         self.required = frozenset(key for key, kind in self.keys.items() if kind.is_required)
         self.by_folded = {folded(key): key for key in self.keys}
         self.is_timed = not TIME_KEYS.isdisjoint(self.keys)
+
+    def meant(self, plain: str, others: Mapping[str, tuple[str, ...]]) -> str:
+        """The key that a folded one means, by its spelling or by other names. "" if it means none."""
+        return self.by_folded.get(plain) or next((key for key in others.get(plain, ()) if key in self.keys), "")
 
 
 Kind = type | Words | ObjectKind

@@ -29,10 +29,10 @@ class ValueReader:
     """Reads the values of one message, and notes what deviates."""
 
     findings: Findings
-    key_aliases: Mapping[str, str] = field(default_factory=dict)
-    """From other names of a key, folded, to its name in the schema."""
+    key_aliases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """From other names of keys, folded, to those in the schema, of which an object has one."""
     word_aliases: Mapping[str, str] = field(default_factory=dict)
-    """The same of words."""
+    """From words of no enumeration to those that are meant, both folded."""
     needed: frozenset[str] = frozenset()
     """Keys of which a likeness is noticed if they are absent."""
     counter: str = ""
@@ -76,9 +76,8 @@ class ValueReader:
         for key, value in sent.items():
             if key in kind.keys:
                 continue
-            plain = folded(key)
-            meant = kind.by_folded.get(plain) or self.key_aliases.get(plain, "")
-            if meant in kind.keys and meant not in respelt:
+            meant = kind.meant(folded(key), self.key_aliases)
+            if meant and meant not in respelt:
                 respelt[meant] = value
                 self.findings.note("key-spelling", _under(path, key), value, f"read as {meant}", meant)
                 continue
