@@ -126,11 +126,16 @@ async def say_absurd_points(url: str) -> None:
         await socket.send(status("M-7", now_s, 500.0, 160.0, path=[far, late, fine], batteryPercentage=1e308))
 
 
+BETWEEN_FLOORS_S = 0.05
+"""Of a robot only the newest status is read of those that wait."""
+
+
 async def name_made_up_floors(url: str) -> None:
     async with mallory(url) as socket:
-        for i in range(2 * MOST_UNKNOWN):
-            here = {"x": 1.0, "y": 1.0, "planarDatum": robot(f"floor {i}")}
-            await socket.send(status("M-9", time.time() + i / 1000, location=here))
+        for _ in range(2 * MOST_UNKNOWN):
+            here = {"x": 1.0, "y": 1.0, "planarDatum": robot(f"floor {time.time()}")}
+            await socket.send(status("M-9", time.time(), location=here))
+            await asyncio.sleep(BETWEEN_FLOORS_S)
 
 
 async def send_in_crumbs(url: str) -> None:

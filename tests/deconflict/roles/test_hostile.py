@@ -106,7 +106,8 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
             await asyncio.gather(*(abuse(service.robots_url) for abuse in SHED))
             await asyncio.sleep(1.0)
         assert not missing
-        doubled = await be_in_two_places(service.robots_url, lambda: first_advisory(service, "two_places", "Mallory"))
+        telling = first_advisory(service, "two_places", "Mallory", robot("M-3"))
+        doubled = await be_in_two_places(service.robots_url, lambda: telling)
         assert robot("M-3") in doubled.robots
         driving.cancel()
         robots = {row["uuid"]: row for row in (await service.get("/robots")).json()["robots"]}
@@ -130,9 +131,10 @@ def uncounted(text: str) -> set[str]:
     )
 
 
-async def first_advisory(service: Running, kind: str, vendor: str = "Alder") -> Any:
+async def first_advisory(service: Running, kind: str, vendor: str = "Alder", uuid: str = "") -> Any:
+    """The first of that kind and vendor, with that robot if one is given."""
     async with connect(f"ws://{service.face}/advisories/stream?after=0") as stream, asyncio.timeout(PATIENCE_S):
         while True:
             advisory = ADVISORY.validate_json(await stream.recv())
-            if advisory.kind == kind and vendor in advisory.vendors:
+            if advisory.kind == kind and vendor in advisory.vendors and (not uuid or uuid in advisory.robots):
                 return advisory
