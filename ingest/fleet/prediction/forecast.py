@@ -202,7 +202,9 @@ class _Route(NamedTuple):
         here, paces = self.here, self.paces
         allowed_mps = self.context.body.max_speed_mps or inf
         knots = driven_to(knot_at(here), destination, paces.of(allowance(allowed_mps)), paces.turn_radps)
-        if len(knots) > 1 and destination[0] > here.t_s:
+        if len(knots) < 2:
+            return _standing(here)
+        if destination[0] > here.t_s:
             share = (destination[0] - here.t_s) / (knots[-1][0] - here.t_s)
             knots = [(here.t_s + share * (t_s - here.t_s), x, y, yaw_rad) for t_s, x, y, yaw_rad in knots]
         knots = list(_with_headings(knots))
