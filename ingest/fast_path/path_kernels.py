@@ -46,7 +46,7 @@ LIMITS = np.dtype(
         ("regular_s", np.float64),  # `plausibility.REGULAR_S`
         ("stands_mps", np.float64),  # `plausibility.STANDS_MPS`
         ("turns_radps", np.float64),  # `pace.TURNS_RADPS`
-        ("drives_mps", np.float64),  # `pace.DRIVES_MPS`
+        ("drives_mps", np.float64),  # `assumed_motion.DRIVES_MPS`
         ("moved_m", np.float64),  # `plausibility.MOVED_M`
         ("robot_jump_m", np.float64),  # `ownership_claims.JUMP_M`
         ("robot_jump_mps", np.float64),  # `ownership_claims.JUMP_MPS`

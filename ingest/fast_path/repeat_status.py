@@ -18,10 +18,11 @@ from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
-from ingest.fleet.prediction.pace import DRIVES_MPS, TURNS_RADPS
+from ingest.fleet.prediction.pace import TURNS_RADPS
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
+from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary

@@ -31,7 +31,7 @@ from ingest.fleet.prediction.forecast_model import (
     Route,
     Sighting,
 )
-from ingest.fleet.prediction.pace import DRIVES_MPS, TURNS_RADPS, Paces, allowance
+from ingest.fleet.prediction.pace import TURNS_RADPS, Paces, allowance
 from ingest.fleet.prediction.path_forecast import MOVING_MPS, knot_at, on_floors, route_by_path
 from ingest.fleet.prediction.plausibility import REGULAR_S
 from ingest.fleet.prediction.way_on import (
@@ -42,6 +42,7 @@ from ingest.fleet.prediction.way_on import (
     end_of,
     way_on,
 )
+from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.languages.model import Status
 
 NO_LETTERS = re.compile(r"[\W_]+")

@@ -7,12 +7,10 @@ from math import atan2, hypot, inf, isnan, sqrt
 from ingest.fleet.prediction.forecast_model import Knot, Sighting
 from ingest.fleet.prediction.pace import SPEEDS_UP_MPS2, TURN, Allowance, Paces, allowance
 from ingest.frames.angles import turn_between
+from ingest.frames.assumed_motion import CORNER_RAD, LEAST_STEP_S, SPOT_M
 
-SPOT_M, LEAST_STEP_S = 1e-3, 1e-3
-"""A robot that moves less turns on the spot. Knots are at least this time apart."""
-BEND_RAD, CORNER_RAD = 0.02, 0.35
-"""Between two pieces whose directions differ by more than the first there is a bend, by more than the second a stop."""
-
+BEND_RAD = 0.02
+"""Between two pieces whose directions differ by more than this there is a bend."""
 WATCHED_S, BEYOND_M = 8.0, 1.0
 """Corners up to this far ahead are watched, to see when the robot is this far beyond them."""
 

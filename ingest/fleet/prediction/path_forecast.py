@@ -8,8 +8,9 @@ from operator import itemgetter, lt
 
 from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotBody, Route, Sighting
 from ingest.fleet.prediction.pace import Paces
-from ingest.fleet.prediction.paced_way import LEAST_STEP_S, SPOT_M, paced
+from ingest.fleet.prediction.paced_way import paced
 from ingest.frames.angles import turn_between
+from ingest.frames.assumed_motion import LEAST_STEP_S, SPOT_M
 from ingest.frames.frame_registry import Frame
 from ingest.languages.model import Path
 

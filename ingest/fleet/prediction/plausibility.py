@@ -9,8 +9,8 @@ from msgspec.structs import replace
 
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import Sighting
-from ingest.fleet.prediction.pace import DRIVES_MPS
 from ingest.frames.angles import turn_between
+from ingest.frames.assumed_motion import DRIVES_MPS
 
 MIN_GAP_S = 0.9
 """Messages of one robot closer in time than this are more than one a second, with allowance for network jitter."""

@@ -6,11 +6,12 @@ so: the path slows to a stop there, or a destination lies there.
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import atan2, ceil, cos, hypot, isfinite, pi, remainder, sin
+from math import atan2, cos, hypot, pi, sin
 from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Knot
 from ingest.frames.angles import turn_between
+from ingest.frames.assumed_motion import CORNER_RAD, LEAST_STEP_S, turn_in_parts
 
 SHORT_BY_S = 1.0
 """A path that reaches the horizon but for this time is whole."""
@@ -18,10 +19,6 @@ STOPS_MPS = 0.1
 """A path that ends slower than this ends in a stop."""
 THERE_M = 0.5
 """A robot this near to a destination is there. It drives on straight if it is this far beside its way or nearer."""
-CORNER_RAD = 0.35
-"""A robot turns on the spot where its direction changes by more than this."""
-STEP_RAD = 0.5
-"""A turn has a knot for each part of this size, since an envelope off the centre moves straight between knots."""
 TURNS_RAD = 0.1
 """A robot whose last piece is a turn of more than this is not at its stop."""
 SLOWING = 0.9
@@ -58,7 +55,7 @@ def end_of(knots: Sequence[Knot], now_mps: float, destination: Knot | None) -> E
 
 
 def _speed(before: Knot, after: Knot) -> float:
-    return hypot(after[1] - before[1], after[2] - before[2]) / max(after[0] - before[0], 1e-3)
+    return hypot(after[1] - before[1], after[2] - before[2]) / max(after[0] - before[0], LEAST_STEP_S)
 
 
 def _is_backwards(knots: Sequence[Knot]) -> bool:
@@ -103,16 +100,14 @@ def way_on(
 def _moved(knot: Knot, direction_rad: float, length_m: float, mps: float) -> Knot:
     t_s, x, y, yaw_rad = knot
     to_x, to_y = x + length_m * cos(direction_rad), y + length_m * sin(direction_rad)
-    return t_s + max(length_m / mps, 1e-3), to_x, to_y, yaw_rad
+    return t_s + max(length_m / mps, LEAST_STEP_S), to_x, to_y, yaw_rad
 
 
 def turned(knot: Knot, to_rad: float, turn_radps: float) -> list[Knot]:
     """The knots of a robot that turns on the spot after `knot`, one for each part of a turn."""
     t_s, x, y, from_rad = knot
-    turn_rad = turn_between(from_rad, to_rad)
-    steps = ceil(abs(turn_rad) / STEP_RAD) if isfinite(turn_rad) else 0
-    parts = [step / steps * turn_rad for step in range(1, steps + 1)]
-    return [(t_s + max(abs(part) / turn_radps, 1e-3), x, y, remainder(from_rad + part, 2 * pi)) for part in parts]
+    parts = turn_in_parts(from_rad, to_rad)
+    return [(t_s + max(turn_rad / turn_radps, LEAST_STEP_S), x, y, yaw_rad) for turn_rad, yaw_rad in parts]
 
 
 def driven_to(here: Knot, destination: Knot, mps: float, turn_radps: float) -> list[Knot]:
@@ -124,7 +119,7 @@ def driven_to(here: Knot, destination: Knot, mps: float, turn_radps: float) -> l
         direction_rad = atan2(dy, dx)
         if abs(turn_between(here[3], direction_rad)) > CORNER_RAD:
             knots += turned(here, direction_rad, turn_radps)
-        t_s = knots[-1][0] + max(length_m / mps, 1e-3)
+        t_s = knots[-1][0] + max(length_m / mps, LEAST_STEP_S)
         knots.append((t_s, destination[1], destination[2], direction_rad))
     if abs(turn_between(knots[-1][3], destination[3])) > CORNER_RAD:
         knots += turned(knots[-1], destination[3], turn_radps)

@@ -4,11 +4,10 @@ from math import hypot
 
 import msgspec
 
+from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.languages.vda5050.vda_messages import StateMessage, Velocity2d
 
 MAX_SPEED_MPS = 100.0
-UNDER_WAY_MPS = 0.1
-"""A robot that is faster is under way."""
 FADES = 0.9
 """Each base end makes those before count less by this factor."""
 WITH_HORIZON, WITHOUT_HORIZON = (2.0, 1.0), (0.5, 1.5)
@@ -33,7 +32,7 @@ class BaseEnds(msgspec.Struct, frozen=True, gc=False):
 
 def is_under_way(state: StateMessage, velocity: Velocity2d | None) -> bool:
     """Whether a robot drives by its newest messages."""
-    return bool(state.driving) or speed_mps(velocity) > UNDER_WAY_MPS
+    return bool(state.driving) or speed_mps(velocity) > DRIVES_MPS
 
 
 def speed_mps(velocity: Velocity2d | None) -> float:

@@ -7,35 +7,37 @@ unreleased horizon if its bases are usually extended before it reaches their end
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import atan2, ceil, hypot, inf, isfinite, isnan, nan, pi, remainder
+from math import atan2, hypot, inf, isfinite, isnan, nan, pi, remainder
 from typing import NamedTuple
 
 import msgspec
 
 from ingest.frames.angles import turn_between
+from ingest.frames.assumed_motion import (
+    ASSUMED_MPS,
+    ASSUMED_TURN_RADPS,
+    CORNER_RAD,
+    DRIVES_MPS,
+    LEAST_STEP_S,
+    SPOT_M,
+    turn_in_parts,
+)
 from ingest.languages.model import NO_PATH, Path, Row
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.base_ends import UNDER_WAY_MPS, speed_mps
+from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
 from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, numbered_states, on_earth
 from ingest.languages.vda5050.trajectories import Polyline, polyline
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, StateMessage
 
-ASSUMED_MPS = 1.0
-"""Speed of a robot if neither its order nor its factsheet nor its motion says one."""
-ASSUMED_TURN_RADPS = 1.0
-"""Turn rate on the spot, if nothing says one."""
-CORNER_RAD = 0.35
-"""A robot turns on the spot where its direction changes by more than this."""
 LONGEST_S = 40.0
 MOST_ROWS = 150
 """A path ends when it is this long."""
-LEAST_STEP_S = 1e-3
-SPOT_M, AT_NODE_M = 1e-3, 0.1
-"""A robot that stands is at a node that is nearer than the second; further nodes are apart if it is the first."""
-TURN_RAD, PART_RAD = 0.1, 0.5
-"""A node's or an edge's orientation is taken by a turn if it differs by more than the first, in parts of the second."""
+AT_NODE_M = 0.1
+"""A robot that stands is at a node that is nearer than this."""
+TURN_RAD = 0.1
+"""A node's or an edge's orientation is taken by a turn if it differs by more than this."""
 ON_CURVE_M = 2.0
 """A robot this near to the curve of its edge drives on along it. One further off drives straight to the next node."""
 DONE = frozenset(("FINISHED", "FAILED"))
@@ -183,12 +185,12 @@ class _Walk:
         _, from_x, from_y, from_rad = self.rows[-1]
         dx, dy = x - from_x, y - from_y
         length_m, is_first = hypot(dx, dy), len(self.rows) == 1
-        if length_m < (AT_NODE_M if is_first and self._speed_mps <= UNDER_WAY_MPS else SPOT_M):
+        if length_m < (AT_NODE_M if is_first and self._speed_mps <= DRIVES_MPS else SPOT_M):
             if edge.orientation_rad is not None and edge.is_global:
                 self._turn(edge.orientation_rad, edge, TURN_RAD)
             return
         yaw_rad = self._heading(atan2(dy, dx), from_rad, edge)
-        if not (is_first and self._speed_mps > UNDER_WAY_MPS):  # under way it drives on in an arc
+        if not (is_first and self._speed_mps > DRIVES_MPS):  # under way it drives on in an arc
             self._turn(yaw_rad, edge, CORNER_RAD)
         most_mps = self._most_mps(edge)
         t_s = self.rows[-1][0] + length_m / self._assumed_mps(most_mps)
@@ -201,11 +203,9 @@ class _Walk:
         if isnan(turn_rad) or abs(turn_rad) <= least_rad:
             return
         most_radps = min(edge.max_turn_radps or inf, self._abilities.max_turn_radps or inf)
-        turn_s = abs(turn_rad) / (most_radps if isfinite(most_radps) else ASSUMED_TURN_RADPS)
-        parts = ceil(abs(turn_rad) / PART_RAD)
-        for part in range(1, parts + 1):
-            yaw_rad = remainder(from_rad + turn_rad * part / parts, 2 * pi)
-            self._add((t_s + turn_s * part / parts, x, y, yaw_rad), self.datums[-1], most_radps)
+        radps = most_radps if isfinite(most_radps) else ASSUMED_TURN_RADPS
+        for part_rad, yaw_rad in turn_in_parts(from_rad, to_rad):
+            self._add((t_s + part_rad / radps, x, y, yaw_rad), self.datums[-1], most_radps)
 
     def _add(self, row: Row, datum: str, most: float) -> None:
         self.rows.append(row)

@@ -4,11 +4,12 @@ from math import nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts, Basis
+from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.languages import timestamps
 from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
-from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, UNDER_WAY_MPS, speed_mps
+from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
@@ -106,7 +107,7 @@ def _operational_state(memory: VdaMemory, state: StateMessage, reported_mps: flo
     if (by_mode := _by_mode(state.operating_mode, is_moving)) is not None:
         return by_mode
     power = state.power_supply or state.battery_state
-    if state.driving or reported_mps > UNDER_WAY_MPS or (state.driving is None and is_moving):
+    if state.driving or reported_mps > DRIVES_MPS or (state.driving is None and is_moving):
         return "navigating"
     if power and power.charging:
         return "charging"
@@ -137,7 +138,7 @@ def _standing_state(state: StateMessage) -> str:
 
 def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
     """Whether it can't move. A robot that drives can, whatever errors, fields and unknown words it reports."""
-    if reported_mps > UNDER_WAY_MPS:
+    if reported_mps > DRIVES_MPS:
         return False
     safety = state.safety_state
     stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
