@@ -1,13 +1,16 @@
 """Timestamps as senders write them: RFC 3339, and spellings close to it."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
-from math import floor, inf, isfinite, nan
+from math import floor, inf, isfinite, isnan, nan
 
 import msgspec
+import numpy as np
+
+from ingest.languages.rules import Findings
 
 EARLIEST_S, LATEST_S = 0.0, 4102444800.0
 """1970 and 2100."""
@@ -53,6 +56,35 @@ class _Tail:
     """The fraction less the offset from UTC."""
     resolution_s: float
     findings: tuple[str, ...]
+
+
+def point_time_s(text: str, path: str, findings: Findings) -> float:
+    """The time of a point; nan, which is noted, if there is none that can be read."""
+    stamp = parse(text)
+    if stamp is None or not plausible(stamp.t_s):
+        findings.note("point-time-unreadable", path, text, "between its neighbours")
+        return nan
+    if stamp.findings:
+        findings.update(dict.fromkeys(stamp.findings))
+    return stamp.t_s
+
+
+def filled(times: Sequence[float], stamp_s: float) -> list[float]:
+    """Times (p,) of points, each nan replaced by what lies between its neighbours.
+
+    `stamp_s`, that of the message, stands before the first known time. After the last there is a second for each
+    point. If no time is known, all are `stamp_s`: then the speed of the robot gives the times.
+    """
+    known = [row for row, t_s in enumerate(times) if not isnan(t_s)]
+    if len(known) == len(times):
+        return list(times)
+    if not known:
+        return [0.0 if isnan(stamp_s) else stamp_s] * len(times)
+    first, last = known[0], known[-1]
+    rows = [-1, *known, len(times)]
+    before_s = min(stamp_s, times[first]) if not isnan(stamp_s) else times[first] - first - 1
+    marks_s = [before_s, *(times[row] for row in known), times[last] + len(times) - last]
+    return np.interp(range(len(times)), rows, marks_s).tolist()
 
 
 def parse(text: str) -> Stamp | None:

@@ -43,7 +43,7 @@ def waypoint(eta: str, x: float = 1.0) -> dict[str, Any]:
     return {"x": x, "y": 0.0, "eta": eta}
 
 
-def planned(*waypoints: dict[str, Any]) -> bytes:
+def planned(*waypoints: dict[str, Any] | str) -> bytes:
     return state_3(T, intermediatePath={"polyline": list(waypoints)})
 
 
@@ -128,7 +128,8 @@ VECTORS = (
         state(T, orderId="o1", driving=True, nodeStates=node_states([node(1, 0.0)])),
         ("order-unseen", "node-without-place"),
     ),
-    VdaVector("state", planned(waypoint("soon"), waypoint(LATER)), ("point-unreadable",)),
+    VdaVector("state", planned(waypoint("soon"), waypoint(LATER)), ("point-time-unreadable",)),
+    VdaVector("state", planned("left", waypoint(LATER)), ("point-unreadable",)),
     VdaVector("state", planned(waypoint(LATER, 2e7)), ("point-absurd",)),
     VdaVector("state", planned(waypoint("2026-09-21T14:13:20Z")), ("path-past",)),
     VdaVector("state", planned(waypoint(LATER), waypoint("2026-09-21T14:13:23Z")), ("path-unordered",)),

@@ -391,13 +391,14 @@ def _where_to() -> Iterator[Vector]:
     yield going("times from nought", "path-times-1970", along=every([0.0, 1.0, 2.0]), times=[0.0, 1.0, 2.0])
     yield going("one time for all", "path-times-equal", along=every([T + 1, T + 1]), times=[T + 1, T + 1])
     yield going("back and forth", "path-unordered", along=every([T + 2, T + 1]), times=[T + 2, T + 1])
-    broken = [at(T + 1, timestamp="soon"), at(T + 2, y=None), "left", at(T + 3)]
+    broken = [at(T + 2, y=None), "left", at(T + 3)]
     yield going("points that can't be read", "point-unreadable", along=broken, times=[T + 3])
+    untimed = [at(T + 1), at(T + 2, timestamp="soon"), at(T + 3), at(T + 4, timestamp="9999-12-31T23:59:60Z")]
+    counted = [T + 1, T + 2, T + 3, T + 4]
+    yield going("points whose times can't be read", "point-time-unreadable", along=untimed, times=counted)
     wild = [
         at(T + 1),
         at(T + 2, x=1e308),
-        at(T + 3, timestamp="9999-12-31T23:59:60Z"),
-        at(T + 4, timestamp="0001-01-01T00:00:00+14:00"),
     ]
     yield going("points off the map", "point-absurd", along=wild, times=[T + 1])
     yield Vector("no points", said(path=[], destinations=[]), reads={"path.t_s": [], "destinations.t_s": []})

@@ -193,10 +193,10 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
     """The memory after a message without pose and size."""
     match message:
         case TrajectoryMessage():
-            path = path_of(message.local_trajectory or [], "localTrajectory", findings)
+            path = path_of(message.local_trajectory or [], "localTrajectory", stamp.t_s, findings)
             return replace(memory, path=path, path_stamp_s=time_of(stamp, path))
         case PlanMessage():
-            return replace(memory, plan=path_of(message.global_plan or [], "globalPlan", findings))
+            return replace(memory, plan=path_of(message.global_plan or [], "globalPlan", stamp.t_s, findings))
         case StatusMessage():
             states = states_of(message.named_states or [], findings)
             if not any(state.startswith("MODE_") for state in states):

@@ -47,8 +47,8 @@ class OdometryMessage(IsoMessage, frozen=True):
 class TimedPoint(IsoObject, frozen=True):
     """A point, and when the robot expects to be there."""
 
-    timestamp: str
     location_point: LocationPoint
+    timestamp: str = ""
     orientation: Orientation | None = None
 
 

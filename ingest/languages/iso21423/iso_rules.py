@@ -78,7 +78,12 @@ _STATE = (
     _in_context("datum-too-many", "More unknown coordinate systems than are kept; compared with nothing.", "odometry"),
 )
 _WHERE_TO = (
-    Rule("point-unreadable", "The time of a point can't be read; the point is left out.", "localTrajectory"),
+    Rule("point-unreadable", "A point has no place that can be read; the point is left out.", "localTrajectory"),
+    Rule(
+        "point-time-unreadable",
+        "A point's time is missing or can't be read; it is between its neighbours.",
+        "localTrajectory",
+    ),
     Rule("point-absurd", "A point lies beyond 10,000 km; left out.", "localTrajectory"),
     Rule("path-times-equal", "Points have the same time; new times by speed.", "localTrajectory"),
     Rule("path-unordered", "Points are not in the order of their times; new times by speed.", "localTrajectory"),

@@ -109,25 +109,23 @@ def states_of(sent: list[str], findings: Findings) -> tuple[str, ...]:
     return tuple(states)
 
 
-def path_of(points: list[TimedPoint], key: str, findings: Findings) -> Path:
+def path_of(points: list[TimedPoint], key: str, stamp_s: float, findings: Findings) -> Path:
     """Points under a key, with the robot's own times. A heading that is not told is the direction of travel."""
     rows: list[Row] = []
     datums: list[str] = []
     for row, point in enumerate(points[:MOST_POINTS]):
-        stamp, at = timestamps.parse(point.timestamp), point.location_point
-        if stamp is None or not timestamps.plausible(stamp.t_s):
-            findings.note("point-unreadable", f"{key}[{row}].timestamp", point.timestamp, "left out")
-        elif abs(at.x) > MAX_POSITION_M or abs(at.y) > MAX_POSITION_M:
+        at = point.location_point
+        if abs(at.x) > MAX_POSITION_M or abs(at.y) > MAX_POSITION_M:
             findings["point-absurd"] = None
         else:
             yaw_rad = point.orientation.yaw if point.orientation else None
-            rows.append((stamp.t_s, at.x, at.y, nan if yaw_rad is None else remainder(yaw_rad, 2 * pi)))
-            if stamp.findings:
-                findings.update(dict.fromkeys(stamp.findings))
+            t_s = timestamps.point_time_s(point.timestamp, f"{key}[{row}].timestamp", findings)
+            rows.append((t_s, at.x, at.y, nan if yaw_rad is None else remainder(yaw_rad, 2 * pi)))
             datums.append((at.ccs_id or "").lower())
-    times = [row[0] for row in rows]
-    if not times:
+    if not rows:
         return NO_PATH
+    times = timestamps.filled([row[0] for row in rows], stamp_s)
+    rows = [(t_s, *row[1:]) for t_s, row in zip(times, rows, strict=True)]
     in_order = all(map(lt, times, times[1:]))
     if len(set(times)) < len(times):
         findings["path-times-equal"] = None

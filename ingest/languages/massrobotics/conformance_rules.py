@@ -135,7 +135,8 @@ _WHERE_TO = (
     ),
     _in_context("path-retimed", "The path was given new times by the robot's speed.", "5.3.3"),
     _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used up to there.", "5.3.3"),
-    Rule("point-unreadable", "A point's time or position can't be read; the point is left out.", "3.3"),
+    Rule("point-unreadable", "A point has no place that can be read; the point is left out.", "3.3"),
+    Rule("point-time-unreadable", "A point's time is missing or can't be read; it is between its neighbours.", "3.3"),
     Rule("point-absurd", "A point lies beyond 10,000 km, before 1970 or after 2100; left out.", "3.3"),
 )
 

@@ -51,7 +51,8 @@ class ReportedLocation(Report):
 class PredictedLocation(ReportedLocation):
     """Where a robot will be, and when."""
 
-    timestamp: str
+    timestamp: str = ""
+    """Its schema demands it; a place without it is still a place."""
 
 
 def value_type(annotation: Any) -> tuple[type, bool]:

@@ -51,7 +51,7 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
 
 def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
     """The path in the order sent. `ingest/fleet/prediction/path_forecast.py` replaces times that can't be used."""
-    read = _read(points, findings)
+    read = _read(points, stamp_s, findings)
     return read if points is None else checked_path(read, len(points), stamp_s, findings)
 
 
@@ -98,7 +98,7 @@ def _past(last_s: float, stamp_s: float) -> str:
 
 def destinations(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
     """The destinations in the order of their times."""
-    read = _read(points, findings)
+    read = _read(points, stamp_s, findings)
     return read if points is None else checked_destinations(read, len(points), stamp_s, findings)
 
 
@@ -128,13 +128,13 @@ def check_destinations(sent: int, latest_s: float, stamp_s: float, findings: Fin
         findings["destinations-past"] = None
 
 
-def _read(points: Sequence[PredictedLocation] | None, findings: Findings) -> Path:
+def _read(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
     if not points:
         return NO_PATH
     points = points[:MOST_POINTS_USED]
     rows = _conforming_rows(points, findings)
     if rows is None:
-        rows, points = _readable_rows(points, findings)
+        rows, points = _readable_rows(points, stamp_s, findings)
     if not rows:
         return NO_PATH
     datums = _datums(points, findings)
@@ -167,21 +167,20 @@ def _conforming_rows(points: Sequence[PredictedLocation], findings: Findings) ->
 
 
 def _readable_rows(
-    points: Sequence[PredictedLocation], findings: Findings
+    points: Sequence[PredictedLocation], stamp_s: float, findings: Findings
 ) -> tuple[list[Row], Sequence[PredictedLocation]]:
     """The points that can be read, as rows (p, 4) and as sent."""
-    rows, read = [], []
-    for point in points:
-        stamp = timestamps.parse(point.timestamp)
-        if stamp is None:
-            findings["point-unreadable"] = None
-        elif not timestamps.plausible(stamp.t_s) or absurd(point.x, point.y, point.z):
+    rows: list[Row] = []
+    read = []
+    for number, point in enumerate(points):
+        if absurd(point.x, point.y, point.z):
             findings["point-absurd"] = None
-        else:
-            findings.update(dict.fromkeys(stamp.findings))
-            rows.append((stamp.t_s, point.x, point.y, yaw_rad(point.angle, findings)))
-            read.append(point)
-    return rows, read
+            continue
+        t_s = timestamps.point_time_s(point.timestamp, f"[{number}].timestamp", findings)
+        rows.append((t_s, point.x, point.y, yaw_rad(point.angle, findings)))
+        read.append(point)
+    times = timestamps.filled([row[0] for row in rows], stamp_s)
+    return [(t_s, *row[1:]) for t_s, row in zip(times, rows, strict=True)], read
 
 
 def _datums(points: Sequence[PredictedLocation], findings: Findings) -> tuple[str, ...]:

@@ -153,7 +153,7 @@ class Request(VdaObject, frozen=True):
 class Waypoint(VdaObject, frozen=True):
     x: float
     y: float
-    eta: str
+    eta: str = ""
     theta: float | None = None
 
 

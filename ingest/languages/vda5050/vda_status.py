@@ -176,20 +176,17 @@ def _loads(loads: list[Load]) -> tuple[StatedLoad, ...]:
 def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findings) -> Path:
     """The path that a robot has planned itself, with its own times."""
     rows: list[Row] = []
-    for point in sent.polyline[:MOST_WAYPOINTS] if sent else ():
-        stamp = timestamps.parse(point.eta)
-        if stamp is None or not timestamps.plausible(stamp.t_s):
-            findings["point-unreadable"] = None
-        elif abs(point.x) > MAX_POSITION_M or abs(point.y) > MAX_POSITION_M:
+    for number, point in enumerate(sent.polyline[:MOST_WAYPOINTS] if sent else ()):
+        if abs(point.x) > MAX_POSITION_M or abs(point.y) > MAX_POSITION_M:
             findings["point-absurd"] = None
         else:
             yaw_rad = nan if point.theta is None else remainder(point.theta, 2 * pi)
-            rows.append((stamp.t_s, point.x, point.y, yaw_rad))
-            if stamp.findings:
-                findings.update(dict.fromkeys(stamp.findings))
+            t_s = timestamps.point_time_s(point.eta, f"intermediatePath.polyline[{number}].eta", findings)
+            rows.append((t_s, point.x, point.y, yaw_rad))
     if not rows:
         return NO_PATH
-    times = [row[0] for row in rows]
+    times = timestamps.filled([row[0] for row in rows], stamp_s)
+    rows = [(t_s, *row[1:]) for t_s, row in zip(times, rows, strict=True)]
     if max(times) <= stamp_s:
         findings["path-past"] = None
     in_order = all(map(lt, times, times[1:]))

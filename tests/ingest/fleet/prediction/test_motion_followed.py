@@ -298,3 +298,13 @@ def test_the_heading_of_a_point_of_an_iso_trajectory_is_a_turn() -> None:
     (robot,) = of.robots.values()
     assert at(robot.forecast, NOW_S + 5)[2] == pytest.approx(0.6)
     assert at(robot.forecast, NOW_S + 9)[2] == pytest.approx(1.2)
+
+
+def test_a_destination_without_a_time_is_a_destination() -> None:
+    there = points((NOW_S, 4.0, 0.0, 0.0))
+    del there[0]["timestamp"]
+    of = fleet()
+    of.receive(status("A", NOW_S, velocity={"linear": 0.0}, destinations=there), NOW_S, LINE)
+    made = of.robots[robot("A")].forecast
+    assert at(made, NOW_S + 4)[0] == pytest.approx(4.0)
+    assert counted(of, "deviations_total")["unknown", "point-time-unreadable"] == 1
