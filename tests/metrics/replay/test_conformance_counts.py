@@ -55,7 +55,7 @@ def test_values_that_deviate_are_listed_below_their_rule_and_robots_without_a_po
         Oddity("identity-missing", "location.planarDatm", "3", "not at all", "planarDatum"),
         MassRoboticsFrontEnd.read,
     )
-    wrong = Oddity("envelope-not-positive", "baseRobotEnvelope.x", "-1", "not at all")
+    wrong = Oddity("uuid-unreadable", "uuid", '"7"', "not at all")
 
     def with_oddity(*arguments: Any) -> Any:
         message, memory = read(*arguments)
@@ -68,7 +68,7 @@ def test_values_that_deviate_are_listed_below_their_rule_and_robots_without_a_po
     monkeypatch.setattr(MassRoboticsFrontEnd, "read", with_oddity)
     messages = [(second, identity("A-1", NOW_S + second)) for second in range(0, 50, 10)]
     messages += [(n, status(name, NOW_S + n, 1.0)) for n in range(2) for name in ("A-2", "A-3")]
-    messages.append((50, identity("A-1", NOW_S, baseRobotEnvelope={"x": -1.0, "y": 1.0})))
+    messages.append((50, identity("A-1", NOW_S, uuid="7")))
     log = tmp_path / "log.jsonl"
     head = '{{"received":"{}","connection":1,"peer":"x","vendor":"Alder","message":{}}}\n'
     log.write_text("".join(head.format(timestamps.write(NOW_S + at_s), raw.decode()) for at_s, raw in messages))
@@ -79,7 +79,7 @@ def test_values_that_deviate_are_listed_below_their_rule_and_robots_without_a_po
     assert (
         lines[at + 1].strip() == "location.planarDatm: sent 3, read: not at all; did you mean planarDatum? (2 robots)"
     )
-    assert "            baseRobotEnvelope.x: sent -1, read: not at all" in lines
+    assert '            uuid: sent "7", read: not at all' in lines
     assert lines[-1].startswith(
         "  Alder A-1 is compared with nobody: no position of it has come (heard: identity report)"
     )

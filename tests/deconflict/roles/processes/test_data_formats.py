@@ -158,6 +158,7 @@ async def test_whatever_the_files_are_like_the_service_starts_warns_and_keeps_wh
     async with running(data) as service:
         driving = asyncio.create_task(drive(service.robots_url, CROSSING, 8))
         await service.until("/advisories", lambda answer: bool(answer["advisories"]))
+        await service.until("/losses", lambda answer: "total" in answer)  # the ledger is opened beside all else
         await driving
     for name, content in damaged.items():
         _assert_is_said(data / name, content, damage, caplog.text)
