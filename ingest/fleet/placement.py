@@ -3,6 +3,8 @@
 from functools import lru_cache, partial
 from math import isfinite, isinf
 
+from msgspec.structs import replace
+
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.forecast import forecast, matches, stops
@@ -108,6 +110,9 @@ class Placement:
         last = robot.seen
         robot.before = before or robot.before
         robot.seen, findings = plausibility.reconcile(before, sighting)
+        if status.is_blocked and not robot.was_blocked:  # it may be coming to a stop
+            robot.seen = replace(robot.seen, is_driving=False)
+        robot.was_blocked = status.is_blocked
         robot.pace.observe(robot.seen)
         robot.pace.kind = None
         robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen))

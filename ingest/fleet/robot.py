@@ -61,6 +61,8 @@ class Robot:
     """The newest sighting, reconciled with the one before it."""
     before: Sighting | None = None
     """The one with which that was reconciled."""
+    was_blocked: bool = False
+    """Whether it could not move, by its newest status."""
     pace: Pace = field(default_factory=Pace)
     """How fast it was seen to drive and to turn."""
     frame: Frame | None = None

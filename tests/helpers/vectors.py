@@ -59,11 +59,14 @@ def _rejections() -> Iterator[Vector]:
     def known(rule: str, name: str, raw: bytes) -> Vector:
         return rejected(rule, name, raw, uuid=robot("A-1"))
 
-    yield rejected("not-utf8", "latin-1 text", '{"robotModel": "Käfer"}'.encode("latin-1"))
+    yield rejected("not-utf8", "no text at all", b"\xff\xfe")
+    yield Vector("a text in latin-1", named(robotModel="Kaefer").replace(b"Kaefer", b"K\xe4fer"), ("text-not-utf8",))
+    cut = named(robotModel="Kaefer").replace(b"Kaefer", b"K\\ud83d")
+    yield Vector("half a letter", cut, ("text-not-utf8",))
     yield rejected("not-json", "cut short", said()[:-5], uuid=None)
     yield rejected("not-json", "nothing at all", b"")
     yield rejected("not-json", "two reports in one message", said() + said())
-    yield rejected("not-json", "half a surrogate pair", b'{"uuid": "\\ud800"}')
+    yield rejected("report-unknown", "half a surrogate pair", b'{"uuid": "\\ud800"}')
     yield rejected("too-deep", "an unclosed tower", b"[" * 100_000)
     yield rejected("too-deep", "a tower inside a report", said()[:-1] + b', "a": ' + b"[" * 300 + b"]" * 300 + b"}")
     yield rejected(

@@ -337,6 +337,15 @@ def _track_mps(track: Floats, slot: int, after_s: float) -> float:
 
 
 @inner
+def _turns_ahead(track: Floats, slot: int) -> bool:
+    """Whether a robot turns on its track, seconds of which are TURNS_RADPS apart or more."""
+    for at in range(track.shape[1] - 1):
+        if abs(_turn_between(track[slot, at, 2], track[slot, at + 1, 2])) >= TURNS_RADPS:
+            return True
+    return False
+
+
+@inner
 def _stood_since_s(history: ReportHistory, slot: int, since_s: float, forecast_mps: float) -> float:
     """Since when a robot has stood, by its last two reports and by the speed of its forecast; inf if it moves or
     turns."""
@@ -433,6 +442,7 @@ def add_reports(
         since_s = robots[slot].stood_since_s
         robots[slot].stood_since_s = _stood_since_s(history, slot, since_s, forecast_mps)
         robots[slot].leaves, robots[slot].stays = forecast_mps > GOES_MPS, forecast_mps < STILL_MPS
+        robots[slot].stays = robots[slot].stays and not _turns_ahead(history.track, slot)
         waits = robots[slot].stood_since_s < np.inf
         if waits:
             _mark_stopped(history, slot)

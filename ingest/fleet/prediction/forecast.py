@@ -100,7 +100,7 @@ class _Route(NamedTuple):
         status, here = self.status, self.here
         drives = here.is_driving and status.state != "offline"
         has_error = matches(status.error_codes, self.context.reading.blocking_errors)
-        if not status.is_blocked and (drives or not has_error):
+        if drives or not (status.is_blocked or has_error):
             if status.state == "manualOverride":
                 if here.linear_mps and not isnan(here.yaw_rad):
                     return Basis.VELOCITY, self._by_velocity()

@@ -24,6 +24,8 @@ OWN_S, USUAL_S = 30.0, 240.0
 """Motion over which the speeds of a robot, and of a model, are kept. All robots of a model share the second."""
 SPACED_S, APART_S = 0.45, 35.0
 """Sightings nearer in time show more noise than motion, those further apart do not show how a robot drives."""
+BOUNDED = 0.9
+"""A robot that drives this share of its limit is bounded by it, and drives faster where more is allowed."""
 LEAST_SHARE = 0.2
 """A robot that stops at the end of most of its paths is thought to go on this much of its speed."""
 MOST_MODELS, MOST_KINDS = 1000, 12
@@ -209,9 +211,9 @@ class Paces:
             return min(self._now_mps, most)
         if usual is not None:
             return min(usual, most)
-        if isfinite(most):
-            return most * self._share()
-        return self._now_mps or ASSUMED_MPS
+        if (like_elsewhere := self._like_elsewhere(most)) is not None:
+            return like_elsewhere
+        return most if isfinite(most) else self._now_mps or ASSUMED_MPS
 
     def note_way(self, kind: Kind) -> None:
         """It is on a way of this kind now."""
@@ -242,11 +244,16 @@ class Paces:
         """Turn rate on the spot, where none is stated."""
         return self.of(Allowance(inf, TURN))
 
-    def _share(self) -> float:
-        """The share of the allowed speed at which it drives on other ways; 1 if that is not known."""
-        shares = [
-            speeds.usual / abs(kind)
+    def _like_elsewhere(self, most: float) -> float | None:
+        """Its speed as on the fastest other ways: that speed, or that share of the limit if the limit bounded it."""
+        elsewhere = [
+            (abs(kind), speeds.usual)
             for kind, speeds in self._pace.own.items()
-            if not isinstance(kind, str) and isfinite(kind) and kind and speeds.seen_s >= OBSERVED_S
+            if not isinstance(kind, str) and speeds.seen_s >= OBSERVED_S
         ]
-        return min(max(shares), 1.0) if shares else 1.0
+        if not elsewhere:
+            return None
+        limit_mps, mps = max(elsewhere)
+        if isfinite(limit_mps) and isfinite(most) and mps >= BOUNDED * limit_mps:
+            return most * min(mps / limit_mps, 1.0)
+        return min(mps, most)

@@ -1,5 +1,6 @@
 """From the bytes of a message to a model of it, as far as its meaning is clear. Languages of brokers share it."""
 
+import re
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, cast
@@ -14,6 +15,8 @@ from ingest.languages.tolerance.null_free import null_free
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader
 
+_HALF_LETTER = re.compile(rb"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
+"""One of the two halves by which JSON writes some letters. Senders cut texts between them."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 Model = TypeVar("Model", bound=msgspec.Struct)
 _JSON_KINDS = {
@@ -99,9 +102,22 @@ def parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
     try:
         sent = from_json(raw)
     except ValueError as error:
-        raise _not_parsed(raw, str(error)) from None
+        sent = _parsed_texts(raw, error, findings)
     if not isinstance(sent, dict):
         raise RejectedError("not-object", f"JSON {_JSON_KINDS[type(sent)]}; send one JSON object a message")
+    return sent
+
+
+def _parsed_texts(raw: bytes, error: ValueError, findings: Findings) -> Any:
+    """The same of a message in whose texts some bytes are no letters. Raises `RejectedError` if that is not all."""
+    readable = _HALF_LETTER.sub(rb"\\ufffd", raw.decode(errors="replace").encode())
+    if readable == raw:
+        raise _not_parsed(raw, str(error)) from None
+    try:
+        sent = from_json(readable)
+    except ValueError:
+        raise _not_parsed(raw, str(error)) from None
+    findings["text-not-utf8"] = None
     return sent
 
 

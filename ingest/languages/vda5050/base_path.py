@@ -137,7 +137,7 @@ class _Walk:
         position, self._abilities = pose.position, memory.abilities
         yaw_rad = nan if position.theta is None else remainder(position.theta, 2 * pi)
         self.rows: list[Row] = [(pose.stamp.t_s, position.x, position.y, yaw_rad)]
-        self.datums = [(position.map_id or "").lower()]
+        self.datums = [(position.map_id or "").strip().lower()]
         self.most = [inf]
         """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
         velocity = pose.velocity
@@ -155,7 +155,7 @@ class _Walk:
 
     def along(self, edge: OrderEdge, place: NodePlace) -> None:
         """Drive along an edge to its node, and turn there as the node says."""
-        datum = (place.map_id or self.datums[-1]).lower()
+        datum = (place.map_id or self.datums[-1]).strip().lower()
         if edge.curve:
             for x, y in _curve_ahead(edge.curve, self.rows[-1]):
                 self._turn_and_drive(x, y, edge, datum)
@@ -174,7 +174,7 @@ class _Walk:
             place = legs[row].place
             if place and row >= driven:
                 t_s += hypot(place.x - x, place.y - y) / self._assumed_mps(self._most_mps(legs[row].edge))
-                x, y, datum = place.x, place.y, (place.map_id or datum).lower()
+                x, y, datum = place.x, place.y, (place.map_id or datum).strip().lower()
             if row in {last_released, last}:
                 t_s += LEAST_STEP_S
                 rows.append((t_s, x, y, nan))

@@ -13,7 +13,7 @@ from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
 from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
-from ingest.languages.vda5050.vda_memory import VdaMemory
+from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
     Load,
@@ -41,7 +41,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         return None
     position, stamp = pose.position, pose.stamp
     reported_mps = speed_mps(pose.velocity)
-    operational = _operational_state(memory, state, reported_mps)
+    operational = _operational_state(memory, state, pose)
     linear_mps, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
@@ -79,7 +79,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
 def datum_of(position: Position, findings: Findings) -> str:
     if not position.map_id:
         findings.note("map-missing", f"{position.key}.mapId", position.map_id, "compared with nothing")
-    return (position.map_id or "").lower()
+    return (position.map_id or "").strip().lower()
 
 
 def _yaw_rad(position: Position, findings: Findings) -> float:
@@ -99,8 +99,9 @@ def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | No
     return velocity.vx, velocity.omega
 
 
-def _operational_state(memory: VdaMemory, state: StateMessage, reported_mps: float) -> str:
-    """The state of the MassRobotics standard that comes nearest."""
+def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose) -> str:
+    """The state of the MassRobotics standard that comes nearest. Where nothing says it, the motion does."""
+    reported_mps = speed_mps(pose.velocity)
     if memory.connection in {"OFFLINE", "HIBERNATING"}:
         return "offline"
     is_moving = reported_mps > MOVING_MPS
@@ -111,7 +112,9 @@ def _operational_state(memory: VdaMemory, state: StateMessage, reported_mps: flo
         return "navigating"
     if power and power.charging:
         return "charging"
-    return _standing_state(state)
+    standing = _standing_state(state)
+    says_nothing = state.driving is None and pose.velocity is None
+    return "navigating" if standing == "idle" and says_nothing else standing
 
 
 def _by_mode(mode: OperatingMode | None, is_moving: bool) -> str | None:

@@ -23,7 +23,7 @@ MALLORY = {"manufacturerName": "Mallory"}
 
 
 BROKEN: dict[str, Callable[[float], bytes]] = {
-    "not-utf8": lambda _: b'{"uuid":"\xff\xfe"}',
+    "not-utf8": lambda _: b"\xff\xfe",
     "not-json": lambda _: b'{"uuid":',
     "too-deep": lambda _: b"[" * 5000 + b"]" * 5000,
     "not-object": lambda _: b'["status"]',

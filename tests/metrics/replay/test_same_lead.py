@@ -89,3 +89,25 @@ def test_crossings_at_half_the_limit_are_warned_of_as_early_as_by_paths(tmp_path
     paths_s, orders_s = map(median, leads_s)
     assert paths_s > 7.0
     assert abs(paths_s - orders_s) <= 1.0
+
+
+def turning_beside_one_that_stands() -> Iterator[tuple[float, str, bytes]]:
+    """From 12 s on a robot of 3 x 1 m turns on the spot by a quarter, at 0.3 rad/s; another one stands beside it."""
+    size = {"x": 3.0, "y": 1.0, "z": 0.3}
+    yield NOW_S, "", identity("R-1", NOW_S, baseRobotEnvelope=size)
+    yield NOW_S, "", identity("R-2", NOW_S, baseRobotEnvelope={"x": 0.6, "y": 0.6, "z": 0.3})
+
+    def yaw_rad(t_s: float) -> float:
+        return min(max(0.3 * (t_s - 12.0), 0.0), pi / 2)
+
+    for second in range(int(MEETS_S)):
+        ahead = points(*((NOW_S + second + i, 0.0, 0.0, yaw_rad(second + i)) for i in range(1, 11)))
+        still = {"linear": 0.0}
+        turns = status("R-1", NOW_S + second, 0.0, 0.0, yaw_rad(second), velocity=still, path=ahead)
+        yield NOW_S + second + 0.05, "", turns
+        stands = status("R-2", NOW_S + second, 0.0, 1.3, velocity=still, operationalState="idle")
+        yield NOW_S + second + 0.05, "", stands
+
+
+def test_a_turn_on_the_spot_beside_a_robot_that_stands_is_warned_of(tmp_path: Path) -> None:
+    assert lead_s(tmp_path / "log.jsonl", turning_beside_one_that_stands()) > 7.0

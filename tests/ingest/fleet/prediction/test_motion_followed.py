@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ingest.batch import Basis
+from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.prediction.forecast_model import Forecast, Sighting
 from ingest.fleet.prediction.pace import CORNER, Pace, Paces
@@ -308,3 +309,58 @@ def test_a_destination_without_a_time_is_a_destination() -> None:
     made = of.robots[robot("A")].forecast
     assert at(made, NOW_S + 4)[0] == pytest.approx(4.0)
     assert counted(of, "deviations_total")["unknown", "point-time-unreadable"] == 1
+
+
+@pytest.mark.parametrize("limits_mps", [(0.6, 1.0, 1.4, 1.8), (2.0, 0.8, 1.5, None)])
+def test_a_robot_of_one_pace_keeps_it_whatever_each_edge_allows(limits_mps: tuple[float | None, ...]) -> None:
+    of, nodes = hall(), [node(number, 4.0 * number) for number in range(len(limits_mps) + 1)]
+    edges = [edge(number, maxSpeed=mps) for number, mps in enumerate(limits_mps)]
+    of.receive(factsheet(NOW_S, **LIMIT), NOW_S, line("factsheet"))
+    of.receive(order(NOW_S, nodes, edges), NOW_S, line("order"))
+    for s in range(12):
+        x = 0.5 * s
+        raw = under_way(NOW_S + s, x, 0.0, nodes[int(x // 4) + 1 :], velocity={"vx": 0.5, "omega": 0.0})
+        of.receive(raw, NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 21)[0] == pytest.approx(10.5, abs=0.5)
+
+
+def test_a_robot_with_an_error_that_moves_all_the_same_keeps_its_order() -> None:
+    """It says neither its speed nor that it drives: the second report with the error shows that it goes on."""
+    of, nodes = hall(), [node(0, 0.0), node(1, 40.0)]
+    of.receive(order(NOW_S, nodes), NOW_S, line("order"))
+    bases = []
+    fatal = [{"errorType": "motor", "errorLevel": "FATAL"}]
+    for s in range(6):
+        errors = fatal if s >= 2 else []
+        raw = under_way(NOW_S + s, float(min(s, 4)), 0.0, nodes[1:], driving=False, errors=errors)
+        of.receive(raw, NOW_S + s, line("state"))
+        (robot,) = of.robots.values()
+        assert robot.forecast is not None
+        bases.append(robot.forecast.basis)
+    moves, stands = Basis.ORDER, Basis.STATIONARY
+    assert bases[2:] == [stands, moves, moves, stands]
+
+
+@pytest.mark.parametrize("every_s", [1.0, 5.0, 20.0])
+def test_a_robot_that_says_nothing_but_its_place_is_foreseen_by_its_displacement(every_s: float) -> None:
+    of = hall()
+    for count in range(3):
+        raw = vda(NOW_S + every_s * count, agvPosition=position(1.2 * every_s * count, 0.0))
+        of.receive(raw, NOW_S + every_s * count, line("state"))
+    (robot,) = of.robots.values()
+    assert robot.forecast is not None
+    assert robot.forecast.basis is Basis.VELOCITY
+    assert at(robot.forecast, NOW_S + 2 * every_s + 9)[0] == pytest.approx(1.2 * (2 * every_s + 9))
+
+
+def test_bytes_that_are_no_letters_cost_no_place_and_no_document() -> None:
+    of = hall()
+    for s in range(2):
+        raw = under_way(NOW_S + s, float(s), 0.0, FAR[1:], errors=[{"errorType": "Stoerung", "errorDescription": "oe"}])
+        of.receive(raw.replace(b"oe", b"\xf6"), NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert robot.seen is not None
+    assert robot.seen.x_m == 1.0
+    shown = fleet_report.robot_document(of, robot, NOW_S + 1)
+    assert shown["status"]["errors"][0]["errorType"] == "St\ufffdrung"
