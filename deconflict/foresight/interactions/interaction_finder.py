@@ -212,7 +212,10 @@ class InteractionFinder:
         """The slot of the robot that is nearest on the way of another one, and the way to it; (-1, inf) if there is
         none."""
         known, place, speed_mps = self.recent.places()
-        away_m = np.hypot(*(place[:, :2] - place[known == slot, :2]).T)
+        own = np.flatnonzero(known == slot)
+        if not len(own):  # it has rested since, and its reports are no longer kept
+            return -1, inf
+        away_m = np.hypot(*(place[:, :2] - place[own[0], :2]).T)
         reach_m = interaction.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + interaction.speed_mps * EARLIER_S
         sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
         moved_m = np.minimum(speed_mps, FASTEST_MPS) * (now_s - interaction.onset_s + EARLIER_S)
