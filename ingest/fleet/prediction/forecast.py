@@ -31,7 +31,7 @@ from ingest.fleet.prediction.forecast_model import (
     Route,
     Sighting,
 )
-from ingest.fleet.prediction.pace import TURNS_RADPS, Paces, allowance
+from ingest.fleet.prediction.pace import LEAST_SPEED, TURNS_RADPS, Paces, allowance
 from ingest.fleet.prediction.path_forecast import MOVING_MPS, knot_at, on_floors, route_by_path
 from ingest.fleet.prediction.plausibility import REGULAR_S
 from ingest.fleet.prediction.way_on import (
@@ -178,7 +178,7 @@ class _Route(NamedTuple):
         going = end_of(knots, abs(here.linear_mps or 0.0), destination)
         if going is None:
             return knots, floors
-        mps = min(going.mps, self.context.body.max_speed_mps or inf)
+        mps = max(min(going.mps, self.context.body.max_speed_mps or inf), LEAST_SPEED)
         if here.is_driving:
             self.paces.note_beyond(end, going.direction_rad, mps)
         mps *= self.paces.beyond_share

@@ -24,6 +24,8 @@ OWN_S, USUAL_S = 30.0, 240.0
 """Motion over which the speeds of a robot, and of a model, are kept. All robots of a model share the second."""
 SPACED_S, APART_S = 0.45, 35.0
 """Sightings nearer in time show more noise than motion, those further apart do not show how a robot drives."""
+LEAST_SPEED = 1e-3
+"""Metres or radians a second. A limit below it is none that a robot can keep."""
 BOUNDED = 0.9
 """A robot that drives this share of its limit is bounded by it, and drives faster where more is allowed."""
 LEAST_SHARE = 0.2
@@ -200,7 +202,10 @@ class Paces:
         self._now_radps = radps if radps > TURNS_RADPS and self._now_mps is None else None
 
     def of(self, allowance: Allowance) -> float:
-        """Speed, or turn rate, on a piece of its way."""
+        """Speed, or turn rate, on a piece of its way; at least `LEAST_SPEED`."""
+        return max(self._found(allowance), LEAST_SPEED)
+
+    def _found(self, allowance: Allowance) -> float:
         if (own := self._pace.seen(allowance.kind)) is not None:
             return own
         most, kind = allowance

@@ -9,8 +9,6 @@ from ingest.fleet.prediction.pace import SPEEDS_UP_MPS2, TURN, Allowance, Paces,
 from ingest.frames.angles import turn_between
 from ingest.frames.assumed_motion import CORNER_RAD, LEAST_STEP_S, SPOT_M
 
-LEAST_SPEED = 1e-3
-"""Metres or radians a second. Limits below it are no limits that a robot can keep."""
 BEND_RAD = 0.02
 """Between two pieces whose directions differ by more than this there is a bend."""
 WATCHED_S, BEYOND_M = 8.0, 1.0
@@ -29,7 +27,7 @@ def paced(points: Sequence[Knot], most: Sequence[float], here: Sighting, paces: 
     timed: list[Knot] = []
     corners = _Corners(here, paces)
     for (_, to_x, to_y, to_rad), allowed in zip(points, kinds, strict=True):
-        speed, length_m = max(paces.of(allowed), LEAST_SPEED), hypot(to_x - x, to_y - y)
+        speed, length_m = paces.of(allowed), hypot(to_x - x, to_y - y)
         if allowed.kind == TURN:
             turn_rad = abs(turn_between(yaw_rad, to_rad))
             turn_s = 0.0 if isnan(turn_rad) else turn_rad / speed

@@ -364,3 +364,16 @@ def test_bytes_that_are_no_letters_cost_no_place_and_no_document() -> None:
     assert robot.seen.x_m == 1.0
     shown = fleet_report.robot_document(of, robot, NOW_S + 1)
     assert shown["status"]["errors"][0]["errorType"] == "St\ufffdrung"
+
+
+@pytest.mark.parametrize("limit_mps", [1e-320, 1e-6])
+def test_a_limit_that_no_robot_can_keep_leaves_forecasts_finite(limit_mps: float) -> None:
+    of = hall()
+    sheet = {"physicalParameters": {"length": 1.2, "width": 0.8, "speedMax": limit_mps}}
+    of.receive(factsheet(NOW_S, **sheet), NOW_S, line("factsheet"))
+    of.receive(order(NOW_S, FAR), NOW_S, line("order"))
+    for s in range(3):
+        of.receive(under_way(NOW_S + s, 0.0, 0.0, FAR[1:]), NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert robot.forecast is not None
+    assert np.isfinite(np.array(robot.forecast.knots)).all()
