@@ -50,7 +50,7 @@ class FloorIndex:
         A datum that the site does not have and no robot was ever on is another spelling of the robot's own.
         """
         frame = self._frames.frame(vendor, datum or own)
-        if frame.known or frame.floor in self._inhabited or not datum:
+        if not (datum and self._is_nobodys(frame)):
             key = vendor, datum or own
             return self._placed.get(key) or self._add(key)
         return self.of_own(vendor, own, "")
@@ -58,10 +58,13 @@ class FloorIndex:
     def misspelling(self, vendor: str, own: str, datums: Sequence[str]) -> str | None:
         """One of these datums that `of_own` takes for a spelling of the robot's own; None if there is none."""
         for datum in set(datums) - {"", own}:
-            frame = self._frames.frame(vendor, datum)
-            if not frame.known and frame.floor not in self._inhabited:
+            if self._is_nobodys(self._frames.frame(vendor, datum)):
                 return datum
         return None
+
+    def _is_nobodys(self, frame: Frame) -> bool:
+        """Whether neither the site file nor the location of any robot has the floor of a frame."""
+        return not frame.known and frame.floor not in self._inhabited
 
     def _add(self, key: tuple[str, str]) -> Placed:
         vendor, datum = key

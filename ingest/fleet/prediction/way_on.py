@@ -92,15 +92,18 @@ def way_on(
         aside_rad = direction_rad + (pi / 2 if aside_m > 0.0 else -pi / 2)
         knots += turned(knots[-1], aside_rad + off_rad, turn_radps)
         knots.append(_moved(knots[-1], aside_rad, abs(aside_m), mps))
-    if abs(turn_between(knots[-1][3], destination[3])) > CORNER_RAD:
-        knots += turned(knots[-1], destination[3], turn_radps)
-    return knots
+    return knots + _corner(knots[-1], destination[3], turn_radps)
 
 
 def _moved(knot: Knot, direction_rad: float, length_m: float, mps: float) -> Knot:
     t_s, x, y, yaw_rad = knot
     to_x, to_y = x + length_m * cos(direction_rad), y + length_m * sin(direction_rad)
     return t_s + max(length_m / mps, LEAST_STEP_S), to_x, to_y, yaw_rad
+
+
+def _corner(knot: Knot, to_rad: float, turn_radps: float) -> list[Knot]:
+    """The knots of a robot that turns on the spot if its direction changes by more than `CORNER_RAD`."""
+    return turned(knot, to_rad, turn_radps) if abs(turn_between(knot[3], to_rad)) > CORNER_RAD else []
 
 
 def turned(knot: Knot, to_rad: float, turn_radps: float) -> list[Knot]:
@@ -117,10 +120,7 @@ def driven_to(here: Knot, destination: Knot, mps: float, turn_radps: float) -> l
     length_m = hypot(dx, dy)
     if length_m > AWAY_M:
         direction_rad = atan2(dy, dx)
-        if abs(turn_between(here[3], direction_rad)) > CORNER_RAD:
-            knots += turned(here, direction_rad, turn_radps)
+        knots += _corner(here, direction_rad, turn_radps)
         t_s = knots[-1][0] + max(length_m / mps, LEAST_STEP_S)
         knots.append((t_s, destination[1], destination[2], direction_rad))
-    if abs(turn_between(knots[-1][3], destination[3])) > CORNER_RAD:
-        knots += turned(knots[-1], destination[3], turn_radps)
-    return knots
+    return knots + _corner(knots[-1], destination[3], turn_radps)
