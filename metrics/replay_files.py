@@ -1,6 +1,7 @@
 """The files that the commands write: whether they can be written, and what a replay writes to them as it runs."""
 
 import argparse
+import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -10,8 +11,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from deconflict.advisory import AnyAdvisory
+from ingest.languages import timestamps
 
 if TYPE_CHECKING:
+    from metrics.replay.engine_output import PairProbabilities
     from metrics.replay.replay import AdvisorySink, Sinks
 
 
@@ -38,6 +41,12 @@ def add_outputs(command: argparse.ArgumentParser) -> None:
         "--situations", type=Path, metavar="OUT.jsonl", help="write the revisions of situations of the first clearance"
     )
     command.add_argument(
+        "--probabilities",
+        type=Path,
+        metavar="OUT.jsonl",
+        help="write, each second, the probability of every pair that is worth a look, of the first clearance",
+    )
+    command.add_argument(
         "--mcap", type=Path, metavar="OUT.mcap", help="write envelopes and advisories for robot viewers"
     )
 
@@ -51,6 +60,7 @@ class ReplayFiles:
     advisories: Mapping[float, Path]
     """By clearance."""
     situations: Path | None
+    probabilities: Path | None
     mcap: Path | None
 
     @classmethod
@@ -61,10 +71,10 @@ class ReplayFiles:
             advisories = {clearance_m: _of_clearance(args.advisories, clearance_m) for clearance_m in clearances_m}
             if len(advisories) == 1:
                 advisories = dict.fromkeys(advisories, args.advisories)
-        return cls(args.json, args.html, advisories, args.situations, args.mcap)
+        return cls(args.json, args.html, advisories, args.situations, args.probabilities, args.mcap)
 
     def paths(self) -> list[Path]:
-        paths = (self.json, self.html, *self.advisories.values(), self.situations, self.mcap)
+        paths = (self.json, self.html, *self.advisories.values(), self.situations, self.probabilities, self.mcap)
         return [path for path in paths if path]
 
     def sinks(self, files: ExitStack) -> "Sinks":
@@ -79,6 +89,8 @@ class ReplayFiles:
         if self.situations:
             situations = files.enter_context(_opened(self.situations, "w"))
             sinks["on_situation"] = lambda situation: situations.writelines((situation.model_dump_json(), "\n"))
+        if self.probabilities:
+            sinks["on_probabilities"] = _Probabilities(files.enter_context(_opened(self.probabilities, "w"))).add
         if self.mcap:
             from metrics.report.mcap_export import McapExport  # noqa: PLC0415 - rarely needed
 
@@ -106,6 +118,17 @@ class _Stream:
         self._seq[clearance_m] += 1
         numbered = revision.model_copy(update={"seq": self._seq[clearance_m]})
         self._lines[clearance_m].writelines((numbered.model_dump_json(), "\n"))
+
+
+class _Probabilities:
+    """Writes a line for each second: the time, and the pairs with their probabilities."""
+
+    def __init__(self, lines: IO[str]) -> None:
+        self._lines = lines
+
+    def add(self, now_s: float, probabilities: "PairProbabilities") -> None:
+        pairs = [[*pair, round(probability, 9)] for pair, probability in probabilities]
+        self._lines.writelines((json.dumps({"at": timestamps.write(now_s), "pairs": pairs}), "\n"))
 
 
 def _of_clearance(out: Path, clearance_m: float) -> Path:

@@ -33,10 +33,11 @@ def add_processes(command: argparse.ArgumentParser) -> None:
 
 
 def chosen_replay(args: argparse.Namespace, files: ExitStack) -> Replay:
-    """The replay that the options ask for. Closing `files` ends what it needs. Its errors are `LogError`."""
-    if args.scheduler is not None:
+    """The replay that the options ask for; in one process with `--probabilities`, which the others do not publish.
+    Closing `files` ends what it needs. Its errors are `LogError`."""
+    if args.scheduler is not None and not args.probabilities:
         return _on_cluster(args.scheduler, files)
-    if args.jobs > 1:
+    if args.jobs > 1 and not args.probabilities:
         return _in_processes
     from metrics.replay.replay import replay  # noqa: PLC0415 - brings kernels
 

@@ -18,7 +18,7 @@ from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.recording.log_reader import Event, LogReader
 from metrics.replay import conformance_counts
-from metrics.replay.engine_output import EngineOutput
+from metrics.replay.engine_output import EngineOutput, PairProbabilities
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
 from metrics.replay.output_situations import OutputSituations
@@ -28,6 +28,8 @@ AdvisorySink = Callable[[float, AnyAdvisory], None]
 """Called with a clearance, and a revision of its engine."""
 SituationSink = Callable[[Situation], None]
 BatchSink = Callable[[float, Batch], None]
+ProbabilitySink = Callable[[float, PairProbabilities], None]
+"""Called with the time of a pass, and the probability of every pair that is worth a look."""
 
 
 class Sinks(TypedDict, total=False):
@@ -36,6 +38,7 @@ class Sinks(TypedDict, total=False):
     on_advisory: AdvisorySink
     on_situation: SituationSink
     on_batch: BatchSink
+    on_probabilities: ProbabilitySink
 
 
 def replay(
@@ -47,13 +50,15 @@ def replay(
     on_advisory: AdvisorySink | None = None,
     on_situation: SituationSink | None = None,
     on_batch: BatchSink | None = None,
+    on_probabilities: ProbabilitySink | None = None,
     start: StartState = StartState(),  # noqa: B008 - frozen
 ) -> dict[str, Any]:
     """The scores of every clearance over the events that `reader` reads.
 
     `on_advisory` is called with each revision that the live stream would have published, in that order; their `seq`
     is 0. `on_situation` is called with each revision of a situation of the first clearance. `on_batch` is called with
-    the time and the batch of each pass. `start` is the engine's state at the start of a black box.
+    the time and the batch of each pass, `on_probabilities` once a second with those of the first clearance. `start` is
+    the engine's state at the start of a black box.
     `speed_x_real_time` is the only value that differs between two runs.
     """
     began = time.perf_counter()
@@ -71,6 +76,8 @@ def replay(
         if on_situation:
             for situation in outputs[0].situations:
                 on_situation(situation)
+        if on_probabilities and outputs[0].probabilities:
+            on_probabilities(engine_pass.now_s, outputs[0].probabilities)
     scores.finish()
     result = scores.result(passes, engines[0].measures())
     return document(result, reader, time.perf_counter() - began)

@@ -40,6 +40,7 @@ def test_a_clearance_that_is_not_a_distance_is_refused(
         ("replay", "--html"),
         ("replay", "--advisories"),
         ("replay", "--situations"),
+        ("replay", "--probabilities"),
         ("replay", "--mcap"),
         ("conform", "--json"),
     ],

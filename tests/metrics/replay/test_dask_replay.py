@@ -85,7 +85,7 @@ def test_windows_of_any_length_give_what_a_single_run_gives(
         site,
         CLEARANCES_M,
         window_s=window_s,
-        **sinks(lines, situations),
+        **sinks(lines, situations),  # type: ignore[misc]
     )
     assert (text(result), lines, situations) == alone
 

@@ -1,0 +1,48 @@
+"""The command line: `python -m benchmarks.decisions` says which decisions are others than the kept ones.
+
+It replays each log that is here by the public command, and lists each changed decision with the reason and the commit
+if it was intended. It fails if a change was not intended, or if more than 1 % of a log's decisions changed.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from benchmarks.decisions.compared import changes, commits, intended, is_kept, is_within_limit, keep, read_kept
+from benchmarks.decisions.decided import decided, scores
+from benchmarks.decisions.kept_logs import KEPT_LOGS, KeptLog
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    options = argparse.ArgumentParser(prog="python -m benchmarks.decisions", description=__doc__)
+    names = [log.name for log in KEPT_LOGS]
+    options.add_argument("--logs", nargs="+", choices=names, default=names, metavar="NAME", help=" ".join(names))
+    options.add_argument("--keep", action="store_true", help="keep the decisions of logs that have none yet")
+    args = options.parse_args(arguments)
+    as_kept = [_compared(log, keep_missing=args.keep) for log in KEPT_LOGS if log.name in args.logs]
+    return 0 if all(as_kept) else 1
+
+
+def _compared(log: KeptLog, *, keep_missing: bool) -> bool:
+    """Print what changed; whether all of it is intended and within the limit."""
+    if not (file := log.file()):
+        print(f"{log.name}: not here; set DECONFLICT_RECORDINGS")
+        return True
+    today, result = decided(file, log.site(), log.clearance_m)
+    if not is_kept(log.name):
+        if keep_missing:
+            keep(log.name, today)
+        print(f"{log.name}: {len(today)} decisions, {'kept now' if keep_missing else 'none kept'}")
+        return keep_missing
+    kept, reasons, commit_of = read_kept(log.name), intended(log.name), commits()
+    changed = changes(kept, today)
+    print(f"{log.name}: {len(changed)} of {len(kept)} decisions changed; {scores(result)}")
+    for change in changed:
+        reason = reasons.get(change.key)
+        note = f"intended, {commit_of.get(change.key, '')}: {reason}" if reason else "NOT INTENDED"
+        print(f"  {change.key}\n    kept:  {change.kept}\n    today: {change.today}\n    {note}")
+    return is_within_limit(changed, kept) and all(change.key in reasons for change in changed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
