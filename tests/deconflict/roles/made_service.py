@@ -10,6 +10,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from math import pi
+from os import devnull
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,10 @@ def free_ports(count: int) -> list[int]:
 class Served:
     """A service in processes of its own."""
 
-    def __init__(self, data: Path, site: Path | None = None) -> None:
+    def __init__(self, data: Path, site: Path | None = None, log: Path = Path(devnull)) -> None:
+        """`log` gets what the service logs."""
         self.robots_port, self.operator_port = free_ports(2)
-        self._data, self._site = data, site
+        self._data, self._site, self._log = data, site, log
         self.process: subprocess.Popen[bytes] | None = None
 
     @contextmanager
@@ -52,7 +54,7 @@ class Served:
         command = [sys.executable, "-m", "deconflict", "serve", *([str(self._site)] if self._site else [])]
         command += ["--data", str(self._data)]
         ports = ["--robots-port", str(self.robots_port), "--operator-port", str(self.operator_port)]
-        with subprocess.Popen([*command, *ports], stderr=subprocess.DEVNULL) as process:
+        with self._log.open("ab") as log, subprocess.Popen([*command, *ports], stderr=log) as process:
             try:
                 yield process.pid
             finally:
