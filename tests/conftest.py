@@ -29,6 +29,7 @@ SLOW = (
     "ingest/port",
     "ingest/recording",
     "ingest/test_kernels.py",
+    "inventory",
     "metrics/monitoring",
     "metrics/replay",
     "metrics/report",
