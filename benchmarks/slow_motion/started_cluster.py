@@ -12,7 +12,6 @@ from typing import Any
 
 from benchmarks import offer
 from benchmarks.endtoend import Usage, usage
-from deconflict.engine.load_shedding import LONGEST_TICK_S
 from deconflict.roles.processes.role_process import MEMORY
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
@@ -22,6 +21,8 @@ from ingest.settings import Datum, Vendor
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
 """None if it is not installed."""
 END_WITHIN_S = 60.0
+LOADED_TICK_S = 0.1
+"""The time between two ticks of a loaded ingest."""
 
 
 def free_port() -> int:
@@ -66,7 +67,7 @@ class StartedCluster:
                 "vendors": tuple(Vendor(name=name) for name in offer.VENDORS),
                 "receiver": DEFAULT.receiver.model_copy(update={"port": robots_port}),
                 "operator": DEFAULT.operator.model_copy(update={"port": face_port}),
-                "engine": DEFAULT.engine.model_copy(update={"tick_s": LONGEST_TICK_S}),  # as a loaded ingest makes
+                "engine": DEFAULT.engine.model_copy(update={"tick_s": LOADED_TICK_S}),  # as a loaded ingest makes
                 "cluster": self.cluster,
             }
         )

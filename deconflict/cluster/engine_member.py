@@ -34,7 +34,6 @@ from deconflict.cluster.tiles.tile_channels import reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
-from deconflict.engine.load_shedding import PassPace
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.operator.ledger.loss_ledger import ledger_entries
@@ -195,8 +194,7 @@ class EngineMember:
                 counted_s = began_s
             if site := self._current_site.changed():
                 self._apply(site)
-            tick_s = PassPace(self._site.engine.tick_s).idle_tick_s
-            await asyncio.sleep(max(tick_s - (time.monotonic() - began_s), 0.0))
+            await asyncio.sleep(max(self._site.engine.tick_s - (time.monotonic() - began_s), 0.0))
 
     def _update_document(self, tiles: Iterable[Tile], interval_s: float) -> None:
         """Set what the next heartbeats carry. `tiles` are those that this engine owned for the whole interval."""

@@ -1,18 +1,13 @@
-"""How often the engine makes a pass, and how much it does in one when it can't keep up.
-
-Passes are frequent while they are cheap. Near conflicts are never left out. Pure: the caller measures.
+"""How much the engine does in a pass when it can't keep up. Near conflicts are never left out. Pure: the caller
+measures.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
 
-LONGEST_TICK_S = 0.1
-"""Passes are this far apart while nothing arrives, and while they are expensive but not late."""
-PASS_SHARE = 0.5
-"""Shorter ticks may take this share of the time into passes. It leaves a core of two to the other roles."""
-NEW_SHARE = 0.05
-"""The weight of the newest pass in the usual duration."""
+IDLE_TICK_S = 0.25
+"""Passes are this far apart while nothing arrives."""
 LATE_PASSES = 2
 """After this many late passes in a row the next pass does less."""
 EASY_S, MOST_EASY_S = 5.0, 80.0
@@ -29,30 +24,6 @@ class Effort(IntEnum):
     """Smallest separations are accurate to 0.25 m, and never too small."""
     NEAR = 2
     """Conflicts later than `conflict.warning_s` wait, open ones stand; queues are looked at every ten seconds."""
-
-
-@dataclass(slots=True)
-class PassPace:
-    """Chooses the time between two passes by what passes usually cost."""
-
-    shortest_s: float
-    """`engine.tick_s`. Passes are never nearer."""
-    _usual_s: float = 0.0
-    """What a pass usually takes, from the making of its batch to the end of the pass."""
-
-    def add_pass(self, pass_s: float) -> None:
-        """Add how long a pass took. One that took very long counts as `LONGEST_TICK_S`."""
-        self._usual_s += NEW_SHARE * (min(pass_s, LONGEST_TICK_S) - self._usual_s)
-
-    @property
-    def tick_s(self) -> float:
-        """The time between two passes while messages arrive."""
-        return max(self.shortest_s, min(self._usual_s / PASS_SHARE, LONGEST_TICK_S))
-
-    @property
-    def idle_tick_s(self) -> float:
-        """The time between two passes while nothing arrives."""
-        return max(self.shortest_s, LONGEST_TICK_S)
 
 
 @dataclass(slots=True)

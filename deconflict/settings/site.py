@@ -75,7 +75,7 @@ USUAL_ADVICE = Advice()
 class EngineSettings(Section):
     """The pace of the engine."""
 
-    tick_s: Annotated[float, Field(ge=0.01, le=2, allow_inf_nan=False)] = 0.02
+    tick_s: Annotated[float, Field(ge=0.01, le=2, allow_inf_nan=False)] = 0.08
     """Shortest time between two passes. Passes that cost much are up to 0.1 s apart, and so are those without news."""
     deadline_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = 0.5
     """A pass that takes longer is late. If passes stay late, the engine computes less."""

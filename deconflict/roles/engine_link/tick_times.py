@@ -1,10 +1,10 @@
-"""When the engine's ticks happen: as soon as something has arrived and another pass can be paid for."""
+"""When the engine's ticks happen: as soon as something has arrived, but not within `engine.tick_s` of the last one."""
 
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 
-from deconflict.engine.load_shedding import PassPace
+from deconflict.engine.load_shedding import IDLE_TICK_S
 from ingest.recording.recorder import quantise
 
 
@@ -13,14 +13,14 @@ class TickTimes:
 
     def __init__(self, shortest_s: float, clock: Callable[[], float]) -> None:
         """`shortest_s` is the shortest time between two ticks, `clock` the service's clock."""
-        self._pace, self._clock = PassPace(shortest_s), clock
+        self._shortest_s, self._clock = shortest_s, clock
         self._tick_s = 0.0
         """The time of the last tick."""
         self._news = asyncio.Event()
 
     def use(self, shortest_s: float) -> None:
         """Use another shortest time from now on."""
-        self._pace = PassPace(shortest_s)
+        self._shortest_s = shortest_s
 
     def note_message(self) -> None:
         """A message was accepted, which the next tick is for."""
@@ -28,12 +28,10 @@ class TickTimes:
 
     async def next_s(self) -> float:
         """The time of the next tick, once it has come. Ask for it when the pass of the last tick is over."""
-        passed_s = self._clock() - self._tick_s
-        self._pace.add_pass(passed_s)
-        early_s = self._pace.tick_s - passed_s
+        early_s = self._tick_s + self._shortest_s - self._clock()
         if early_s > 0:  # even sleep(0) costs one iteration of the event loop
             await asyncio.sleep(early_s)
-        idle_s = self._tick_s + self._pace.idle_tick_s - self._clock()
+        idle_s = self._tick_s + max(self._shortest_s, IDLE_TICK_S) - self._clock()
         if idle_s > 0 and not self._news.is_set():
             with suppress(TimeoutError):
                 async with asyncio.timeout(idle_s):

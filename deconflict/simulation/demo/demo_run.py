@@ -23,7 +23,7 @@ from websockets.exceptions import ConnectionClosed
 
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisory import AdvisoryState
-from deconflict.engine.load_shedding import LONGEST_TICK_S
+from deconflict.engine.load_shedding import IDLE_TICK_S
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.processes.supervisor import Supervisor
@@ -117,7 +117,7 @@ async def _show(site: Site, runtime: Path, console: Console, floor: DemoFloor, s
                     live.update(tables(view, floor.sentence()), refresh=True)
                     await asyncio.wait({simulating}, timeout=REFRESH_S)
         await simulating
-        await asyncio.sleep(LONGEST_TICK_S)
+        await asyncio.sleep(IDLE_TICK_S)
         view.measure(json.loads(await operator.call("measures")))
     return view
 

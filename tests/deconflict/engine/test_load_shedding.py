@@ -10,11 +10,8 @@ from deconflict.engine.engine import COARSE_M, Engine
 from deconflict.engine.load_shedding import (
     EASY_S,
     LATE_PASSES,
-    LONGEST_TICK_S,
-    PASS_SHARE,
     Effort,
     LoadShedder,
-    PassPace,
 )
 from deconflict.engine.shared_advisories import REDUCED_LOOK_S
 from deconflict.settings.site import Site
@@ -75,28 +72,6 @@ def test_effort_that_proved_too_much_is_tried_again_later_each_time() -> None:
         for _ in range(LATE_PASSES):
             shedder.add_pass(LATE, now_s)
     assert waits_s == [EASY_S, 2 * EASY_S, 4 * EASY_S, 8 * EASY_S]
-
-
-def paced(*passes_s: float, shortest_s: float = 0.02) -> PassPace:
-    pace = PassPace(shortest_s)
-    for pass_s in passes_s:
-        pace.add_pass(pass_s)
-    return pace
-
-
-def test_cheap_passes_are_near_and_expensive_ones_take_their_share_of_the_time() -> None:
-    assert paced().tick_s == paced(*[0.001] * 200).tick_s == 0.02
-    assert paced(*[0.012] * 200).tick_s == pytest.approx(0.012 / PASS_SHARE, rel=1e-3)
-    assert paced(*[0.2] * 200).tick_s == LONGEST_TICK_S
-
-
-def test_one_slow_pass_hardly_changes_the_pace() -> None:
-    assert paced(*[0.004] * 200, 60.0).tick_s < LONGEST_TICK_S / 2
-
-
-def test_ticks_are_never_nearer_than_the_site_file_says() -> None:
-    assert paced(0.3, shortest_s=0.5).tick_s == paced(shortest_s=0.5).idle_tick_s == 0.5
-    assert paced(0.001).idle_tick_s == LONGEST_TICK_S
 
 
 def straight(n: int, random: np.random.Generator) -> Forecasts:
