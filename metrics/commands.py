@@ -8,7 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from deconflict.operator.blackbox.start_state import StartState, head_of, site_of, start_of
+from deconflict.operator.blackbox.start_state import site_of
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
@@ -27,7 +27,7 @@ from metrics.conformance.senders_command import add_senders
 from metrics.export.ledger_commands import add_ledger_commands
 from metrics.replay import blackbox_verify, conformance_counts
 from metrics.replay_files import LogError, ReplayFiles, add_outputs, check_outputs, create_directory, write_text
-from metrics.replay_processes import add_processes, chosen_replay
+from metrics.replay_processes import ReplayTask, add_processes, head_of_only, replayed
 from metrics.report import replay_summary
 from metrics.report.conformance_report import vendor_page
 from metrics.scoring import compare
@@ -75,11 +75,24 @@ def _add_replay(commands: Commands) -> None:
         "deconflict replay data/log --site SITE.toml --html report.html",
         "deconflict replay data/log --site SITE.toml --set clearance=0.5 --json wider.json",
         "deconflict replay --compare scores.json wider.json",
+        "deconflict replay monday tuesday --each --variant now --variant wide clearance=0.5 --json scores.json",
     )
     _add_logs(replay_command, "*")
     _add_settings(replay_command)
     replay_command.add_argument(
         "--clearance", nargs="+", type=_clearance_m, metavar="M", help="in metres; by default the site's"
+    )
+    replay_command.add_argument(
+        "--each", action="store_true", help="each LOG by itself, with a result for each, in OUT-LOG.json"
+    )
+    replay_command.add_argument(
+        "--variant",
+        action="append",
+        nargs="+",
+        default=[],
+        metavar=("NAME", "KEY=VALUE"),
+        dest="variants",
+        help="a result with these settings too, in OUT-NAME.json; give it once for each variant",
     )
     add_outputs(replay_command)
     add_processes(replay_command)
@@ -121,33 +134,55 @@ def _replay(args: argparse.Namespace) -> int:
         return 0
     if not args.logs:
         raise LogError("replay: give a LOG, or --compare A.json B.json")
-    settings, logs = _settings(args), files_of(args.logs)
-    clearances_m = list(dict.fromkeys(args.clearance or [settings.conflict.clearance_m]))
-    outputs = ReplayFiles.of(args, clearances_m)
-    check_outputs(logs, outputs.paths())
-
+    tasks = _tasks(args)
+    check_outputs(
+        [file for task in tasks for file in task.files], [path for task in tasks for path in task.outputs.paths()]
+    )
     with _kernels_compiled():
-        from metrics.replay import parallel_replay  # noqa: F401, PLC0415 - brings kernels
-        from metrics.report import html_report  # noqa: PLC0415 - brings kernels
+        from metrics.replay import replay  # noqa: F401, PLC0415 - brings kernels
+        from metrics.report import html_report  # noqa: F401, PLC0415 - brings kernels
 
-    reader = LogReader()
-    with ExitStack() as files:
-        sinks = outputs.sinks(files)
-        events = files.enter_context(_with_progress(reader, logs))
-        start = start_of(head) if (head := _head(args)) else StartState()
-        replay = chosen_replay(args, files)
-        result = replay(reader, events, settings, clearances_m, start=start, **sinks)
-    _check_order(reader, args.logs, result)
-    _check_site(args, reader)
+    with replayed(args, tasks, _with_progress) as outcomes:
+        for task, (result, reader) in zip(tasks, outcomes, strict=True):
+            _check_order(reader, task.logs, result)
+            _check_site(args, task.logs, reader)
+            _write_result(task, result, args.page)
+    return 0
+
+
+def _tasks(args: argparse.Namespace) -> list[ReplayTask]:
+    """What a replay has to do: each log with each variant. Raises `LogError`."""
+    groups = [[log] for log in args.logs] if args.each else [args.logs]
+    variants = args.variants or [[""]]
+    if len(groups) * len(variants) > 1 and not (args.json or args.html):
+        raise LogError("there is a result for each log and variant: name their files with --json or --html")
+    tasks = []
+    for logs in groups:
+        files = files_of(logs)
+        for variant, *changes in variants:
+            if not re.fullmatch(r"[\w.-]*", variant):
+                raise LogError(f"{variant!r} names no variant: give a name first, as in --variant wide clearance=0.5")
+            settings = _settings(args, logs, changes)
+            clearances_m = list(dict.fromkeys(args.clearance or [settings.conflict.clearance_m]))
+            names = ([_name_of(logs[0])] if len(groups) > 1 else []) + ([variant] if len(variants) > 1 else [])
+            outputs = ReplayFiles.of(args, clearances_m, "-".join(names))
+            tasks.append(ReplayTask(logs, files, variant, settings, clearances_m, outputs))
+    return tasks
+
+
+def _write_result(task: ReplayTask, result: dict[str, Any], page: str) -> None:
+    from metrics.report import html_report  # noqa: PLC0415 - brings kernels
+
+    outputs, settings = task.outputs, task.site
     if outputs.html:
-        title = f"{settings.name}: replay of {', '.join(log.name for log in args.logs)}"
-        write_text(outputs.html, html_report.page(result, title, settings, args.page))
+        title = f"{settings.name}: replay of {', '.join(log.name for log in task.logs)}"
+        title += f" ({task.variant})" if task.variant else ""
+        write_text(outputs.html, html_report.page(result, title, settings, page))
     if outputs.json:
         write_text(outputs.json, _text(result))
     elif not outputs.html:
         sys.stdout.write(_text(result))
     sys.stderr.write(replay_summary.summary(result, outputs.paths(), settings))
-    return 0
 
 
 def _kernels_compiled() -> AbstractContextManager[None]:
@@ -158,7 +193,7 @@ def _kernels_compiled() -> AbstractContextManager[None]:
 
 
 def _whatif(args: argparse.Namespace) -> int:
-    settings, logs = _settings(args), files_of(args.logs)
+    settings, logs = _settings(args, args.logs), files_of(args.logs)
     check_outputs(logs, [args.json] if args.json else [])
     with _kernels_compiled():
         from metrics.whatif import whatif_question  # noqa: PLC0415 - brings kernels
@@ -171,7 +206,7 @@ def _whatif(args: argparse.Namespace) -> int:
         reader = LogReader()
         with _with_progress(reader, logs) as events:
             found = whatif_question.answered(events, logs, settings, args)
-        _check_site(args, reader)
+        _check_site(args, args.logs, reader)
     if args.json:
         write_text(args.json, _text(found.document()))
     sys.stdout.writelines(f"{line}\n" for line in found.lines())
@@ -179,12 +214,12 @@ def _whatif(args: argparse.Namespace) -> int:
 
 
 def _conform(args: argparse.Namespace) -> int:
-    reader, settings, logs = LogReader(), _settings(args), files_of(args.logs)
+    reader, settings, logs = LogReader(), _settings(args, args.logs), files_of(args.logs)
     check_outputs(logs, [args.json] if args.json else [])
     with _with_progress(reader, logs) as events:
         result = conformance_counts.conform(reader, events, settings)
     _check_order(reader, args.logs, result)
-    _check_site(args, reader)
+    _check_site(args, args.logs, reader)
     sys.stdout.write(conformance_counts.page(result))
     if args.json:
         write_text(args.json, _text(result))
@@ -217,15 +252,11 @@ def _result(path: Path) -> dict[str, Any]:
     return document
 
 
-def _head(args: argparse.Namespace) -> dict[str, Any] | None:
-    """The head of the only log, if that is a black box; else None."""
-    return head_of(args.logs[0]) if len(args.logs) == 1 else None
-
-
-def _settings(args: argparse.Namespace) -> site.Site:
-    head = None if args.site else _head(args)
+def _settings(args: argparse.Namespace, logs: Sequence[Path], more_changes: Sequence[str] = ()) -> site.Site:
+    head = None if args.site else head_of_only(logs)
     settings = site_of(head) if head else site_file.load(args.site) if args.site else site.DEFAULT
-    return overrides.with_overrides(settings, args.changes) if args.changes else settings
+    changes = [*args.changes, *more_changes]
+    return overrides.with_overrides(settings, changes) if changes else settings
 
 
 def _text(result: dict[str, Any]) -> str:
@@ -262,12 +293,18 @@ def _check_order(reader: LogReader, logs: Iterable[Path], result: dict[str, Any]
             log.warning("%s, too late for most of them to be scored: sort the lines by `received`", late)
 
 
-def _check_site(args: argparse.Namespace, reader: LogReader) -> None:
+def _check_site(args: argparse.Namespace, logs: Sequence[Path], reader: LogReader) -> None:
     """Warn if the service's own log is read without a site file."""
-    if reader.own and args.site is None and not _head(args):
+    if reader.own and args.site is None and not head_of_only(logs):
         log.warning(
             "no site file is given: with --site SITE.toml its maps and places are used, as when it was recorded"
         )
+
+
+def _name_of(log: Path) -> str:
+    """The name of a log, without what says how it is stored."""
+    name = log.resolve().name
+    return name.partition(".jsonl")[0] or name
 
 
 def _named(logs: Iterable[Path]) -> str:

@@ -5,7 +5,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -64,14 +64,26 @@ class ReplayFiles:
     mcap: Path | None
 
     @classmethod
-    def of(cls, args: argparse.Namespace, clearances_m: Sequence[float]) -> "ReplayFiles":
-        """The files that the options of the command name."""
+    def of(cls, args: argparse.Namespace, clearances_m: Sequence[float], name: str = "") -> "ReplayFiles":
+        """The files that the options of the command name. `name` is that of one result of several."""
+        outputs = args.json, args.html, args.advisories, args.situations, args.probabilities, args.mcap
+        result, html, stream, situations, probabilities, mcap = (_named(out, name) if out else None for out in outputs)
         advisories: dict[float, Path] = {}
-        if args.advisories:
-            advisories = {clearance_m: _of_clearance(args.advisories, clearance_m) for clearance_m in clearances_m}
+        if stream:
+            advisories = {clearance_m: _of_clearance(stream, clearance_m) for clearance_m in clearances_m}
             if len(advisories) == 1:
-                advisories = dict.fromkeys(advisories, args.advisories)
-        return cls(args.json, args.html, advisories, args.situations, args.probabilities, args.mcap)
+                advisories = dict.fromkeys(advisories, stream)
+        return cls(result, html, advisories, situations, probabilities, mcap)
+
+    def of_part(self, clearance_m: float, *, is_first: bool) -> "ReplayFiles":
+        """The files that the replay of one of the clearances writes as it runs."""
+        advisories = {key: path for key, path in self.advisories.items() if key == clearance_m}
+        return replace(
+            self,
+            advisories=advisories,
+            situations=self.situations if is_first else None,
+            probabilities=self.probabilities if is_first else None,
+        )
 
     def paths(self) -> list[Path]:
         paths = (self.json, self.html, *self.advisories.values(), self.situations, self.probabilities, self.mcap)
@@ -133,7 +145,11 @@ class _Probabilities:
 
 def _of_clearance(out: Path, clearance_m: float) -> Path:
     """OUT-0.3.jsonl of OUT.jsonl. No two clearances have the same."""
-    return out.with_name(f"{out.stem}-{str(clearance_m).removesuffix('.0')}{out.suffix}")
+    return _named(out, str(clearance_m).removesuffix(".0"))
+
+
+def _named(out: Path, name: str) -> Path:
+    return out.with_name(f"{out.stem}-{name}{out.suffix}") if name else out
 
 
 def check_outputs(logs: Sequence[Path], outputs: Sequence[Path]) -> None:

@@ -1,26 +1,93 @@
-"""Where a replay runs: in one process, in several, or on a Dask cluster. The results are the same."""
+"""Many replays side by side, each whole in one process: on the cores of this machine, or on a Dask cluster.
+
+A task is one log with one setting. It is divided by clearances, because the decisions of an engine depend on everything
+before, but not on another engine. The parts are joined to the result that one process gives.
+"""
 
 import argparse
+import logging
 import os
-from collections.abc import Callable
-from contextlib import ExitStack
-from functools import partial
-from typing import Any
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from multiprocessing import get_context
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
-from metrics.replay_files import LogError
+from deconflict.operator.blackbox.start_state import StartState, head_of, start_of
+from deconflict.runtime.command_parsers import positive
+from deconflict.runtime.worker_process import end_with_parent
+from deconflict.settings.site import Site
+from ingest.recording.log_reader import Event, LogReader
+from ingest.security.origin_check import is_loopback
+from metrics.replay_files import LogError, ReplayFiles
 
-Replay = Callable[..., dict[str, Any]]
-"""As `metrics.replay.replay.replay`."""
+if TYPE_CHECKING:
+    from dask.distributed import Client
+
+CONNECT_TIMEOUT_S = 10.0
+DASHBOARD = ":0"
+"""Any free port, because another replay may run on the same machine. Dask serves it even without bokeh."""
+FORK = get_context("fork")
+"""Workers share the memory of the code and of its compiled kernels, and log as this process does."""
+Outcome = tuple[dict[str, Any], LogReader]
+"""The result of a replay, and the reader of its log."""
+Reading = Callable[[LogReader, Sequence[Path]], AbstractContextManager[Iterator[Event]]]
+_REPLAY = Lock()
+"""Held while a replay runs. A worker of a cluster may have several threads."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayTask:
+    """One log with one setting."""
+
+    logs: Sequence[Path]
+    """As they are named on the command line. They are replayed as one log."""
+    files: Sequence[Path]
+    """Those of the logs, by time."""
+    variant: str
+    """Name of the setting; may be empty."""
+    site: Site
+    clearances_m: Sequence[float]
+    outputs: ReplayFiles
+    beside_m: Sequence[float] = ()
+    """The clearances of the whole task, if this is a part of it."""
+    is_first: bool = True
+    """Only the first part logs which lines can't be read: they are the same for all."""
+
+    def parts(self) -> "list[ReplayTask]":
+        """A task for each clearance. A task with an MCAP file is not divided: the file has the advisories of all
+        clearances in the order of time."""
+        if self.outputs.mcap:
+            return [self]
+        return [
+            replace(
+                self,
+                clearances_m=[clearance_m],
+                outputs=self.outputs.of_part(clearance_m, is_first=number == 0),
+                beside_m=self.clearances_m,
+                is_first=number == 0,
+            )
+            for number, clearance_m in enumerate(self.clearances_m)
+        ]
 
 
 def add_processes(command: argparse.ArgumentParser) -> None:
-    """Add the options that say where a replay runs."""
+    """Add the options that say where replays run."""
     command.add_argument(
         "--jobs",
-        type=_jobs,
+        type=positive,
         default=len(os.sched_getaffinity(0)),
         metavar="N",
-        help="1: all in one process; more: reading, each engine and scoring in processes of their own "
+        help="replays at once: each log, variant and clearance is one, in a process of its own "
         "(default: the cores that this command may use)",
     )
     command.add_argument(
@@ -28,44 +95,116 @@ def add_processes(command: argparse.ArgumentParser) -> None:
         nargs="?",
         const="",
         metavar="ADDRESS",
-        help="run on a Dask cluster; without an address, on the cores of this machine",
+        help="run them on a Dask cluster, which reads and writes files under the same names; "
+        "without an address, on the cores of this machine",
     )
 
 
-def chosen_replay(args: argparse.Namespace, files: ExitStack) -> Replay:
-    """The replay that the options ask for; in one process with `--probabilities`, which the others do not publish.
-    Closing `files` ends what it needs. Its errors are `LogError`."""
-    if args.scheduler is not None and not args.probabilities:
-        return _on_cluster(args.scheduler, files)
-    if args.jobs > 1 and not args.probabilities:
-        return _in_processes
+@contextmanager
+def replayed(args: argparse.Namespace, tasks: Sequence[ReplayTask], reading: Reading) -> Iterator[Iterator[Outcome]]:
+    """The outcomes of the tasks, in their order. `reading` reads a log in this process. Raises `LogError`."""
+    parts = [task.parts() for task in tasks]
+    processes = min(args.jobs, sum(map(len, parts)))
+    if args.scheduler is None and processes == 1:
+        yield (run_task(task, reading) for task in tasks)
+        return
+    with _pool(processes) if args.scheduler is None else _cluster(args.scheduler) as executor:
+        futures = deque(executor.submit(run_task, part) for each in parts for part in each)
+        yield (_joined([futures.popleft().result() for _ in each]) for each in parts)
+
+
+def run_task(task: ReplayTask, reading: Reading = lambda reader, files: nullcontext(reader.read(files))) -> Outcome:
+    """Replay a task in this process, and write what it publishes."""
     from metrics.replay.replay import replay  # noqa: PLC0415 - brings kernels
 
-    return replay
+    start = start_of(head) if (head := head_of_only(task.logs)) else StartState()
+    reader = LogReader() if task.is_first else LogReader(logged_lines=0)
+    with _REPLAY, ExitStack() as files:
+        sinks = task.outputs.sinks(files)
+        events = files.enter_context(reading(reader, task.files))
+        result = replay(reader, events, task.site, task.clearances_m, start=start, beside_m=task.beside_m, **sinks)
+    return result, reader
 
 
-def _in_processes(*arguments: Any, **options: Any) -> dict[str, Any]:
-    from metrics.replay import parallel_replay  # noqa: PLC0415 - brings kernels
+def head_of_only(logs: Sequence[Path]) -> dict[str, Any] | None:
+    """The head of the only log, if that is a black box; else None."""
+    return head_of(logs[0]) if len(logs) == 1 else None
 
+
+def _joined(parts: Sequence[Outcome]) -> Outcome:
+    """The outcome of a task: the scores of each clearance from its own part, all else from the first."""
+    result, reader = parts[0]
+    return result | {"scores": [score for part, _ in parts for score in part["scores"]]}, reader
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[Executor]:
+    pool = ProcessPoolExecutor(jobs, FORK, _prepare_worker)
     try:
-        return parallel_replay.replay(*arguments, **options)
-    except parallel_replay.ReplayProcessError as error:
-        raise LogError(str(error)) from error
+        yield pool
+    except BrokenProcessPool as error:
+        raise LogError(
+            "a process of the replay was killed before it had a result, mostly for lack of memory: fewer --jobs need "
+            "less, and --jobs 1 runs all in one process"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
-def _on_cluster(address: str, files: ExitStack) -> Replay:
-    """The replay on a Dask cluster. Closing `files` disconnects from it."""
+def _prepare_worker() -> None:
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # whoever interrupts the command needs no traceback of each process
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
     try:
-        from metrics.replay import dask_replay  # noqa: PLC0415 - Dask is optional
+        from dask.distributed import KilledWorker  # noqa: PLC0415 - Dask is optional
     except ImportError as error:
         raise LogError(f"--scheduler needs Dask ({error}): pip install '.[dask]'") from error
     try:
-        return partial(dask_replay.replay, files.enter_context(dask_replay.cluster(address)))
-    except dask_replay.ClusterError as error:
-        raise LogError(str(error)) from error
+        with cluster(address) as client:
+            yield client.get_executor(pure=False)  # type: ignore[no-untyped-call]
+    except KilledWorker as error:
+        raise LogError(f"workers were killed, mostly for lack of memory: give each more ({error})") from error
+    except (FileNotFoundError, PermissionError) as error:
+        problem = f"a worker of the cluster can't read {error.filename} ({error.strerror})"
+        raise LogError(f"{problem}: give a path that all its machines share") from error
 
 
-def _jobs(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of processes: give 1 or more")
-    return int(text)
+@contextmanager
+def cluster(address: str) -> "Iterator[Client]":
+    """A client of the scheduler at an address. If the address is empty, starts a cluster on this machine's cores.
+    Raises `LogError`."""
+    from dask.distributed import Client, LocalCluster, Security  # noqa: PLC0415 - Dask is optional
+
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    if address:
+        _refuse_open(address)
+        try:
+            client = Client(address, timeout=CONNECT_TIMEOUT_S)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError) as error:
+            raise LogError(f"no Dask scheduler answers at {address}: start one with `dask scheduler`") from error
+        with client:
+            yield client
+        return
+    security = Security.temporary()  # type: ignore[no-untyped-call]
+    with (
+        LocalCluster(  # type: ignore[no-untyped-call]
+            threads_per_worker=1, dashboard_address=DASHBOARD, protocol="tls://", security=security
+        ) as local,
+        Client(local, security=security) as client,  # type: ignore[no-untyped-call]
+    ):
+        if find_spec("bokeh"):
+            sys.stderr.write(f"dashboard: {client.dashboard_link}\n")
+        yield client
+
+
+def _refuse_open(address: str) -> None:
+    """Raises `LogError` for a scheduler to which anybody on the network could send code to run."""
+    host = urlsplit(address if "//" in address else f"tcp://{address}").hostname or ""
+    if not (address.startswith("tls://") or is_loopback(host)):
+        raise LogError(
+            f"{address} takes code from anybody who reaches it: start scheduler and workers with certificates "
+            "(https://distributed.dask.org/en/stable/tls.html), and use tls://HOST:PORT"
+        )

@@ -65,6 +65,11 @@ def _call(sending: Connection, function: Callable[..., Any], arguments: tuple[An
 def prepare_worker() -> None:
     """Begin a worker process: it goes after live work, and ends with its parent."""
     os.nice(NICENESS)
+    end_with_parent()
+
+
+def end_with_parent() -> None:
+    """Let this worker process end as soon as its parent has ended, however that did."""
     Thread(target=_exit_with_parent, daemon=True).start()
 
 

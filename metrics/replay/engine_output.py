@@ -19,7 +19,7 @@ class EngineOutput:
     """The output of one engine at one pass."""
 
     advisories: Sequence[AnyAdvisory]
-    """Revisions of advisories; with their situations, as the live stream publishes them."""
+    """Revisions of advisories with their situations, as the live stream publishes them."""
     probabilities: PairProbabilities
     """Probability that a pair gets in each other's way. Empty except at the first pass of each second."""
     contact_probabilities: PairProbabilities

@@ -1,9 +1,12 @@
-"""The engine of one clearance, driven through the passes of a recorded log."""
+"""The engine of one clearance, and the situations over its advisories, driven through the passes of a recorded log."""
 
 import logging
 from math import floor
 
+from deconflict.advisories.situations.situation import advisories_of, situations_of
+from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.engine.engine import Engine
+from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.settings.site import Site
@@ -28,6 +31,8 @@ class EngineRun:
             burdens_s=start.burdens_s,
             learned=start.learned,
         )
+        self._situations = SituationLifecycle(PlaceNames.of(site).describe)
+        self._situations.restore((), start.open)
         for part, reason in sorted(self.engine.set_aside.items()):
             text = "the part %r of what the engine had learned is left out, so the replay may differ: %s"
             log.warning(text, part, reason)
@@ -37,22 +42,24 @@ class EngineRun:
         """The newest `EVERY_S` whose place forecast was read."""
 
     def advance(self, engine_pass: EnginePass) -> EngineOutput:
-        """Run one pass of the engine. Its advisories are in no situations yet: see `OutputSituations`."""
+        """Run one pass of the engine."""
         now_s, batch = engine_pass.now_s, engine_pass.batch
         bands_m = self._bands_m(batch)
         self.engine.receive(batch)
         advisories = self.engine.step(now_s, engine_pass.effort, engine_pass.pending, engine_pass.is_own_log)
+        published = self._situations.published(now_s, list(advisories))
         waiting = self.engine.foresight.robots_following_advice(now_s)
         measures = self.measures() if engine_pass.measures else None
         probabilities, contact_probabilities = self._probabilities(now_s)
         return EngineOutput(
-            advisories,
+            advisories_of(published),
             probabilities,
             contact_probabilities,
             bands_m,
             waiting,
             measures,
             self._place_forecast(now_s),
+            situations_of(published),
             losses=ledger_entries(self.engine.losses),
         )
 

@@ -35,8 +35,10 @@ class LogScores:
     """What happened in one log, and the scores of every clearance. The first clearance's engine gives all figures that
     do not depend on the clearance."""
 
-    def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
-        self.truth, self.interactions = EncounterFinder(clearances_m, site.conflict.clear_margin_m), Interactions()
+    def __init__(self, site: Site, clearances_m: Sequence[float], beside_m: Sequence[float] = ()) -> None:
+        """`beside_m` as in `metrics.replay.replay.replay`."""
+        self.truth = EncounterFinder([*clearances_m, *beside_m], site.conflict.clear_margin_m)
+        self.interactions = Interactions()
         self.absences = Absences(clearances_m)
         self.by_clearance = [
             ClearanceScores(clearance_m, self.truth, self.interactions, self.absences) for clearance_m in clearances_m
@@ -46,7 +48,6 @@ class LogScores:
         self.names = LogNames(floor_names={datum.id: datum.name for datum in site.datums})
         self._vendors = VendorRecords()
         self._losses: list[LedgerEntry] = []
-        self._scenes: list[NearestScene] = []
         self._loss_settings = site.losses
         self._second: int | None = None
 
@@ -75,14 +76,15 @@ class LogScores:
             self._resolve()
 
     def result(self, passes: PassReader, measures: dict[str, Any]) -> dict[str, Any]:
-        """What the log holds, and the scores of every clearance. Call it once, after `finish`.
+        """What the log holds, and the scores of every clearance. Call it once, after the last pass.
 
         `measures` are the final measures of the first clearance's engine.
         """
+        self._finish()
         self.names.first_s = passes.first_s
         scores = [scores.figures(self.names, passes.now_s) for scores in self.by_clearance]
         ece = {row["vendor"]: row["ece"] for row in scores[0]["by_vendor"]}
-        nearest = [self._scene(scene) for scene in self._scenes]
+        nearest = [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)]
         self._vendors.update(passes.now_s, (passes.measures(), measures))
         contention = self.contention.figures()
         return {
@@ -140,14 +142,12 @@ class LogScores:
         for scores in self.by_clearance:
             scores.believer.advance(now_s, fallen_silent)
 
-    def finish(self) -> None:
-        """Process what still waits for later reports. Call it once, after the last pass, in the process that added the
-        passes: each process numbers the shapes of robots by itself."""
+    def _finish(self) -> None:
+        """Process what still waits for later reports."""
         self.truth.finish()
         self.absences.finish()
         self.forecasts.finish()
         self._resolve()
-        self._scenes = self.truth.scenes.finish(self.truth.motion)
 
     def _resolve(self) -> None:
         for scores in self.by_clearance:

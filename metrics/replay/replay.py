@@ -1,13 +1,12 @@
 """A replay: log -> passes -> engines -> scores.
 
 `PassReader` turns the messages of a recorded log into the passes that the engine makes. An `EngineRun` for each
-clearance runs the engine of the live service over these passes. `OutputSituations` joins its advisories into
-situations, and `LogScores` compares the output with what happened. Each has its own state, so that `parallel_replay`
-can run them in several processes, and `dask_replay` can move them between machines.
+clearance runs the engine of the live service over these passes, and joins its advisories into situations. `LogScores`
+compares the output with what happened.
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from typing import Any, TypedDict
 
@@ -18,10 +17,9 @@ from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.recording.log_reader import Event, LogReader
 from metrics.replay import conformance_counts
-from metrics.replay.engine_output import EngineOutput, PairProbabilities
+from metrics.replay.engine_output import PairProbabilities
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
-from metrics.replay.output_situations import OutputSituations
 from metrics.replay.recorded_passes import PassReader
 
 AdvisorySink = Callable[[float, AnyAdvisory], None]
@@ -52,38 +50,38 @@ def replay(
     on_batch: BatchSink | None = None,
     on_probabilities: ProbabilitySink | None = None,
     start: StartState = StartState(),  # noqa: B008 - frozen
+    beside_m: Sequence[float] = (),
 ) -> dict[str, Any]:
     """The scores of every clearance over the events that `reader` reads.
 
     `on_advisory` is called with each revision that the live stream would have published, in that order; their `seq`
     is 0. `on_situation` is called with each revision of a situation of the first clearance. `on_batch` is called with
     the time and the batch of each pass, `on_probabilities` once a second with those of the first clearance. `start` is
-    the engine's state at the start of a black box.
-    `speed_x_real_time` is the only value that differs between two runs.
+    the engine's state at the start of a black box. `beside_m` are clearances that other replays of the log have: near
+    moments are found as far as the widest of all. Only `speed_x_real_time` differs between two runs.
     """
     began = time.perf_counter()
     passes = PassReader(site)
     engines = [EngineRun(site, clearance_m, start) for clearance_m in clearances_m]
-    situations, scores = OutputSituations(site, len(engines), start), LogScores(site, clearances_m)
+    scores = LogScores(site, clearances_m, beside_m)
     for engine_pass in chain(passes.passes_of(events), passes.last_passes()):
         if on_batch:
             on_batch(engine_pass.now_s, engine_pass.batch)
-        outputs = situations.published(engine_pass.now_s, [engine.advance(engine_pass) for engine in engines])
+        outputs = [engine.advance(engine_pass) for engine in engines]
         scores.add(engine_pass, outputs)
         if on_advisory:
-            for revision in advisory_rows(clearances_m, outputs):
-                on_advisory(*revision)
+            for clearance_m, output in zip(clearances_m, outputs, strict=True):
+                for revision in output.advisories:
+                    on_advisory(clearance_m, revision)
         if on_situation:
             for situation in outputs[0].situations:
                 on_situation(situation)
         if on_probabilities and outputs[0].probabilities:
             on_probabilities(engine_pass.now_s, outputs[0].probabilities)
-    scores.finish()
-    result = scores.result(passes, engines[0].measures())
-    return document(result, reader, time.perf_counter() - began)
+    return _document(scores.result(passes, engines[0].measures()), reader, time.perf_counter() - began)
 
 
-def document(result: dict[str, Any], reader: LogReader, took_s: float) -> dict[str, Any]:
+def _document(result: dict[str, Any], reader: LogReader, took_s: float) -> dict[str, Any]:
     """A result together with how fast it was computed and what of the log could not be read."""
     return {
         "messages": result["messages"],
@@ -93,12 +91,3 @@ def document(result: dict[str, Any], reader: LogReader, took_s: float) -> dict[s
         **conformance_counts.lines(reader),
         **result,
     }
-
-
-def advisory_rows(
-    clearances_m: Sequence[float], outputs: Sequence[EngineOutput]
-) -> Iterator[tuple[float, AnyAdvisory]]:
-    """Each clearance, with each revision that its engine publishes at one pass."""
-    for clearance_m, output in zip(clearances_m, outputs, strict=True):
-        for revision in output.advisories:
-            yield clearance_m, revision

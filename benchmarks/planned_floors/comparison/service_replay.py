@@ -12,7 +12,6 @@ from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import LogReader
 from metrics.replay.engine_run import EngineRun
-from metrics.replay.output_situations import OutputSituations
 from metrics.replay.recorded_passes import EnginePass, PassReader
 
 
@@ -20,7 +19,6 @@ from metrics.replay.recorded_passes import EnginePass, PassReader
 class Published:
     """Everything that one engine published over a log."""
 
-    situations: OutputSituations
     revisions: list[dict[str, Any]] = field(default_factory=list)
     """Revisions, as `deconflict replay --advisories` writes them."""
     samples: list[Sample] = field(default_factory=list)
@@ -28,7 +26,7 @@ class Published:
 
     def add_pass(self, engine: EngineRun, engine_pass: EnginePass) -> None:
         """Run one pass of the engine and keep its output."""
-        (output,) = self.situations.published(engine_pass.now_s, [engine.advance(engine_pass)])
+        output = engine.advance(engine_pass)
         self.revisions += [revision.model_dump(mode="json") for revision in output.advisories]
         for (a, b), probability in output.probabilities:
             self.samples.append((min((a, b), (b, a)), engine_pass.now_s, probability))
@@ -40,7 +38,7 @@ def replayed(log: Path, site: Site, changes: Mapping[str, Change]) -> dict[str, 
     engines = {name: EngineRun(site, site.conflict.clearance_m, StartState()) for name in changes}
     for name, change in changes.items():
         change(engines[name].engine)
-    published = {name: Published(OutputSituations(site, 1, StartState())) for name in changes}
+    published = {name: Published() for name in changes}
     passes: Iterable[EnginePass] = chain(reader.passes_of(LogReader().read([log])), reader.last_passes())
     for engine_pass in passes:
         for name, engine in engines.items():

@@ -4,7 +4,7 @@ A piece is a convex polygon with rounded corners: a circle is one corner with it
 the closest features of two convex pieces the gap is their distance, which the certified advancement needs.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from math import hypot, inf
 from threading import Lock
@@ -73,9 +73,6 @@ class ShapeTable:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._clear()
-
-    def _clear(self) -> None:
         self.arrays = Pieces(np.zeros(2, np.int64), np.empty(0, PIECE), np.empty(0, CORNER))
         self.half_m: Floats = np.zeros((1, 2))
         """(shapes, 2) half the sides of the rectangle around each shape."""
@@ -88,19 +85,6 @@ class ShapeTable:
 
     def __getitem__(self, number: int) -> Shape | None:
         return self._shapes[number]
-
-    @property
-    def numbered(self) -> list[Shape]:
-        """The shapes so far, in the order of their numbers."""
-        return [shape for shape in self._shapes if shape is not None]
-
-    def number_as(self, shapes: Iterable[Shape]) -> None:
-        """Forget all numbers, and give these shapes the numbers 1, 2 and so on. If they are the `numbered` shapes of
-        another process, the numbers of that process are valid in this one."""
-        with self._lock:
-            self._clear()
-            for shape in shapes:
-                self._number(shape)
 
     def numbers(self, forecasts: Forecasts) -> Ints | int:
         """(n,) the number of each robot's shape, or `RECTANGLE` if all are rectangles. Shapes not seen yet are
