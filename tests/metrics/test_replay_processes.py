@@ -1,6 +1,5 @@
 """Replays side by side write the files of one process, and end if a process does."""
 
-import argparse
 import json
 import logging
 import os
