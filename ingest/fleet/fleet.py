@@ -83,11 +83,8 @@ class Fleet:
         if readers and (scanned := readers.scan(raw)) and (reader := readers.find(scanned, connection)):
             self._receive_repeat(reader, scanned, arrival_s)
             return None
-        names_as_uuid = self.owners.names_as_uuid(connection)
-        if scanned:
-            message: Message = scanned.message(names_as_uuid)
-        else:
-            message, _ = FRONT_ENDS[connection.language].read(raw, "", None, names_as_uuid)
+        named, front_end = self.owners.names_as_uuid(connection), FRONT_ENDS[connection.language]
+        message: Message = scanned.message(named) if scanned else front_end.read(raw, "", None, named)[0]
         rule, robot = self._take_in(message, raw, arrival_s, connection)
         if readers and scanned and robot:
             readers.replace(robot, scanned, connection)
@@ -138,15 +135,15 @@ class Fleet:
         self.owners.assign_by_connection(robot, message, connection)
         self._consider(robot, connection, arrival_s)
         is_remembered, robot.memory = robot.memory is not memory, memory
+        findings: tuple[str, ...] = ()
         if isinstance(message, Identity):
             findings = self._update_identity(robot, message.sized_as(robot.identity), raw, arrival_s, connection)
         elif isinstance(message, Status):
-            event_s, findings = self._placement.event_time(
-                robot, message.stamp_s, message.stamp_resolution_s, arrival_s
-            )
+            stamp = message.stamp_s, message.stamp_resolution_s
+            event_s, findings = self._placement.event_time(robot, *stamp, arrival_s)
             findings += self._update_status(robot, message, raw, arrival_s, event_s, connection)
-        else:
-            findings = self._reconsider(robot, self.owners.names_as_uuid(connection)) if is_remembered else ()
+        elif is_remembered and robot.seen:
+            robot.is_outdated, self._changed[robot.uuid] = True, robot
         robot.hear(message.oddities, arrival_s)
         self._accept(robot, connection, message.findings + findings)
         return None, robot
@@ -232,7 +229,7 @@ class Fleet:
             if event_s < robot.seen.t_s:
                 return (*findings, "stamp-not-increasing")
         robot.state, robot.known_state = status.state, status.known_state
-        robot.amounts = status.amounts
+        robot.amounts, robot.is_outdated = status.amounts, False
         self._note_newest(robot, raw, arrival_s, connection)
         self._changed[robot.uuid] = robot
         return findings + self._placement.forecast(robot, status, frame, sighting, robot.seen)
@@ -301,13 +298,14 @@ class Fleet:
         if self._placement.forecast_again(robot, names_as_uuid):
             self._changed[robot.uuid] = robot
 
-    def _reconsider(self, robot: Robot, names_as_uuid: str | None) -> tuple[str, ...]:
-        """Forecast the robot from where it was seen, with what an update changed. Returns the deviations."""
-        if robot.seen and robot.frame and (status := robot.newest_status(names_as_uuid)):
-            robot.state, robot.known_state = status.state, status.known_state
-            self._changed[robot.uuid] = robot
-            return self._placement.forecast(robot, status, robot.frame, robot.seen, None)
-        return ()
+    def _reconsider(self) -> None:
+        """Forecast the robots that updates have changed, from where they were seen."""
+        for robot in [robot for robot in self._changed.values() if robot.is_outdated]:
+            robot.is_outdated, status = False, robot.newest_status(self.owners.named_vendor(robot))
+            if robot.seen and robot.frame and status:
+                robot.state, robot.known_state = status.state, status.known_state
+                findings = self._placement.forecast(robot, status, robot.frame, robot.seen, None)
+                self.measures.count_each("deconflict_deviations_total", robot.vendor, robot.count(findings))
 
     def next_batch(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last batch, or all with `everything`, and those forgotten."""
@@ -315,6 +313,7 @@ class Fleet:
         self.message_rates.observe(now_s, self.measures.values["deconflict_messages_total"])
         clocks = ((robot.vendor, robot.clock) for robot in self.robots.values() if robot.seen)
         self.clock_changes.observe(now_s, clocks)
+        self._reconsider()
         robots = [robot for robot in (self.robots if everything else self._changed).values() if robot.forecast]
         self._changed = {}
         built = self._batch(robots, now_s, gone)
@@ -324,6 +323,7 @@ class Fleet:
 
     def snapshot(self, now_s: float) -> Batch:
         """All robots as they are known now. The next batch does not depend on it."""
+        self._reconsider()
         return self._batch([robot for robot in self.robots.values() if robot.forecast], now_s, ())
 
     def _batch(self, robots: list[Robot], now_s: float, gone: tuple[str, ...]) -> Batch:

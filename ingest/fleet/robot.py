@@ -61,6 +61,8 @@ class Robot:
     """The newest sighting, reconciled with the one before it."""
     before: Sighting | None = None
     """The one with which that was reconciled."""
+    is_outdated: bool = False
+    """Whether an update came that its forecast does not have yet."""
     was_blocked: bool = False
     """Whether it could not move, by its newest status."""
     pace: Pace = field(default_factory=Pace)

@@ -64,9 +64,9 @@ def test_an_order_changes_the_forecast_without_a_new_pose() -> None:
     robot = on_its_way(of)
     of.next_batch(NOW_S + 2)
     tell(of, "order", order(NOW_S + 3, [NODES[2], node(3, 30.0, 8.0)], orderUpdateId=1), NOW_S + 3)
+    assert len(of.next_batch(NOW_S + 4)) == 1
     assert robot.forecast is not None
     assert robot.forecast.knots[-1][1:3] == (30.0, 8.0)
-    assert len(of.next_batch(NOW_S + 4)) == 1
 
 
 def test_a_message_that_comes_from_a_second_broker_changes_nothing() -> None:
