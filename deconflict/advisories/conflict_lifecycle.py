@@ -27,7 +27,7 @@ from operator import attrgetter
 from deconflict.advice.document_limits import limited_advice
 from deconflict.advisories import conflict_wording, revision_rules
 from deconflict.advisories.conflict_predictions import Predictions
-from deconflict.advisories.conflict_scene import ConflictScene
+from deconflict.advisories.conflict_scene import GONE, ConflictScene
 from deconflict.advisories.conflict_wording import MeetingPlace
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
@@ -39,17 +39,10 @@ from deconflict.advisories.watched.watched_pair_kernels import (
     UPDATE_PROBABILITY,
 )
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
+from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from ingest.batch import Pair
-
-PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
-GAVE_WAY = "one gave way to the other"
-"""Why an advisory is cleared while both robots are on the floor."""
-CROWDED = "both report from a place with many others of their vendors"
-DORMANT = "both are silent, and nothing says that they move"
-LEFT = "left the floor"
 
 
 @dataclass(slots=True, eq=False)
@@ -144,7 +137,7 @@ class ConflictLifecycle:
         return revisions
 
     def dismiss(
-        self, changed: Iterable[str], robots: Container[str], reason: str, now_s: float
+        self, changed: Iterable[str], robots: Container[str], reason: ClearedCode, now_s: float
     ) -> list[ConflictAdvisory]:
         """Watch no pairs of two of `robots` any more, of which at least one is in `changed`: no conflicts are looked
         for among them. The revisions that clear their advisories."""
@@ -199,7 +192,9 @@ class ConflictLifecycle:
             return self._update_probability(watched, prediction.probability, now_s)
         if code == CLEAR_STILL and watched.advisory:
             both_stand = all(map(scene.stands, watched.pair))
-            return watched.advisory.cleared_revision(now_s, STAND if both_stand else GAVE_WAY)
+            return watched.advisory.cleared_revision(
+                now_s, ClearedCode.BOTH_STAND if both_stand else ClearedCode.GAVE_WAY
+            )
         if not all(map(scene.is_present, watched.pair)):
             return None
         before = watched.advisory.severity if watched.advisory else None
@@ -308,8 +303,9 @@ class ConflictLifecycle:
         if advisory is None:
             return None
         if left:
-            return advisory.cleared_revision(now_s, _why_absent(advisory, left, scene))
-        return advisory.cleared_revision(now_s, PASSED if self.pairs.have_met(watched) else UNPREDICTED)
+            return advisory.cleared_revision(now_s, *_why_absent(advisory, left, scene))
+        has_met = self.pairs.have_met(watched)
+        return advisory.cleared_revision(now_s, ClearedCode.PASSED if has_met else ClearedCode.UNPREDICTED)
 
     def _is_awaited(self, advisory: ConflictAdvisory | None, now_s: float) -> bool:
         """Whether a restored advisory stands as it is until its robots are heard of."""
@@ -329,16 +325,17 @@ class ConflictLifecycle:
         is_restored = self.pairs.predicted_s(watched) < started_s
         if is_restored and now_s - started_s < self.absent_after_s:
             return None
-        return advisory.cleared_revision(now_s, _why_absent(advisory, absent, scene))
+        return advisory.cleared_revision(now_s, *_why_absent(advisory, absent, scene))
 
 
-def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> str:
-    """Which of an advisory's robots are not there, and why."""
+def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> tuple[ClearedCode, str]:
+    """Which of an advisory's robots are not there, and why; the code is that of the first."""
     names = dict(zip(advisory.robots, advisory.names, strict=True))
-    reasons = {names[uuid]: scene.absence(uuid) or LEFT for uuid in absent}
-    if len(set(reasons.values())) == 1 and LEFT in reasons.values():
-        return f"{' and '.join(reasons)} {LEFT}"
-    return "; ".join(f"{name} {reason}" for name, reason in reasons.items())
+    reasons = {names[uuid]: scene.absence(uuid) or GONE for uuid in absent}
+    if set(reasons.values()) == {GONE}:
+        reasons = {" and ".join(reasons): GONE}
+    texts = [code.because.format(name=name, by=by) for name, (code, by) in reasons.items()]
+    return next(iter(reasons.values())).code, "; ".join(texts)
 
 
 def _is_later(advisory: ConflictAdvisory | None, until_s: float) -> bool:

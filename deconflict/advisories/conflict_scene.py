@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
+from deconflict.advisory import ClearedCode
 from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from ingest.batch import Floats, Pair
 
@@ -26,6 +27,17 @@ class Party:
         return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s,"
 
 
+class Absence(NamedTuple):
+    """Why a robot is not on the floor."""
+
+    code: ClearedCode
+    by: str = ""
+    """Name of the robot that has driven through its place."""
+
+
+GONE = Absence(ClearedCode.LEFT)
+
+
 class ConflictScene(Protocol):
     """The robots and the places around a conflict. The engine's is `engine.live_scene.LiveScene`."""
 
@@ -33,8 +45,8 @@ class ConflictScene(Protocol):
         """Whether a robot is on the floor."""
         ...
 
-    def absence(self, uuid: str) -> str | None:
-        """Why a robot is not on the floor, in words that follow its name; None if it is, as far as is known."""
+    def absence(self, uuid: str) -> Absence | None:
+        """Why a robot is not on the floor; None if it is, as far as is known."""
         ...
 
     def account(self, uuid: str) -> str:

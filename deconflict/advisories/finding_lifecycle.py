@@ -30,6 +30,7 @@ from deconflict.advisory import (
     AdvisoryState,
     BlockageAdvisory,
     ClaimAdvisory,
+    ClearedCode,
     ContentionAdvisory,
     CrowdAdvisory,
     DeadlockAdvisory,
@@ -69,14 +70,14 @@ MODELS: dict[str, type[FindingAdvisory]] = {
     "two_places": ClaimAdvisory,
     "crowd": CrowdAdvisory,
 }
-CLEARED_BECAUSE = {
-    "contention": "nobody is expected to wait long any more",
-    "double_occupancy": "no more robots are there than it takes",
-    "deadlock": "they no longer wait for each other",
-    "blockage": "it no longer stands in anybody's way",
-    "foreign_claim": "the other vendor no longer reports them",
-    "two_places": "they are reported from one place again",
-    "crowd": "they no longer report from one place",
+CLEARED_CODES = {
+    "contention": ClearedCode.NO_LONG_WAIT,
+    "double_occupancy": ClearedCode.WITHIN_CAPACITY,
+    "deadlock": ClearedCode.UNLOCKED,
+    "blockage": ClearedCode.OUT_OF_THE_WAY,
+    "foreign_claim": ClearedCode.NOT_CLAIMED,
+    "two_places": ClearedCode.ONE_PLACE,
+    "crowd": ClearedCode.DISPERSED,
 }
 
 
@@ -166,7 +167,7 @@ class FindingLifecycle:
                 return _updated(before, finding, now_s, name_vendor)
             return _raised(finding, now_s, name_vendor) if sum(watched.looks) >= LOOKS_NEEDED else None
         if before and now_s - watched.found_s >= self._clear_after_s:
-            return before.cleared_revision(now_s, CLEARED_BECAUSE[before.kind])
+            return before.cleared_revision(now_s, CLEARED_CODES[before.kind])
         return None
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deconflict.advisories.conflict_scene import ConflictScene, Party
+from deconflict.advisories.conflict_scene import Absence, ConflictScene, Party
 from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters
 from ingest.batch import Floats, Pair
@@ -16,7 +16,7 @@ class MadeScene(ConflictScene):
     def is_present(self, uuid: str) -> bool:
         return True
 
-    def absence(self, uuid: str) -> str | None:
+    def absence(self, uuid: str) -> Absence | None:
         return None
 
     def account(self, uuid: str) -> str:

@@ -18,10 +18,10 @@ from deconflict.advisories.situations.situation import (
 from deconflict.advisories.situations.situation_kinds import Matter, matter_of
 from deconflict.advisories.situations.situation_outline import outline
 from deconflict.advisories.situations.situation_wording import ending, names_of, past_sentence, sentence
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity, moment
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Severity, moment
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
-OVER = "by itself: nothing is foreseen there any more"
+OVER = f"by itself: {ClearedCode.NOTHING_LEFT.because}"
 """How a situation ends whose last advisory has ended."""
 MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
 """What does not end by itself, or nobody knows when."""
@@ -34,10 +34,10 @@ def emptied(before: Situation, place: str, now_s: float) -> Situation:
     return before.next_revision(updated_at=moment(now_s), time_to_conflict_s=0.0, **texts, **nothing)
 
 
-def cleared(before: Situation, because: str, place: str, now_s: float) -> Situation:
+def cleared(before: Situation, code: ClearedCode, place: str, now_s: float) -> Situation:
     """The last revision."""
     summary = past_sentence(before, place)
-    return before.cleared_revision(now_s, because).model_copy(update={"summary": summary, **NOTHING_LEFT})
+    return before.cleared_revision(now_s, code).model_copy(update={"summary": summary, **NOTHING_LEFT})
 
 
 class Assessment(NamedTuple):

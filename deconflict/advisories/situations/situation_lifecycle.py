@@ -19,7 +19,7 @@ from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, ur
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
 from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisories.situations.situation_fields import Assessment
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Location, Severity
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
 from ingest.batch import FloorPoint
 
 LINGERS_S = 10.0
@@ -54,8 +54,8 @@ class _Watched:
     """When its urgency was not too high last."""
     look_s: float = 0.0
     """When it is looked at next, unless there is news."""
-    ended_because: str = ""
-    """Why the last of its advisories ended that has."""
+    ended: AnyAdvisory | None = None
+    """The last of its advisories that has ended."""
 
 
 class SituationLifecycle:
@@ -150,7 +150,7 @@ class SituationLifecycle:
             self._advisories.pop(revision.id, None)
             group = self._grouping.group_of(revision.id)
             if group and group.id in self._watched:
-                self._watched[group.id].ended_because = revision.cleared_because or ""
+                self._watched[group.id].ended = revision
             return None
         self._advisories[revision.id] = revision
         return Member.of(revision)
@@ -169,7 +169,7 @@ class SituationLifecycle:
         """The last revision of a situation that became part of another one."""
         watched = self._watched.pop(join.group.id, None)
         if watched and watched.situation:
-            cleared = self._cleared(watched.situation, "it became part of another situation", now_s)
+            cleared = self._cleared(watched.situation, ClearedCode.JOINED, now_s)
             self._advised.keep(cleared, cleared.severity)
             yield cleared.model_copy(update={"joined_into": join.into.id})
 
@@ -224,16 +224,19 @@ class SituationLifecycle:
         """Where it is, for a person; empty without a place."""
         return self.describe([FloorPoint(location.datum, location.x, location.y)])[0] if location else ""
 
-    def _cleared(self, before: Situation, because: str, now_s: float) -> Situation:
-        return situation_fields.cleared(before, because, self._place(before.location), now_s)
+    def _cleared(self, before: Situation, code: ClearedCode, now_s: float) -> Situation:
+        return situation_fields.cleared(before, code, self._place(before.location), now_s)
 
     def _ended(self, watched: _Watched, before: Situation, now_s: float) -> Situation:
         """The last revision. Advisories that are still open make another group, which may become worth a reaction."""
-        members = watched.group.members
+        members, ended = watched.group.members, watched.ended
         self._forget(watched)
         self._regrouped |= members
-        because = "what is left of it passes by itself" if members else watched.ended_because
-        return self._cleared(before, because or "nothing is foreseen there any more", now_s)
+        cleared = self._cleared(before, ClearedCode.ENDS_BY_ITSELF if members else ClearedCode.NOTHING_LEFT, now_s)
+        if members or ended is None or not ended.cleared_because:
+            return cleared
+        why = {"cleared_code": ended.cleared_code, "cleared_because": ended.cleared_because}
+        return cleared.model_copy(update=why)
 
     def _forget(self, watched: _Watched) -> None:
         self._grouping.remove(watched.group)

@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
 from deconflict.advisories.situations.situation import Situation, SituationAdvice
-from deconflict.advisory import Action, ConflictAdvisory, Location, moment
+from deconflict.advisory import Action, ClearedCode, ConflictAdvisory, Location, moment
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -109,7 +109,7 @@ def advice(i: int, seconds: float = 4.0, because: str = "") -> SituationAdvice:
 
 
 def cleared(before: Situation, because: str, **fields: Any) -> Situation:
-    ended = before.cleared_revision(time.time(), because)
+    ended = before.cleared_revision(time.time(), ClearedCode.PASSED, because)
     return ended.model_copy(update={"advice": None, "advisories": (), **fields})
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from deconflict.advisory import Acknowledgement, Action, Severity, moment
+from deconflict.advisory import Acknowledgement, Action, ClearedCode, Severity, moment
 from deconflict.operator.vendor_models import VendorHealth
 from tests.deconflict.operator.http.served_face import Served
 from tests.deconflict.operator.opened_page import (
@@ -341,6 +341,17 @@ async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_ackn
         assert "A-4 and others meet in 5 s at Column 2" in answered
         PICTURES.mkdir(parents=True, exist_ok=True)
         await page.screenshot(path=PICTURES / "shift.png")
+
+
+async def test_the_shift_summary_counts_what_ended_in_the_same_way_together(browser: "Browser", face: Served) -> None:
+    for number in (1, 2):
+        left = {"cleared_code": ClearedCode.LEFT}
+        await face.publish(
+            shown(number, 0, 1), cleared(shown(number, 0, 1), f"Alder A-{number} left the floor", **left)
+        )
+    async with opened(browser, face) as page:
+        await page.click("#shift-open")
+        await until(page, "document.getElementById('shift-body').textContent.includes('A robot left the floor2')")
 
 
 async def test_the_shift_summary_names_the_place_that_holds_a_situation(browser: "Browser", face: Served) -> None:

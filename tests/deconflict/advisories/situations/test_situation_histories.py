@@ -13,7 +13,7 @@ from deconflict.advisories.situations.advice.stakes import stakes_of
 from deconflict.advisories.situations.grouping import LEAST_OPEN_S, MOST_EXTENT_M, MOST_ROBOTS, NEAR_M
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle, is_worth
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Location, moment
+from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Location, moment
 from tests.deconflict.advisories.situations.made_situations import action, advice
 from tests.helpers.made_advisories import made
 
@@ -62,7 +62,7 @@ class History:
         if change == "clear":
             if known is None:
                 return None
-            return self.advisories.pop(known.id).cleared_revision(self.now_s, "they passed")
+            return self.advisories.pop(known.id).cleared_revision(self.now_s, ClearedCode.PASSED, "they passed")
         robots = tuple(f"robot-{number}" for number in sorted({pair[0], (pair[1] + pair[0] + 1) % 21}))[:2]
         if len(robots) < 2:
             return None
