@@ -16,7 +16,7 @@ These files take part, in this order:
    and the levels of `severity`.
 2. This file makes a revision of each decision. It decides only what depends on the scene: whether robots are there,
    whether a pair has drawn apart, and whether it meets elsewhere than its advisory says.
-3. `conflict_wording` fills the fields and writes the text.
+3. `words.conflict_wording` fills the fields and writes the text.
 """
 
 from collections.abc import Container, Iterable, Iterator, Sequence
@@ -25,10 +25,9 @@ from math import inf
 from operator import attrgetter
 
 from deconflict.advice.document_limits import limited_advice
-from deconflict.advisories import conflict_wording, revision_rules
+from deconflict.advisories import revision_rules
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.conflict_scene import GONE, ConflictScene
-from deconflict.advisories.conflict_wording import MeetingPlace
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
 from deconflict.advisories.watched.watched_pair_kernels import (
@@ -39,6 +38,8 @@ from deconflict.advisories.watched.watched_pair_kernels import (
     UPDATE_PROBABILITY,
 )
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
+from deconflict.advisories.words import conflict_wording
+from deconflict.advisories.words.conflict_wording import MeetingPlace
 from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter

@@ -22,9 +22,14 @@ class Party:
     """How long it has been silent; None if it reports."""
 
     @property
+    def described(self) -> str:
+        """Its name, with how long it has been silent."""
+        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s"
+
+    @property
     def subject(self) -> str:
-        """Its name as the subject of a sentence, with how long it has been silent."""
-        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s,"
+        """The same as the subject of a sentence."""
+        return self.described if self.silent_s is None else f"{self.described},"
 
 
 class Absence(NamedTuple):

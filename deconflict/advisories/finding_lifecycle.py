@@ -19,13 +19,13 @@ from deconflict.advice.document_limits import (
     MOST_NAME_BYTES,
     MOST_PLACES,
     MOST_ROBOTS,
-    MOST_SUMMARY_BYTES,
     MOST_WAITS,
     limited_advice,
     short_text,
 )
-from deconflict.advisories.conflict_wording import new_id
 from deconflict.advisories.severity import rises
+from deconflict.advisories.words.conflict_wording import new_id
+from deconflict.advisories.words.words import RevisionWords
 from deconflict.advisory import (
     AdvisoryState,
     BlockageAdvisory,
@@ -92,7 +92,7 @@ class Finding(NamedTuple):
     """In ascending order."""
     predicted_s: float
     location: Location | None
-    summary: Callable[[], str]
+    words: Callable[[], RevisionWords]
     """Called only if a revision is made: most looks find nothing new."""
     evidence: dict[str, Any]
     """The fields of its own kind of advisory."""
@@ -250,8 +250,8 @@ def _fields(finding: Finding, now_s: float, name_vendor: NameVendor) -> dict[str
         "predicted_at": moment(finding.predicted_s),
         "time_to_conflict_s": _time_left_s(finding, now_s),
         "location": finding.location,
-        "summary": short_text(finding.summary(), MOST_SUMMARY_BYTES),
         "recommendation": finding.recommendation,
+        **finding.words()._asdict(),
         **finding.evidence,
     }
 

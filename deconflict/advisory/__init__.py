@@ -83,6 +83,11 @@ class Action(Published):
     end_at: datetime | None = Field(default=None, description="until when it may stay there")
     reason: str = Field(default="", description="why, for people; empty if the advisory says it")
     task: str = Field(default="", description="what a person looks for and does there; only of `look`")
+    text: str = Field(
+        default="",
+        exclude_if=operator.not_,
+        description="the action as a sentence; only in a situation's advice, where `go_first` has none",
+    )
 
 
 class Recommendation(Published):
@@ -144,7 +149,8 @@ class Advisory(Published):
     predicted_at: datetime = Field(description="when the predicted event begins")
     time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 if the event has begun")
     location: Location | None = Field(description="place where the event begins; null if it is not known")
-    summary: str = Field(description="one sentence for a person")
+    summary: str = Field(description="one sentence for a person: the headline with its time, and the advice")
+    headline: str = Field(default="", description="what happens, without time and advice; empty in older releases")
     recommendation: Recommendation | None = Field(default=None, description="null once it is cleared")
     advised_wait_s: dict[str, float] = Field(
         default_factory=dict,
@@ -224,11 +230,12 @@ class ConflictAdvisory(PlacedAdvisory):
     clearance_m: float = Field(ge=0)
     min_separation_m: float = Field(ge=0, description="smallest distance of the envelopes; 0 if they overlap")
     closing_speed_mps: float = Field(description="at predicted_at; negative if they move apart")
+    event: str = Field(default="", description="the summary without the advice; empty in older releases")
 
     def cleared_revision(self, now_s: float, code: ClearedCode, because: str | None = None) -> Self:
         """The last revision. Its summary ends before the advice."""
         cleared = super().cleared_revision(now_s, code, because)
-        return cleared.model_copy(update={"summary": self.summary.split(";")[0]})
+        return cleared.model_copy(update={"summary": self.event or self.summary})
 
 
 class ContentionAdvisory(PlacedAdvisory):

@@ -6,6 +6,7 @@ from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.finding_lifecycle import Finding
 from deconflict.advisories.severity import severity_of_deadlock, severity_of_finding
+from deconflict.advisories.words.words import words
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast
@@ -40,10 +41,14 @@ def contention(
         robots=tuple(sorted({*present, *(entry.robot for entry in waiting)})),
         predicted_s=first_s,
         location=geometry.location(place),
-        summary=lambda: (
-            f"{_names(robots, [entry.robot for entry in waiting])} will find {geometry.label(place)} taken "
-            f"{_when(first_s - now_s)}{_spread(waiting[0])} and wait up to {queue.longest_wait_s:.0f} s"
-            f"{_free(queue, geometry.capacity(place), now_s)}{_advised(geometry, place, waiting, advice, robots)}"
+        words=lambda: words(
+            lambda when: (
+                f"{_names(robots, [entry.robot for entry in waiting])} will find {geometry.label(place)} taken{when} "
+                f"and wait up to {queue.longest_wait_s:.0f} s"
+            ),
+            f" {_when(first_s - now_s)}{_spread(waiting[0])}",
+            *_free(queue, geometry.capacity(place), now_s),
+            *_advised(geometry, place, waiting, advice, robots),
         ),
         evidence=_queue_evidence(geometry, place, queue, len(present)),
         recommendation=with_queue_actions(advice, geometry, robots),
@@ -55,9 +60,9 @@ def _spread(first: QueueEntry) -> str:
     return f", give or take {first.spread_s:.0f} s," if first.spread_s >= WIDE_SPREAD_S else ""
 
 
-def _free(queue: QueueForecast, capacity: int, now_s: float) -> str:
+def _free(queue: QueueForecast, capacity: int, now_s: float) -> list[str]:
     free_s = queue.free_s(capacity, now_s) - now_s
-    return f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
+    return [f"it comes free in {free_s:.0f} s"] if free_s > 0 else []
 
 
 def _advised(
@@ -66,20 +71,21 @@ def _advised(
     waiting: Sequence[QueueEntry],
     advice: Recommendation | None,
     robots: Mapping[str, RobotView],
-) -> str:
+) -> list[str]:
     """What a site service should do; if no order or place saves time, who should come later."""
     if advice is None:
-        return ""
+        return []
     coming = {entry.robot for entry in waiting}
     if advice.expected_saving_s < 1:
         late = [slot for slot in advice.slots if slot.robot in coming and slot.wait_s >= 1]
-        return "".join(f"; {robots[slot.robot].name} should come {slot.wait_s:.0f} s later" for slot in late[:2])
+        return [f"{robots[slot.robot].name} should come {slot.wait_s:.0f} s later" for slot in late[:2]]
     elsewhere = [slot for slot in advice.slots if slot.resource != place and slot.robot in coming]
     phrases = [f"{robots[slot.robot].name} should take {geometry.label(slot.resource)}" for slot in elsewhere]
     first = next((slot for slot in advice.slots if slot.resource == place and slot.robot in coming), None)
     if not phrases and first:
         phrases = [f"{robots[first.robot].name} should go first"]
-    return "".join(f"; {phrase}" for phrase in phrases[:2]) + f", which saves {advice.expected_saving_s:.0f} s in all"
+    saving = f", which saves {advice.expected_saving_s:.0f} s in all"
+    return [*phrases[:2][:-1], *(phrase + saving for phrase in phrases[:2][-1:])]
 
 
 def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str, RobotView], now_s: float) -> Finding:
@@ -95,9 +101,12 @@ def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str
         robots=tuple(sorted({*pool.announced, *expected})),
         predicted_s=pool.from_s,
         location=geometry.location(first),
-        summary=lambda: (
-            f"{chargers} will probably be full {_when(pool.from_s - now_s)}: {_names(robots, expected)} will need to be"
-            f" charged by then, by the level of their batteries ({levels})"
+        words=lambda: words(
+            lambda when: (
+                f"{chargers} will probably be full{when}: {_names(robots, expected)} will need to be charged by then, "
+                f"by the level of their batteries ({levels})"
+            ),
+            f" {_when(pool.from_s - now_s)}",
         ),
         evidence={
             "resource": first,
@@ -125,7 +134,7 @@ def double_occupancy(
         robots=inside,
         predicted_s=now_s,
         location=geometry.location(place),
-        summary=lambda: f"{len(inside)} robots are in {geometry.label(place)}, which takes {capacity}",
+        words=lambda: words(lambda _: f"{len(inside)} robots are in {geometry.label(place)}, which takes {capacity}"),
         evidence=_queue_evidence(geometry, place, queue, len(inside)),
     )
 
@@ -153,10 +162,12 @@ def deadlock(
         robots=tuple(sorted({link.waiter for link in ring})),
         predicted_s=begins_s,
         location=geometry.location(zone) if zone else Location(datum=waiter.datum, x=waiter.x_m, y=waiter.y_m),
-        summary=lambda: (
-            f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}"
-            f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next"
-            f"{_way_out(geometry, ring, advice, robots)}"
+        words=lambda: words(
+            lambda when: (
+                f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}{when}: each waits for the next"
+            ),
+            "" if left_s <= 0 else f" {_when(left_s)}",
+            *_way_out(geometry, ring, advice, robots),
         ),
         recommendation=with_ring_actions(advice, ring, geometry, robots, now_s),
         evidence={
@@ -170,16 +181,16 @@ def deadlock(
 
 def _way_out(
     geometry: PlaceGeometry, ring: Sequence[RingLink], advice: Recommendation | None, robots: Mapping[str, RobotView]
-) -> str:
+) -> list[str]:
     if advice is None or advice.note or not advice.slots:
-        return f"; {advice.note}" if advice and advice.note else ""
+        return [advice.note] if advice and advice.note else []
     first = advice.slots[0]
     if first.resource not in {link.where for link in ring}:
         costs = f", which costs {advice.cost_s:.0f} s in all"
-        return f"; {robots[first.robot].name} should go to {geometry.label(first.resource)} first{costs}"
+        return [f"{robots[first.robot].name} should go to {geometry.label(first.resource)} first{costs}"]
     last = max(advice.slots, key=lambda slot: slot.wait_s)
     lane = geometry.label(last.resource)
-    return f"; {robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"
+    return [f"{robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"]
 
 
 def blockage(
@@ -199,9 +210,10 @@ def blockage(
         robots=tuple(sorted((blocked.blocker, *blocked.holds_up))),
         predicted_s=first_s,
         location=Location(datum=robot.datum, x=round(robot.x_m, 3), y=round(robot.y_m, 3)),
-        summary=lambda: (
-            f"{robot.name} has stood for {now_s - blocked.since_s:.0f} s ({state}) in the way of "
-            f"{_names(robots, blocked.holds_up)}; {'; '.join(map(action_text, advice.actions))}"
+        words=lambda: words(
+            lambda when: f"{robot.name} has stood{when} ({state}) in the way of {_names(robots, blocked.holds_up)}",
+            f" for {now_s - blocked.since_s:.0f} s",
+            *map(action_text, advice.actions),
         ),
         recommendation=advice,
         evidence={"blocker": blocked.blocker, "since_at": moment(blocked.since_s), "holds_up": blocked.holds_up},

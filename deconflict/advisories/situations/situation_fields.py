@@ -17,7 +17,7 @@ from deconflict.advisories.situations.situation import (
 )
 from deconflict.advisories.situations.situation_kinds import Matter, matter_of
 from deconflict.advisories.situations.situation_outline import outline
-from deconflict.advisories.situations.situation_wording import ending, names_of, past_sentence, sentence
+from deconflict.advisories.situations.situation_wording import ending, names_of, past_words, present_words
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Severity, moment
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
@@ -30,14 +30,14 @@ MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_rob
 def emptied(before: Situation, place: str, now_s: float) -> Situation:
     """The revision of a situation whose last advisory has ended, until it is cleared."""
     nothing: dict[str, Any] = {"severity": Severity.CAUTION, "preventable_s": None, "cost_s": 0.0, **NOTHING_LEFT}
-    texts = {"summary": past_sentence(before, place), "ends": OVER}
+    texts = {**past_words(before, place)._asdict(), "ends": OVER}
     return before.next_revision(updated_at=moment(now_s), time_to_conflict_s=0.0, **texts, **nothing)
 
 
 def cleared(before: Situation, code: ClearedCode, place: str, now_s: float) -> Situation:
     """The last revision."""
-    summary = past_sentence(before, place)
-    return before.cleared_revision(now_s, code).model_copy(update={"summary": summary, **NOTHING_LEFT})
+    texts = past_words(before, place)._asdict()
+    return before.cleared_revision(now_s, code).model_copy(update={**texts, **NOTHING_LEFT})
 
 
 class Assessment(NamedTuple):
@@ -157,6 +157,6 @@ def _texts(assessment: Assessment, place: str, now_s: float) -> dict[str, str]:
     matter = assessment.matter
     recurrence = assessment.stakes.recurring.get(matter.principal.id)
     return {
-        "summary": sentence(matter, now_s, place, recurrence),
+        **present_words(matter, now_s, place, recurrence)._asdict(),
         "ends": ending(matter, names_of(assessment.advisories)),
     }

@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from math import ceil
 
-from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
-from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
 from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S, Recurrence
 from deconflict.advisories.situations.situation import Situation, SituationKind
 from deconflict.advisories.situations.situation_kinds import Matter
 from deconflict.advisories.situations.situation_outline import count_spots
+from deconflict.advisories.words.conflict_wording import ENCOUNTER_VERBS
+from deconflict.advisories.words.words import RevisionWords, words
 from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory, DeadlockAdvisory
 
 MOST_NAMED = 4
@@ -41,10 +41,11 @@ def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
     return dict(sorted(names.items()))
 
 
-def sentence(matter: Matter, now_s: float, place: str, recurrence: Recurrence | None) -> str:
+def present_words(matter: Matter, now_s: float, place: str, recurrence: Recurrence | None) -> RevisionWords:
     """What is going on, for a person. `place` is a phrase such as "in Aisle 3 on Ground hall"."""
-    text = _sentence(matter, now_s, place) + (f"; {_again(recurrence)}" if recurrence else "")
-    return short_text(text, MOST_SUMMARY_BYTES)
+    again = f"; {_again(recurrence)}" if recurrence else ""
+    left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
+    return words(lambda when: _sentence(matter, when, now_s, place) + again, f" {_when(left_s)}")
 
 
 def _again(recurrence: Recurrence) -> str:
@@ -75,22 +76,22 @@ PAST: dict[SituationKind, str] = {
 }
 
 
-def past_sentence(situation: Situation, place: str) -> str:
+def past_words(situation: Situation, place: str) -> RevisionWords:
     """What was going on in a situation that is over, for a person."""
     names = dict(zip(situation.robots, situation.names, strict=True))
     culprit = names.pop(situation.culprit or "", "a robot")
     count = len(situation.robots) + situation.more_robots
     others = _named(list(names.values()), situation.more_robots)
     past = PAST[situation.situation_kind].format(names=others, culprit=culprit, count=count)
-    return short_text(", ".join(filter(None, [past, place])), MOST_SUMMARY_BYTES)
+    return words(lambda _: ", ".join(filter(None, [past, place])))
 
 
-def _sentence(matter: Matter, now_s: float, place: str) -> str:
+def _sentence(matter: Matter, when: str, now_s: float, place: str) -> str:
+    """`when` begins with a space; it is empty in a headline, which lists no robots of a knot either."""
     principal = matter.principal
-    left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
     match principal:
         case ConflictAdvisory():
-            return f"{_conflict(matter, principal, _when(left_s))}, {'the worst ' * (_spots(matter) > 1)}{place}"
+            return f"{_conflict(matter, principal, when)}, {'the worst ' * (_spots(matter) > 1)}{place}"
         case BlockageAdvisory():
             names = names_of([principal])
             held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
@@ -98,10 +99,10 @@ def _sentence(matter: Matter, now_s: float, place: str) -> str:
             return f"{names[principal.blocker]} has stood {stood}, {place}, in the way of {held_up}"
         case DeadlockAdvisory():
             names_listed = _named(list(names_of([principal]).values()))
-            return f"{names_listed} lock each other {_when(left_s)}, {place}: each waits for the next"
+            return f"{names_listed} lock each other{when}, {place}: each waits for the next"
         case ContentionAdvisory(kind="contention") if principal.queue_length:
-            return _queue(principal, left_s)
-    return principal.summary.split("; ")[0]
+            return _queue(principal, when)
+    return principal.headline or principal.summary
 
 
 def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
@@ -111,12 +112,12 @@ def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
     match matter.kind:
         case "knot":
             at = f" at {count} places" if (count := _spots(matter)) > 1 else ""
-            return f"{len(names)} robots get in each other's way{at} {when}: {others}"
+            return f"{len(names)} robots get in each other's way{at}{when}{f': {others}' if when else ''}"
         case "obstacle":
-            return f"{culprit} stands in the way of {others} {when}"
+            return f"{culprit} stands in the way of {others}{when}"
         case "silent_robot":
-            return f"{culprit} is silent, and {others} come to its place {when}"
-    return f"{others} {ENCOUNTER_VERBS[principal.encounter_class]} {when}"
+            return f"{culprit} is silent, and {others} come to its place{when}"
+    return f"{others} {ENCOUNTER_VERBS[principal.encounter_class]}{when}"
 
 
 def _spots(matter: Matter) -> int:
@@ -127,13 +128,13 @@ def _spots(matter: Matter) -> int:
     return count_spots([(location.x, location.y) for location in locations])
 
 
-def _queue(contention: ContentionAdvisory, left_s: float) -> str:
+def _queue(contention: ContentionAdvisory, when: str) -> str:
     label, count = contention.resource_name, contention.queue_length
     robots = "1 robot" if count == 1 else f"{count} robots"
     if contention.resources:
-        wait = f"{robots} will probably have to wait for {label} {_when(left_s)}"
+        wait = f"{robots} will probably have to wait for {label}{when}"
     else:
-        wait = f"{robots} {'has' if count == 1 else 'have'} to wait for {label} {_when(left_s)}"
+        wait = f"{robots} {'has' if count == 1 else 'have'} to wait for {label}{when}"
     needed = "one" if contention.resources else "it"
     return f"{wait}, up to {contention.wait_s:.0f} s; {len(contention.robots)} robots need {needed}"
 

@@ -9,8 +9,8 @@ import pytest
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.conflict_scene import Party
-from deconflict.advisories.conflict_wording import new_id
 from deconflict.advisories.revision_rules import HELD_SHARE
+from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple, TypedDict
 from uuid import UUID
 
 from deconflict.advice.actions.action_text import action_text
-from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_SUMMARY_BYTES, short_text
+from deconflict.advice.document_limits import (
+    MOST_EVENT_BYTES,
+    MOST_HEADLINE_BYTES,
+    MOST_NAME_BYTES,
+    MOST_SUMMARY_BYTES,
+    short_text,
+)
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisory import (
     AdvisoryState,
@@ -46,7 +52,15 @@ class MeetingPlace(NamedTuple):
     """The place in words."""
 
 
-class RevisionFields(TypedDict):
+class Texts(TypedDict):
+    """The fields of an advisory that are sentences."""
+
+    headline: str
+    event: str
+    summary: str
+
+
+class RevisionFields(Texts):
     """The fields of an advisory that follow from its newest prediction."""
 
     severity: Severity
@@ -62,7 +76,6 @@ class RevisionFields(TypedDict):
     min_separation_m: float
     closing_speed_mps: float
     location: Location
-    summary: str
 
 
 def revision_fields(
@@ -90,7 +103,7 @@ def revision_fields(
         min_separation_m=round(prediction.separation_m, 3),
         closing_speed_mps=round(met.closing_speed_mps, 3),
         location=Location(datum=place.datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
-        summary=_summary(parties, met, time_s, place.name),
+        **_texts(parties, met, time_s, place.name),
     )
 
 
@@ -127,8 +140,7 @@ def new_id(about: str, now_s: float) -> str:
 
 def updated(before: ConflictAdvisory, fields: RevisionFields) -> ConflictAdvisory:
     """The next revision, by a newer prediction; the advice stays."""
-    summary = with_actions(fields["summary"], before.recommendation)
-    return before.next_revision(**fields | {"summary": summary})
+    return before.next_revision(**fields | {"summary": with_actions(fields["event"], before.recommendation)})
 
 
 def with_probability(
@@ -150,12 +162,12 @@ def with_silence(
 ) -> ConflictAdvisory:
     """The next revision if only a robot has fallen silent."""
     time_s = before.time_left_s(now_s)
-    summary = _summary(parties, met, time_s, place_name)
+    texts = _texts(parties, met, time_s, place_name)
     return before.next_revision(
         updated_at=moment(now_s),
         time_to_conflict_s=round(time_s, 3),
         basis=(parties[0].basis, parties[1].basis),
-        summary=with_actions(summary, before.recommendation),
+        **texts | {"summary": with_actions(texts["event"], before.recommendation)},
     )
 
 
@@ -166,16 +178,16 @@ def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) 
         updated_at=moment(now_s),
         time_to_conflict_s=round(before.time_left_s(now_s), 3),
         recommendation=advice,
-        summary=with_actions(before.summary.split(";")[0], advice),
+        summary=with_actions(before.event or _meeting(*before.names, before.encounter_class), advice),
     )
 
 
-def with_actions(summary: str, advice: Recommendation | None) -> str:
-    """A summary, followed by the actions advised, or else by the note."""
+def with_actions(event: str, advice: Recommendation | None) -> str:
+    """The summary: what happens, followed by the actions advised, or else by the note."""
     if advice is None:
-        return summary
+        return event
     actions = [action_text(action) for action in advice.actions if action.action != "go_first"]
-    return short_text("; ".join([summary, *(actions or filter(None, [advice.note]))]), MOST_SUMMARY_BYTES)
+    return short_text("; ".join([event, *(actions or filter(None, [advice.note]))]), MOST_SUMMARY_BYTES)
 
 
 def _interval(prediction: Prediction) -> tuple[float, float] | None:
@@ -185,17 +197,24 @@ def _interval(prediction: Prediction) -> tuple[float, float] | None:
     return round(prediction.lower, 3), round(prediction.upper, 3)
 
 
-def _summary(parties: tuple["Party", "Party"], met: "Encounter", time_s: float, place_name: str) -> str:
+def _texts(parties: tuple["Party", "Party"], met: "Encounter", time_s: float, place_name: str) -> Texts:
+    """What happens, with the time and without it."""
     a, b = parties
     is_obstacle = met.encounter_class is EncounterClass.STATIONARY_OBSTACLE
     if is_obstacle and b.standing and not a.standing:
-        what = f"{a.subject} reaches {_obstacle(b)}"
+        what, pause = f"{a.subject} reaches {_obstacle(b)}", ","
     elif is_obstacle and a.standing and not b.standing:
-        what = f"{b.subject} reaches {_obstacle(a)}"
+        what, pause = f"{b.subject} reaches {_obstacle(a)}", ","
     else:
-        what = f"{a.subject} and {b.subject} {ENCOUNTER_VERBS[met.encounter_class]}"
-    return short_text(f"{what} in {time_s:.0f} s, {place_name}", MOST_SUMMARY_BYTES)
+        what, pause = _meeting(a.subject, b.subject, met.encounter_class), ""
+    headline = short_text(f"{what}, {place_name}", MOST_HEADLINE_BYTES)
+    event = short_text(f"{what}{pause} in {time_s:.0f} s, {place_name}", MOST_EVENT_BYTES)
+    return Texts(headline=headline, event=event, summary=event)
+
+
+def _meeting(a: str, b: str, encounter_class: EncounterClass) -> str:
+    return f"{a} and {b} {ENCOUNTER_VERBS[encounter_class]}"
 
 
 def _obstacle(party: "Party") -> str:
-    return f"{party.name}, which stands still," if party.silent_s is None else party.subject
+    return f"{party.name}, which stands still" if party.silent_s is None else party.described
