@@ -17,6 +17,7 @@ import numpy as np
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, EncounterClass, Location, Severity, moment
 
 START_S = datetime(2026, 5, 1, tzinfo=UTC).timestamp()
@@ -125,7 +126,7 @@ def restored(lifecycle: SituationLifecycle, floor: Floor) -> SituationLifecycle:
 
 
 def new_lifecycle() -> SituationLifecycle:
-    return SituationLifecycle(lambda points: ["in the hall"] * len(points))
+    return SituationLifecycle(lambda points: [Spot("in the hall")] * len(points))
 
 
 def run(hours: float, robots: int, open_count: float, seed: int) -> dict[str, object]:

@@ -39,7 +39,7 @@ from deconflict.advisories.watched.watched_pair_kernels import (
 )
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisories.words import conflict_wording
-from deconflict.advisories.words.conflict_wording import MeetingPlace
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
@@ -131,8 +131,8 @@ class ConflictLifecycle:
             watched = self.pairs.get(pair)
             if watched and advisory.basis != (parties[0].basis, parties[1].basis):
                 met = scene.encounter(pair, advisory.predicted_at.timestamp())
-                (place,) = scene.place_names([met])
-                revision = conflict_wording.with_silence(advisory, parties, met, place, now_s)
+                (spot,) = scene.spots([met])
+                revision = conflict_wording.with_silence(advisory, parties, met, spot, now_s)
                 self._set_newest(watched, revision)
                 revisions.append(revision)
         return revisions
@@ -237,16 +237,16 @@ class ConflictLifecycle:
             if candidate.is_news or (before and revision_rules.is_elsewhere(before, met, scene.datum(met))):
                 news.append((candidate, met))
                 budget.spend(watched.pair)
-        places = scene.place_names([met for _, met in news])
+        spots = scene.spots([met for _, met in news])
         return [
-            self._revision(candidate, met, place, now_s, scene)
-            for (candidate, met), place in zip(news, places, strict=True)
+            self._revision(candidate, met, spot, now_s, scene)
+            for (candidate, met), spot in zip(news, spots, strict=True)
         ]
 
     def _revision(
-        self, candidate: Candidate, met: Encounter, place: str, now_s: float, scene: ConflictScene
+        self, candidate: Candidate, met: Encounter, spot: Spot, now_s: float, scene: ConflictScene
     ) -> ConflictAdvisory:
-        """The revision of a pair that meets like `met`, at the place of that name."""
+        """The revision of a pair that meets like `met`, there."""
         watched, prediction, severity, _ = candidate
         pair = watched.pair
         parties = scene.party(pair[0], now_s), scene.party(pair[1], now_s)
@@ -254,7 +254,8 @@ class ConflictLifecycle:
         fields = conflict_wording.revision_fields(
             prediction._replace(probability=probability),
             now_s,
-            MeetingPlace(scene.datum(met), place),
+            scene.datum(met),
+            spot,
             parties,
             severity,
             met,

@@ -1,35 +1,13 @@
 """What the life of conflict advisories asks of the engine: who is on the floor, and how two robots meet."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from deconflict.advisories.words.conflict_wording import Party
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import ClearedCode
 from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from ingest.batch import Floats, Pair
-
-
-@dataclass(frozen=True, slots=True)
-class Party:
-    """What an advisory says of one robot."""
-
-    name: str
-    vendor: str
-    basis: str
-    """What its forecast rests on, as `ConflictAdvisory.basis` has it."""
-    standing: bool
-    silent_s: float | None = None
-    """How long it has been silent; None if it reports."""
-
-    @property
-    def described(self) -> str:
-        """Its name, with how long it has been silent."""
-        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s"
-
-    @property
-    def subject(self) -> str:
-        """The same as the subject of a sentence."""
-        return self.described if self.silent_s is None else f"{self.described},"
 
 
 class Absence(NamedTuple):
@@ -82,6 +60,6 @@ class ConflictScene(Protocol):
         """The id of the datum of an encounter's floor."""
         ...
 
-    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
-        """Where each encounter is, in words."""
+    def spots(self, encounters: Sequence[Encounter]) -> list[Spot]:
+        """Where each encounter is."""
         ...

@@ -45,6 +45,13 @@ class Location(Published):
     y: float = Field(description="metres")
 
 
+class NamedPlace(Published):
+    """A resource, zone or area of the site."""
+
+    id: str | None = Field(default=None, description="id of the resource or zone; null for an area, which has none")
+    name: str
+
+
 class Hold(Published):
     """A robot waits at its place before it follows its forecast path."""
 
@@ -149,6 +156,11 @@ class Advisory(Published):
     predicted_at: datetime = Field(description="when the predicted event begins")
     time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 if the event has begun")
     location: Location | None = Field(description="place where the event begins; null if it is not known")
+    places: tuple[NamedPlace, ...] = Field(
+        default=(),
+        exclude_if=operator.not_,
+        description="of a conflict or situation: the places that its headline names, which it is at or near",
+    )
     summary: str = Field(description="one sentence for a person: the headline with its time, and the advice")
     headline: str = Field(default="", description="what happens, without time and advice; empty in older releases")
     recommendation: Recommendation | None = Field(default=None, description="null once it is cleared")

@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 
-from deconflict.advisories.conflict_scene import GONE, Absence, Party
+from deconflict.advisories.conflict_scene import GONE, Absence
+from deconflict.advisories.words.conflict_wording import Party
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import ClearedCode
 from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.presence.live_robots import LiveRobots
@@ -76,5 +78,5 @@ class LiveScene:
     def datum(self, met: Encounter) -> str:
         return self._live.floors[met.floor]
 
-    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
+    def spots(self, encounters: Sequence[Encounter]) -> list[Spot]:
         return self._place_names.describe([FloorPoint(self.datum(met), met.x_m, met.y_m) for met in encounters])

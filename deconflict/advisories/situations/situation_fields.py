@@ -18,7 +18,16 @@ from deconflict.advisories.situations.situation import (
 from deconflict.advisories.situations.situation_kinds import Matter, matter_of
 from deconflict.advisories.situations.situation_outline import outline
 from deconflict.advisories.situations.situation_wording import ending, names_of, past_words, present_words
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Severity, moment
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import (
+    AdvisoryState,
+    AnyAdvisory,
+    ClearedCode,
+    ContentionAdvisory,
+    NamedPlace,
+    Severity,
+    moment,
+)
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
 OVER = f"by itself: {ClearedCode.NOTHING_LEFT.because}"
@@ -27,16 +36,16 @@ MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_rob
 """What does not end by itself, or nobody knows when."""
 
 
-def emptied(before: Situation, place: str, now_s: float) -> Situation:
+def emptied(before: Situation, spot: Spot, now_s: float) -> Situation:
     """The revision of a situation whose last advisory has ended, until it is cleared."""
     nothing: dict[str, Any] = {"severity": Severity.CAUTION, "preventable_s": None, "cost_s": 0.0, **NOTHING_LEFT}
-    texts = {**past_words(before, place)._asdict(), "ends": OVER}
+    texts = {**past_words(before, spot.text)._asdict(), "ends": OVER}
     return before.next_revision(updated_at=moment(now_s), time_to_conflict_s=0.0, **texts, **nothing)
 
 
-def cleared(before: Situation, code: ClearedCode, place: str, now_s: float) -> Situation:
+def cleared(before: Situation, code: ClearedCode, spot: Spot, now_s: float) -> Situation:
     """The last revision."""
-    texts = past_words(before, place)._asdict()
+    texts = past_words(before, spot.text)._asdict()
     return before.cleared_revision(now_s, code).model_copy(update={**texts, **NOTHING_LEFT})
 
 
@@ -90,8 +99,8 @@ def _most_severe(matter: Matter, advice: SituationAdvice | None) -> Severity:
     return Severity.WARNING if matter.kind in MAY_LAST else Severity.CAUTION
 
 
-def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
-    """The first revision. `place` is where it is, for a person."""
+def raised(group: Group, assessment: Assessment, spot: Spot, now_s: float) -> Situation:
+    """The first revision. `spot` is where it is."""
     return Situation(
         id=group.id,
         revision=1,
@@ -100,7 +109,7 @@ def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Si
         since_at=min(advisory.raised_at for advisory in assessment.advisories),
         split_from=group.split_from,
         **_facts(group, assessment, now_s),
-        **_texts(assessment, place, now_s),
+        **_texts(assessment, spot, now_s),
         outline=outline(group),
     )
 
@@ -114,9 +123,9 @@ def updated(before: Situation, group: Group, assessment: Assessment, now_s: floa
     return before.next_revision(**facts)
 
 
-def described(revision: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
+def described(revision: Situation, group: Group, assessment: Assessment, spot: Spot, now_s: float) -> Situation:
     """The `revision` that `updated` made, with its own texts and outline. These take much longer than the rest."""
-    texts = {} if assessment.keeps_sentence else _texts(assessment, place, now_s)
+    texts = {} if assessment.keeps_sentence else _texts(assessment, spot, now_s)
     return revision.model_copy(update={"outline": outline(group), **texts})
 
 
@@ -153,10 +162,14 @@ def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]
     }
 
 
-def _texts(assessment: Assessment, place: str, now_s: float) -> dict[str, str]:
+def _texts(assessment: Assessment, spot: Spot, now_s: float) -> dict[str, Any]:
+    """All texts, and the places that they name."""
     matter = assessment.matter
+    wanted = matter.principal if isinstance(matter.principal, ContentionAdvisory) else None
+    named = [NamedPlace(id=wanted.resource, name=wanted.resource_name)] if wanted and not wanted.resources else []
     recurrence = assessment.stakes.recurring.get(matter.principal.id)
     return {
-        **present_words(matter, now_s, place, recurrence)._asdict(),
+        "places": tuple(dict.fromkeys([*named, *spot.places])),
+        **present_words(matter, now_s, spot.text, recurrence)._asdict(),
         "ends": ending(matter, names_of(assessment.advisories)),
     }

@@ -1,8 +1,9 @@
 """The fields and the text of a conflict advisory's revisions. Whether a revision is due, others decide."""
 
+from dataclasses import dataclass
 from datetime import datetime
 from hashlib import sha1
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 from uuid import UUID
 
 from deconflict.advice.actions.action_text import action_text
@@ -14,11 +15,13 @@ from deconflict.advice.document_limits import (
     short_text,
 )
 from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import (
     AdvisoryState,
     ConflictAdvisory,
     EncounterClass,
     Location,
+    NamedPlace,
     Recommendation,
     Severity,
     moment,
@@ -26,7 +29,6 @@ from deconflict.advisory import (
 from ingest.batch import Pair
 
 if TYPE_CHECKING:  # the operator face makes situations without numba
-    from deconflict.advisories.conflict_scene import Party
     from deconflict.sweep.geometry.encounter import Encounter
 
 ADVISORIES = UUID("5f3d2f5e-6d0b-5a53-9f0a-3f0f3a0a7c11")
@@ -43,18 +45,33 @@ ENCOUNTER_VERBS = {
 }
 
 
-class MeetingPlace(NamedTuple):
-    """Where two robots meet."""
+@dataclass(frozen=True, slots=True)
+class Party:
+    """What an advisory says of one robot."""
 
-    datum: str
-    """The datum's id."""
     name: str
-    """The place in words."""
+    vendor: str
+    basis: str
+    """What its forecast rests on, as `ConflictAdvisory.basis` has it."""
+    standing: bool
+    silent_s: float | None = None
+    """How long it has been silent; None if it reports."""
+
+    @property
+    def described(self) -> str:
+        """Its name, with how long it has been silent."""
+        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s"
+
+    @property
+    def subject(self) -> str:
+        """The same as the subject of a sentence."""
+        return self.described if self.silent_s is None else f"{self.described},"
 
 
 class Texts(TypedDict):
-    """The fields of an advisory that are sentences."""
+    """The fields of an advisory that are sentences, and the places that these name."""
 
+    places: tuple[NamedPlace, ...]
     headline: str
     event: str
     summary: str
@@ -81,13 +98,14 @@ class RevisionFields(Texts):
 def revision_fields(
     prediction: Prediction,
     now_s: float,
-    place: MeetingPlace,
-    parties: tuple["Party", "Party"],
+    datum: str,
+    spot: Spot,
+    parties: tuple[Party, Party],
     severity: Severity,
     met: "Encounter",
     clearance_m: float,
 ) -> RevisionFields:
-    """The fields that follow from a prediction of two robots that meet like `met`, at `place`."""
+    """The fields that follow from a prediction of two robots that meet like `met`, at `spot` of a datum."""
     time_s = max(prediction.contact_s - now_s, 0.0)
     return RevisionFields(
         severity=severity,
@@ -102,13 +120,13 @@ def revision_fields(
         clearance_m=clearance_m,
         min_separation_m=round(prediction.separation_m, 3),
         closing_speed_mps=round(met.closing_speed_mps, 3),
-        location=Location(datum=place.datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
-        **_texts(parties, met, time_s, place.name),
+        location=Location(datum=datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
+        **_texts(parties, met, time_s, spot),
     )
 
 
 def raised(
-    pair: Pair, ordinal: int, parties: tuple["Party", "Party"], fields: RevisionFields, now_s: float
+    pair: Pair, ordinal: int, parties: tuple[Party, Party], fields: RevisionFields, now_s: float
 ) -> ConflictAdvisory:
     """The first revision of an advisory on the encounter of a pair with this ordinal."""
     a, b = parties
@@ -158,11 +176,11 @@ def with_probability(
 
 
 def with_silence(
-    before: ConflictAdvisory, parties: tuple["Party", "Party"], met: "Encounter", place_name: str, now_s: float
+    before: ConflictAdvisory, parties: tuple[Party, Party], met: "Encounter", spot: Spot, now_s: float
 ) -> ConflictAdvisory:
     """The next revision if only a robot has fallen silent."""
     time_s = before.time_left_s(now_s)
-    texts = _texts(parties, met, time_s, place_name)
+    texts = _texts(parties, met, time_s, spot)
     return before.next_revision(
         updated_at=moment(now_s),
         time_to_conflict_s=round(time_s, 3),
@@ -197,7 +215,7 @@ def _interval(prediction: Prediction) -> tuple[float, float] | None:
     return round(prediction.lower, 3), round(prediction.upper, 3)
 
 
-def _texts(parties: tuple["Party", "Party"], met: "Encounter", time_s: float, place_name: str) -> Texts:
+def _texts(parties: tuple[Party, Party], met: "Encounter", time_s: float, spot: Spot) -> Texts:
     """What happens, with the time and without it."""
     a, b = parties
     is_obstacle = met.encounter_class is EncounterClass.STATIONARY_OBSTACLE
@@ -207,14 +225,14 @@ def _texts(parties: tuple["Party", "Party"], met: "Encounter", time_s: float, pl
         what, pause = f"{b.subject} reaches {_obstacle(a)}", ","
     else:
         what, pause = _meeting(a.subject, b.subject, met.encounter_class), ""
-    headline = short_text(f"{what}, {place_name}", MOST_HEADLINE_BYTES)
-    event = short_text(f"{what}{pause} in {time_s:.0f} s, {place_name}", MOST_EVENT_BYTES)
-    return Texts(headline=headline, event=event, summary=event)
+    headline = short_text(f"{what}, {spot.text}", MOST_HEADLINE_BYTES)
+    event = short_text(f"{what}{pause} in {time_s:.0f} s, {spot.text}", MOST_EVENT_BYTES)
+    return Texts(places=spot.places, headline=headline, event=event, summary=event)
 
 
 def _meeting(a: str, b: str, encounter_class: EncounterClass) -> str:
     return f"{a} and {b} {ENCOUNTER_VERBS[encounter_class]}"
 
 
-def _obstacle(party: "Party") -> str:
+def _obstacle(party: Party) -> str:
     return f"{party.name}, which stands still" if party.silent_s is None else party.described

@@ -4,6 +4,15 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from deconflict.advice.document_limits import MOST_HEADLINE_BYTES, MOST_SUMMARY_BYTES, short_text
+from deconflict.advisory import NamedPlace
+
+
+class Spot(NamedTuple):
+    """Where something is, such as "in Aisle 3 on Ground hall"."""
+
+    text: str
+    places: tuple[NamedPlace, ...] = ()
+    """Those that the text names."""
 
 
 class RevisionWords(NamedTuple):

@@ -11,7 +11,7 @@ from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.finding_lifecycle import Finding, FindingLifecycle, finding_key
 from deconflict.advisories.situations.situation import MOST_ADVISORIES, REVISION
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisories.words.words import RevisionWords, words
+from deconflict.advisories.words.words import RevisionWords, Spot, words
 from deconflict.advisory import (
     Action,
     AnyAdvisory,
@@ -164,7 +164,7 @@ def test_a_situation_of_hundreds_of_advisories_and_robots_is_a_small_document(na
         for number in range(1, 200)
     ]
     knot = raised(ring(220), name).model_copy(update=at)
-    lifecycle = SituationLifecycle(lambda points: [shown] * len(points))
+    lifecycle = SituationLifecycle(lambda points: [Spot(shown)] * len(points))
     situations = lifecycle.revise(now_s, [knot, *conflicts])
     assert situations
     for situation in situations:

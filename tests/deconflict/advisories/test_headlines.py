@@ -6,7 +6,8 @@ import pytest
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
-from deconflict.advisory import ADVISORY, AnyAdvisory, ClearedCode, ConflictAdvisory, Hold, Recommendation
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import ADVISORY, AnyAdvisory, ClearedCode, ConflictAdvisory, Hold, NamedPlace, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from tests.deconflict.advisories.situations.made_situations import (
@@ -29,8 +30,8 @@ PAIR = ("a", "b")
 class Bay(MadeScene):
     """Two meet at a place with a semicolon and a time in its name."""
 
-    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
-        return ["in Bay 1; open in 5 min"] * len(encounters)
+    def spots(self, encounters: Sequence[Encounter]) -> list[Spot]:
+        return [Spot("in Bay 1; open in 5 min", (NamedPlace(id="bay-1", name="Bay 1"),))] * len(encounters)
 
 
 def test_what_a_conflict_is_stays_whole_whatever_is_advised_and_how_its_place_is_named() -> None:
@@ -40,6 +41,7 @@ def test_what_a_conflict_is_stays_whole_whatever_is_advised_and_how_its_place_is
     event = "Alder a and Alder b cross in 8 s, in Bay 1; open in 5 min"
     assert first.headline == "Alder a and Alder b cross, in Bay 1; open in 5 min"
     assert first.event == first.summary == event
+    assert [place.id for place in first.places] == ["bay-1"]
     waits = Recommendation(
         holds=(Hold(robot="a", hold_s=2.0),), actions=(action("a"),), cost_s=2.0, bound_s=2.0, proven_optimal=True
     )
@@ -85,3 +87,9 @@ def test_each_action_of_advice_has_its_sentence_and_the_last_says_who_goes_first
     wait, first = found.actions
     assert found.text == wait.text == "Robot a should wait 5 s before Lift; left, so that Robot b goes first"
     assert "text" not in first.model_dump()
+
+
+def test_a_situation_names_the_place_that_its_robots_wait_for() -> None:
+    (place,) = raised([queue("abc")]).places
+    assert (place.id, place.name) == ("dock-1", "Dock 1")
+    assert raised([queue("abc", resources=("dock-1", "dock-2"), resource_name="one of 2 docks")]).places == ()
