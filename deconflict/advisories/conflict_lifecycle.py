@@ -27,7 +27,7 @@ from operator import attrgetter
 from deconflict.advice.document_limits import limited_advice
 from deconflict.advisories import revision_rules
 from deconflict.advisories.conflict_predictions import Predictions
-from deconflict.advisories.conflict_scene import GONE, ConflictScene
+from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
 from deconflict.advisories.watched.watched_pair_kernels import (
@@ -39,6 +39,7 @@ from deconflict.advisories.watched.watched_pair_kernels import (
 )
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisories.words import conflict_wording
+from deconflict.advisories.words.conflict_wording import GONE
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
@@ -331,13 +332,9 @@ class ConflictLifecycle:
 
 
 def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> tuple[ClearedCode, str]:
-    """Which of an advisory's robots are not there, and why; the code is that of the first."""
+    """Which of an advisory's robots are not there, and why."""
     names = dict(zip(advisory.robots, advisory.names, strict=True))
-    reasons = {names[uuid]: scene.absence(uuid) or GONE for uuid in absent}
-    if set(reasons.values()) == {GONE}:
-        reasons = {" and ".join(reasons): GONE}
-    texts = [code.because.format(name=name, by=by) for name, (code, by) in reasons.items()]
-    return next(iter(reasons.values())).code, "; ".join(texts)
+    return conflict_wording.cleared_as_absent({names[uuid]: scene.absence(uuid) or GONE for uuid in absent})
 
 
 def _is_later(advisory: ConflictAdvisory | None, until_s: float) -> bool:

@@ -1,24 +1,12 @@
 """What the life of conflict advisories asks of the engine: who is on the floor, and how two robots meet."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-from deconflict.advisories.words.conflict_wording import Party
+from deconflict.advisories.words.conflict_wording import Absence, Party
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import ClearedCode
 from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from ingest.batch import Floats, Pair
-
-
-class Absence(NamedTuple):
-    """Why a robot is not on the floor."""
-
-    code: ClearedCode
-    by: str = ""
-    """Name of the robot that has driven through its place."""
-
-
-GONE = Absence(ClearedCode.LEFT)
 
 
 class ConflictScene(Protocol):

@@ -323,6 +323,9 @@ Kind = Literal[
 RevisionKind = Literal[Kind, "situation"]
 KindChoice = Literal[RevisionKind, "advisory"]
 """What a receiver of revisions may ask for: "advisory" stands for every kind of advisory."""
+SituationKind = Literal[
+    "meeting", "head_on", "knot", "queue", "crowd", "blocked_aisle", "obstacle", "silent_robot", "deadlock", "identity"
+]
 SITUATION = "situation"
 ADVISORY_KINDS = frozenset[str](get_args(Kind))
 EVERY_KIND = ADVISORY_KINDS | {SITUATION}

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from deconflict.advisories.conflict_scene import GONE, Absence
-from deconflict.advisories.words.conflict_wording import Party
+from deconflict.advisories.words.conflict_wording import GONE, Absence, Party
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import ClearedCode
 from deconflict.engine.place_names import PlaceNames

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deconflict.advisories.conflict_scene import Absence, ConflictScene
-from deconflict.advisories.words.conflict_wording import Party
+from deconflict.advisories.conflict_scene import ConflictScene
+from deconflict.advisories.words.conflict_wording import Absence, Party
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters

@@ -8,7 +8,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 from pydantic import Field, TypeAdapter
 
 from deconflict.advice.document_limits import MOST_ACTIONS, MOST_ROBOTS
-from deconflict.advisory import ADVISORY_KINDS, Action, Advisory, AnyAdvisory, Published, Robot
+from deconflict.advisory import ADVISORY_KINDS, Action, Advisory, AnyAdvisory, Published, Robot, SituationKind
 
 BAD_AFTER = 4400
 """Close code of the stream: `after` is not a whole number, 0 or more."""
@@ -21,10 +21,6 @@ STORE_FAILED = 1011
 
 MOST_CORNERS = 32
 MOST_ADVISORIES = 40
-
-SituationKind = Literal[
-    "meeting", "head_on", "knot", "queue", "crowd", "blocked_aisle", "obstacle", "silent_robot", "deadlock", "identity"
-]
 
 
 class SituationAdvice(Published):

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_ROBOTS, short_text
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.advice.action_sets import Proposal, key_of, proposal_of
+from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
 from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
@@ -13,11 +14,17 @@ from deconflict.advisories.situations.situation import (
     MOST_ADVISORIES,
     Situation,
     SituationAdvice,
-    SituationKind,
 )
-from deconflict.advisories.situations.situation_kinds import Matter, matter_of
-from deconflict.advisories.situations.situation_outline import outline
-from deconflict.advisories.situations.situation_wording import ending, names_of, past_words, present_words
+from deconflict.advisories.situations.situation_kinds import matter_of
+from deconflict.advisories.situations.situation_outline import count_spots, outline
+from deconflict.advisories.words.situation_words import (
+    Matter,
+    again_text,
+    ending,
+    names_of,
+    past_words,
+    present_words,
+)
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import (
     AdvisoryState,
@@ -26,6 +33,7 @@ from deconflict.advisory import (
     ContentionAdvisory,
     NamedPlace,
     Severity,
+    SituationKind,
     moment,
 )
 
@@ -39,14 +47,19 @@ MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_rob
 def emptied(before: Situation, spot: Spot, now_s: float) -> Situation:
     """The revision of a situation whose last advisory has ended, until it is cleared."""
     nothing: dict[str, Any] = {"severity": Severity.CAUTION, "preventable_s": None, "cost_s": 0.0, **NOTHING_LEFT}
-    texts = {**past_words(before, spot.text)._asdict(), "ends": OVER}
+    texts = {**_past_texts(before, spot), "ends": OVER}
     return before.next_revision(updated_at=moment(now_s), time_to_conflict_s=0.0, **texts, **nothing)
 
 
 def cleared(before: Situation, code: ClearedCode, spot: Spot, now_s: float) -> Situation:
     """The last revision."""
-    texts = past_words(before, spot.text)._asdict()
+    texts = _past_texts(before, spot)
     return before.cleared_revision(now_s, code).model_copy(update={**texts, **NOTHING_LEFT})
+
+
+def _past_texts(before: Situation, spot: Spot) -> dict[str, str]:
+    names = dict(zip(before.robots, before.names, strict=True))
+    return past_words(before.situation_kind, names, before.more_robots, before.culprit, spot.text)._asdict()
 
 
 class Assessment(NamedTuple):
@@ -165,11 +178,21 @@ def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]
 def _texts(assessment: Assessment, spot: Spot, now_s: float) -> dict[str, Any]:
     """All texts, and the places that they name."""
     matter = assessment.matter
+    recurrence = assessment.stakes.recurring.get(matter.principal.id)
+    is_short = recurrence is not None and recurrence.longest_s <= BY_ITSELF_S
+    again = again_text(recurrence.times, WITHIN_S, recurrence.longest_s if is_short else None) if recurrence else ""
     wanted = matter.principal if isinstance(matter.principal, ContentionAdvisory) else None
     named = [NamedPlace(id=wanted.resource, name=wanted.resource_name)] if wanted and not wanted.resources else []
-    recurrence = assessment.stakes.recurring.get(matter.principal.id)
     return {
         "places": tuple(dict.fromkeys([*named, *spot.places])),
-        **present_words(matter, now_s, spot.text, recurrence)._asdict(),
+        **present_words(matter, now_s, spot.text, _spots(matter), again)._asdict(),
         "ends": ending(matter, names_of(assessment.advisories)),
     }
+
+
+def _spots(matter: Matter) -> int:
+    """At how many places robots get in each other's way."""
+    if matter.kind != "knot":
+        return 1
+    locations = [advisory.location for advisory in matter.advisories if advisory.location]
+    return count_spots([(location.x, location.y) for location in locations])

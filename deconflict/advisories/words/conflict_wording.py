@@ -1,9 +1,10 @@
 """The fields and the text of a conflict advisory's revisions. Whether a revision is due, others decide."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from hashlib import sha1
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 from uuid import UUID
 
 from deconflict.advice.actions.action_text import action_text
@@ -18,6 +19,7 @@ from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import (
     AdvisoryState,
+    ClearedCode,
     ConflictAdvisory,
     EncounterClass,
     Location,
@@ -66,6 +68,17 @@ class Party:
     def subject(self) -> str:
         """The same as the subject of a sentence."""
         return self.described if self.silent_s is None else f"{self.described},"
+
+
+class Absence(NamedTuple):
+    """Why a robot is not on the floor."""
+
+    code: ClearedCode
+    by: str = ""
+    """Name of the robot that has driven through its place."""
+
+
+GONE = Absence(ClearedCode.LEFT)
 
 
 class Texts(TypedDict):
@@ -206,6 +219,14 @@ def with_actions(event: str, advice: Recommendation | None) -> str:
         return event
     actions = [action_text(action) for action in advice.actions if action.action != "go_first"]
     return short_text("; ".join([event, *(actions or filter(None, [advice.note]))]), MOST_SUMMARY_BYTES)
+
+
+def cleared_as_absent(absences: Mapping[str, Absence]) -> tuple[ClearedCode, str]:
+    """Why an advisory is cleared, whose robots of these names are not there; the code is that of the first."""
+    if set(absences.values()) == {GONE}:
+        absences = {" and ".join(absences): GONE}
+    texts = [code.because.format(name=name, by=by) for name, (code, by) in absences.items()]
+    return next(iter(absences.values())).code, "; ".join(texts)
 
 
 def _interval(prediction: Prediction) -> tuple[float, float] | None:

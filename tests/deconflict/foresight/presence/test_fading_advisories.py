@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
-from deconflict.advisories.conflict_scene import Absence
+from deconflict.advisories.words.conflict_wording import Absence
 from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from deconflict.settings.site import Conflict
 from ingest.batch import Pair
