@@ -17,7 +17,7 @@ from pathlib import Path
 import zstandard
 
 from ingest.recording.log_segments import PACKED, packed_name
-from ingest.recording.plain_files import opened
+from ingest.recording.plain_files import opened, with_advice
 from ingest.recording.replaced_file import replacing
 
 PLAIN_SEGMENTS = 2
@@ -84,16 +84,14 @@ class LogPacker:
             try:
                 packed += _pack(segment)
             except (OSError, zstandard.ZstdError) as error:
-                fault = f"{segment.name}: {error}"
+                fault = f"{segment.name} is not packed: {with_advice(error, 'free space or repair the disk')}"
             if packed >= MOST_AT_ONCE:
                 break
         return fault
 
     def _note(self, fault: str | None) -> None:
         if fault and not self.failing:
-            log.error(
-                "%s is not packed; nothing is lost; free space or repair the disk, packing resumes by itself", fault
-            )
+            log.error("%s; nothing is lost, and packing resumes by itself", fault)
         elif self.failing and not fault:
             log.warning("segments of the log are packed again")
         self.failing = fault
@@ -113,8 +111,10 @@ def _pack(segment: Path) -> bool:
             compressor.copy_stream(plain, packed, status.st_size, CHUNK_BYTES, CHUNK_BYTES)
             packed.flush()
             os.utime(packed.fileno(), ns=(status.st_atime_ns, status.st_mtime_ns))
-            segment.stat()  # it may be too old by now and removed
     except FileNotFoundError:
+        return False
+    if not segment.exists():  # meanwhile it was too old, or the log too large
+        packed_name(segment).unlink(missing_ok=True)
         return False
     _sync_folder(segment.parent)
     segment.unlink(missing_ok=True)
