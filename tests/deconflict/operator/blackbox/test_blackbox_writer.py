@@ -14,9 +14,11 @@ from deconflict.settings.site import Site
 from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
+from ingest.recording.log_packing import LogPacker
 from ingest.recording.log_reader import lines_of
 from ingest.settings import RecorderSettings
 from tests.deconflict.operator.blackbox.made_floor import NOW_S, Floor, crossing, lived
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, robot
 
 
@@ -122,26 +124,32 @@ def test_a_torn_line_of_the_log_is_left_out(tmp_path: Path) -> None:
     assert write_blackbox(floor.order())
 
 
-def test_a_box_of_packed_segments_is_that_of_plain_ones_and_damage_costs_only_what_it_hides(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_box_of_packed_segments_is_that_of_plain_ones(tmp_path: Path) -> None:
     floor = lived(tmp_path, crossing(60.0, 1.7), 80, settings=RecorderSettings(segment_bytes=20_000))
     packed = sorted((tmp_path / "log").glob("*.zst"))
     assert len(packed) > 3
     box = write_blackbox(floor.order())
-    assert box
-    within = packed[-3]
-    damaged = within.read_bytes()
     for file in packed:
         file.with_suffix("").write_bytes(b"".join(lines_of(file)))
         file.unlink()
     again = write_blackbox(floor.order())
+    assert box
     assert again
     assert [unchained(line) for line in lines(floor, box)] == [unchained(line) for line in lines(floor, again)]
-    within.with_suffix("").unlink()
-    within.write_bytes(damaged[:20] + b"damage" + damaged[26:])
+
+
+def test_a_damaged_packed_segment_costs_a_box_what_can_not_be_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    floor = lived(tmp_path, crossing(60.0, 1.7), 80)
+    (log,) = (tmp_path / "log").iterdir()
+    packer = LogPacker()
+    packer.pack([log, log])
+    packer.close(PATIENCE_S)
+    packed = log.with_name(log.name + ".zst")
+    packed.write_bytes(packed.read_bytes()[:-1] + b"x")
     assert write_blackbox(floor.order())
-    assert f"{within} is damaged" in caplog.text
+    assert f"{packed} is damaged" in caplog.text
 
 
 def unchained(line: bytes) -> dict[str, object]:
