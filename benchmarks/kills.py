@@ -26,7 +26,8 @@ from websockets.exceptions import WebSocketException
 from benchmarks.endtoend import Load, Running, service
 from deconflict.advisory import ClearedCode
 from deconflict.roles.processes.role_process import STEADY_S, RoleProcess
-from ingest.recording.log_reader import LogReader, segments
+from ingest.recording.log_reader import LogReader
+from ingest.recording.log_segments import segments
 
 
 @dataclass
