@@ -24,8 +24,10 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
+from deconflict.advisory import ClearedCode
 from deconflict.roles.processes.role_process import STEADY_S, RoleProcess
-from ingest.recording.log_reader import LogReader, segments
+from ingest.recording.log_reader import LogReader
+from ingest.recording.log_segments import segments
 
 
 @dataclass
@@ -68,7 +70,7 @@ def faults(revisions: Iterable[dict[str, Any]]) -> list[str]:
         if revision["revision"] != expected:
             found.append(f"revision {revision['revision']} of {revision['id']} came where {expected} was due")
         counts[revision["id"]] = revision["revision"]
-        if "left the floor" in (revision["cleared_because"] or ""):
+        if revision["cleared_code"] == ClearedCode.LEFT:
             found.append(f"{revision['id']} was cleared because {revision['cleared_because']}, and nobody left")
     return found
 

@@ -17,14 +17,8 @@ import numpy as np
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import (
-    AdvisoryState,
-    ConflictAdvisory,
-    EncounterClass,
-    Location,
-    Severity,
-    moment,
-)
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, EncounterClass, Location, Severity, moment
 
 START_S = datetime(2026, 5, 1, tzinfo=UTC).timestamp()
 LASTS_S = 12.0
@@ -55,7 +49,7 @@ class Floor:
         moved = [self._moved(each, now_s) for each in self.open.values() if self._rng.random() < 0.2]
         raised = [self._raised(now_s) for _ in range(self._rng.poisson(self._rate))]
         self.open |= {each.id: each for each in (*moved, *raised)}
-        return [*(each.cleared_revision(now_s, "they passed") for each in ended), *moved, *raised]
+        return [*(each.cleared_revision(now_s, ClearedCode.PASSED) for each in ended), *moved, *raised]
 
     def _raised(self, now_s: float) -> ConflictAdvisory:
         self.raised += 1
@@ -132,7 +126,7 @@ def restored(lifecycle: SituationLifecycle, floor: Floor) -> SituationLifecycle:
 
 
 def new_lifecycle() -> SituationLifecycle:
-    return SituationLifecycle(lambda points: ["in the hall"] * len(points))
+    return SituationLifecycle(lambda points: [Spot("in the hall")] * len(points))
 
 
 def run(hours: float, robots: int, open_count: float, seed: int) -> dict[str, object]:

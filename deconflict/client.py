@@ -20,8 +20,15 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation
-from deconflict.advisory import ADVISORY, BAD_KINDS, POSITION_LOST, AnyAdvisory, KindChoice, Listing
+from deconflict.advisories.situations.situation import (
+    BAD_KINDS,
+    POSITION_LOST,
+    REVISION,
+    AnyRevision,
+    Listing,
+    Situation,
+)
+from deconflict.advisory import ADVISORY, AnyAdvisory, KindChoice
 from deconflict.operator.vendor_models import VendorHealth, VendorList
 
 MOST_LISTED = 10_000

@@ -22,6 +22,7 @@ from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
+from ingest.recording.log_segments import packed_name, under_present_name
 from metrics.conformance.fields_command import add_fields
 from metrics.conformance.senders_command import add_senders
 from metrics.export.ledger_commands import add_ledger_commands
@@ -270,13 +271,18 @@ def files_of(logs: Iterable[Path]) -> list[Path]:
             raise LogError(f"{log} can't be read: give an existing log, or a directory of logs")
     try:
         files = by_time(logs)
-        if unreadable := [file for file in files if not os.access(file, os.R_OK)]:
+        if unreadable := [file for file in files if not _is_readable(file)]:
             raise LogError(f"{unreadable[0]} can't be read: permission denied")
     except OSError as error:
         raise LogError(f"{error.filename} can't be read: {error.strerror}") from error
     if not files:
         raise LogError(f"no log is in {_named(logs)}: the name of a log contains .jsonl")
     return files
+
+
+def _is_readable(file: Path) -> bool:
+    """It may have been packed since it was listed."""
+    return any(os.access(name, os.R_OK) for name in (file, packed_name(file)))
 
 
 def _check_order(reader: LogReader, logs: Iterable[Path], result: dict[str, Any]) -> None:
@@ -320,7 +326,7 @@ def _with_progress(reader: LogReader, files: Sequence[Path]) -> Iterator[Iterato
         return
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("", total=sum(file.stat().st_size for file in files))
+        task = progress.add_task("", total=sum(under_present_name(file, Path.stat).st_size for file in files))
 
         def events() -> Iterator[Event]:
             for number, event in enumerate(reader.read(files), 1):

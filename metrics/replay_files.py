@@ -12,6 +12,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from deconflict.advisory import AnyAdvisory
 from ingest.languages import timestamps
+from ingest.recording.log_segments import under_present_name
 
 if TYPE_CHECKING:
     from metrics.replay.engine_output import PairProbabilities
@@ -158,7 +159,7 @@ def check_outputs(logs: Sequence[Path], outputs: Sequence[Path]) -> None:
         exists = os.access(out, os.F_OK)
         if not (os.access(out, os.W_OK) and not out.is_dir() if exists else os.access(out.parent, os.W_OK | os.X_OK)):
             raise LogError(f"{out} can't be written: give a file in an existing directory that you may write to")
-        if exists and any(out.samefile(log) for log in logs):
+        if exists and any(under_present_name(log, out.samefile) for log in logs):
             raise LogError(f"{out} is a log to be read: give the output another name")
     for out, other in combinations(outputs, 2):
         if _is_one_file(out, other):

@@ -4,11 +4,14 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from operator import attrgetter
 
-from deconflict.advisories.conflict_lifecycle import PASSED, STAND, UNPREDICTED
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, ConflictAdvisory, Severity
 from ingest.measures.measures import Measures
 
-OUTCOMES = {PASSED: "met", STAND: "met", UNPREDICTED: "not_met"}
+OUTCOMES: dict[ClearedCode | None, str] = {
+    ClearedCode.PASSED: "met",
+    ClearedCode.BOTH_STAND: "met",
+    ClearedCode.UNPREDICTED: "not_met",
+}
 """By reason of clearing, whether the robots came within the clearance; "left" for all other reasons."""
 NEAR_MISSES = "deconflict_near_misses_total"
 ADVISORY_METRICS = ("deconflict_advisories_total", "deconflict_advisories_open", "deconflict_conflicts_ended_total")
@@ -24,8 +27,8 @@ def count_revisions(measures: Measures, revisions: Iterable[AnyAdvisory]) -> Non
     """Count revisions by kind and state, and cleared conflicts by vendor and outcome."""
     for revision in revisions:
         measures.count("deconflict_advisories_total", revision.kind, AdvisoryState(revision.state).value)
-        if isinstance(revision, ConflictAdvisory) and revision.cleared_because:
-            outcome = OUTCOMES.get(revision.cleared_because, "left")
+        if isinstance(revision, ConflictAdvisory) and revision.state is AdvisoryState.CLEARED:
+            outcome = OUTCOMES.get(revision.cleared_code, "left")
             for vendor in sorted(set(revision.vendors)):
                 measures.count("deconflict_conflicts_ended_total", vendor, outcome)
 

@@ -16,7 +16,7 @@ These files take part, in this order:
    and the levels of `severity`.
 2. This file makes a revision of each decision. It decides only what depends on the scene: whether robots are there,
    whether a pair has drawn apart, and whether it meets elsewhere than its advisory says.
-3. `conflict_wording` fills the fields and writes the text.
+3. `words.conflict_wording` fills the fields and writes the text.
 """
 
 from collections.abc import Container, Iterable, Iterator, Sequence
@@ -25,10 +25,9 @@ from math import inf
 from operator import attrgetter
 
 from deconflict.advice.document_limits import limited_advice
-from deconflict.advisories import conflict_wording, revision_rules
+from deconflict.advisories import revision_rules
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
-from deconflict.advisories.conflict_wording import MeetingPlace
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
 from deconflict.advisories.watched.watched_pair_kernels import (
@@ -39,17 +38,13 @@ from deconflict.advisories.watched.watched_pair_kernels import (
     UPDATE_PROBABILITY,
 )
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation
+from deconflict.advisories.words import conflict_wording
+from deconflict.advisories.words.conflict_wording import GONE
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from ingest.batch import Pair
-
-PASSED, STAND, UNPREDICTED = "they have passed each other", "both stand still", "no longer predicted"
-GAVE_WAY = "one gave way to the other"
-"""Why an advisory is cleared while both robots are on the floor."""
-CROWDED = "both report from a place with many others of their vendors"
-DORMANT = "both are silent, and nothing says that they move"
-LEFT = "left the floor"
 
 
 @dataclass(slots=True, eq=False)
@@ -137,14 +132,14 @@ class ConflictLifecycle:
             watched = self.pairs.get(pair)
             if watched and advisory.basis != (parties[0].basis, parties[1].basis):
                 met = scene.encounter(pair, advisory.predicted_at.timestamp())
-                (place,) = scene.place_names([met])
-                revision = conflict_wording.with_silence(advisory, parties, met, place, now_s)
+                (spot,) = scene.spots([met])
+                revision = conflict_wording.with_silence(advisory, parties, met, spot, now_s)
                 self._set_newest(watched, revision)
                 revisions.append(revision)
         return revisions
 
     def dismiss(
-        self, changed: Iterable[str], robots: Container[str], reason: str, now_s: float
+        self, changed: Iterable[str], robots: Container[str], reason: ClearedCode, now_s: float
     ) -> list[ConflictAdvisory]:
         """Watch no pairs of two of `robots` any more, of which at least one is in `changed`: no conflicts are looked
         for among them. The revisions that clear their advisories."""
@@ -199,7 +194,9 @@ class ConflictLifecycle:
             return self._update_probability(watched, prediction.probability, now_s)
         if code == CLEAR_STILL and watched.advisory:
             both_stand = all(map(scene.stands, watched.pair))
-            return watched.advisory.cleared_revision(now_s, STAND if both_stand else GAVE_WAY)
+            return watched.advisory.cleared_revision(
+                now_s, ClearedCode.BOTH_STAND if both_stand else ClearedCode.GAVE_WAY
+            )
         if not all(map(scene.is_present, watched.pair)):
             return None
         before = watched.advisory.severity if watched.advisory else None
@@ -241,16 +238,16 @@ class ConflictLifecycle:
             if candidate.is_news or (before and revision_rules.is_elsewhere(before, met, scene.datum(met))):
                 news.append((candidate, met))
                 budget.spend(watched.pair)
-        places = scene.place_names([met for _, met in news])
+        spots = scene.spots([met for _, met in news])
         return [
-            self._revision(candidate, met, place, now_s, scene)
-            for (candidate, met), place in zip(news, places, strict=True)
+            self._revision(candidate, met, spot, now_s, scene)
+            for (candidate, met), spot in zip(news, spots, strict=True)
         ]
 
     def _revision(
-        self, candidate: Candidate, met: Encounter, place: str, now_s: float, scene: ConflictScene
+        self, candidate: Candidate, met: Encounter, spot: Spot, now_s: float, scene: ConflictScene
     ) -> ConflictAdvisory:
-        """The revision of a pair that meets like `met`, at the place of that name."""
+        """The revision of a pair that meets like `met`, there."""
         watched, prediction, severity, _ = candidate
         pair = watched.pair
         parties = scene.party(pair[0], now_s), scene.party(pair[1], now_s)
@@ -258,7 +255,8 @@ class ConflictLifecycle:
         fields = conflict_wording.revision_fields(
             prediction._replace(probability=probability),
             now_s,
-            MeetingPlace(scene.datum(met), place),
+            scene.datum(met),
+            spot,
             parties,
             severity,
             met,
@@ -308,8 +306,9 @@ class ConflictLifecycle:
         if advisory is None:
             return None
         if left:
-            return advisory.cleared_revision(now_s, _why_absent(advisory, left, scene))
-        return advisory.cleared_revision(now_s, PASSED if self.pairs.have_met(watched) else UNPREDICTED)
+            return advisory.cleared_revision(now_s, *_why_absent(advisory, left, scene))
+        has_met = self.pairs.have_met(watched)
+        return advisory.cleared_revision(now_s, ClearedCode.PASSED if has_met else ClearedCode.UNPREDICTED)
 
     def _is_awaited(self, advisory: ConflictAdvisory | None, now_s: float) -> bool:
         """Whether a restored advisory stands as it is until its robots are heard of."""
@@ -329,16 +328,13 @@ class ConflictLifecycle:
         is_restored = self.pairs.predicted_s(watched) < started_s
         if is_restored and now_s - started_s < self.absent_after_s:
             return None
-        return advisory.cleared_revision(now_s, _why_absent(advisory, absent, scene))
+        return advisory.cleared_revision(now_s, *_why_absent(advisory, absent, scene))
 
 
-def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> str:
+def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> tuple[ClearedCode, str]:
     """Which of an advisory's robots are not there, and why."""
     names = dict(zip(advisory.robots, advisory.names, strict=True))
-    reasons = {names[uuid]: scene.absence(uuid) or LEFT for uuid in absent}
-    if len(set(reasons.values())) == 1 and LEFT in reasons.values():
-        return f"{' and '.join(reasons)} {LEFT}"
-    return "; ".join(f"{name} {reason}" for name, reason in reasons.items())
+    return conflict_wording.cleared_as_absent({names[uuid]: scene.absence(uuid) or GONE for uuid in absent})
 
 
 def _is_later(advisory: ConflictAdvisory | None, until_s: float) -> bool:

@@ -1,29 +1,12 @@
 """What the life of conflict advisories asks of the engine: who is on the floor, and how two robots meet."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
+from deconflict.advisories.words.conflict_wording import Absence, Party
+from deconflict.advisories.words.words import Spot
 from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from ingest.batch import Floats, Pair
-
-
-@dataclass(frozen=True, slots=True)
-class Party:
-    """What an advisory says of one robot."""
-
-    name: str
-    vendor: str
-    basis: str
-    """What its forecast rests on, as `ConflictAdvisory.basis` has it."""
-    standing: bool
-    silent_s: float | None = None
-    """How long it has been silent; None if it reports."""
-
-    @property
-    def subject(self) -> str:
-        """Its name as the subject of a sentence, with how long it has been silent."""
-        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s,"
 
 
 class ConflictScene(Protocol):
@@ -33,8 +16,8 @@ class ConflictScene(Protocol):
         """Whether a robot is on the floor."""
         ...
 
-    def absence(self, uuid: str) -> str | None:
-        """Why a robot is not on the floor, in words that follow its name; None if it is, as far as is known."""
+    def absence(self, uuid: str) -> Absence | None:
+        """Why a robot is not on the floor; None if it is, as far as is known."""
         ...
 
     def account(self, uuid: str) -> str:
@@ -65,6 +48,6 @@ class ConflictScene(Protocol):
         """The id of the datum of an encounter's floor."""
         ...
 
-    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
-        """Where each encounter is, in words."""
+    def spots(self, encounters: Sequence[Encounter]) -> list[Spot]:
+        """Where each encounter is."""
         ...

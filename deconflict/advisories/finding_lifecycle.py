@@ -19,17 +19,18 @@ from deconflict.advice.document_limits import (
     MOST_NAME_BYTES,
     MOST_PLACES,
     MOST_ROBOTS,
-    MOST_SUMMARY_BYTES,
     MOST_WAITS,
     limited_advice,
     short_text,
 )
-from deconflict.advisories.conflict_wording import new_id
 from deconflict.advisories.severity import rises
+from deconflict.advisories.words.conflict_wording import new_id
+from deconflict.advisories.words.words import RevisionWords
 from deconflict.advisory import (
     AdvisoryState,
     BlockageAdvisory,
     ClaimAdvisory,
+    ClearedCode,
     ContentionAdvisory,
     CrowdAdvisory,
     DeadlockAdvisory,
@@ -69,14 +70,14 @@ MODELS: dict[str, type[FindingAdvisory]] = {
     "two_places": ClaimAdvisory,
     "crowd": CrowdAdvisory,
 }
-CLEARED_BECAUSE = {
-    "contention": "nobody is expected to wait long any more",
-    "double_occupancy": "no more robots are there than it takes",
-    "deadlock": "they no longer wait for each other",
-    "blockage": "it no longer stands in anybody's way",
-    "foreign_claim": "the other vendor no longer reports them",
-    "two_places": "they are reported from one place again",
-    "crowd": "they no longer report from one place",
+CLEARED_CODES = {
+    "contention": ClearedCode.NO_LONG_WAIT,
+    "double_occupancy": ClearedCode.WITHIN_CAPACITY,
+    "deadlock": ClearedCode.UNLOCKED,
+    "blockage": ClearedCode.OUT_OF_THE_WAY,
+    "foreign_claim": ClearedCode.NOT_CLAIMED,
+    "two_places": ClearedCode.ONE_PLACE,
+    "crowd": ClearedCode.DISPERSED,
 }
 
 
@@ -91,7 +92,7 @@ class Finding(NamedTuple):
     """In ascending order."""
     predicted_s: float
     location: Location | None
-    summary: Callable[[], str]
+    words: Callable[[], RevisionWords]
     """Called only if a revision is made: most looks find nothing new."""
     evidence: dict[str, Any]
     """The fields of its own kind of advisory."""
@@ -166,7 +167,7 @@ class FindingLifecycle:
                 return _updated(before, finding, now_s, name_vendor)
             return _raised(finding, now_s, name_vendor) if sum(watched.looks) >= LOOKS_NEEDED else None
         if before and now_s - watched.found_s >= self._clear_after_s:
-            return before.cleared_revision(now_s, CLEARED_BECAUSE[before.kind])
+            return before.cleared_revision(now_s, CLEARED_CODES[before.kind])
         return None
 
 
@@ -249,8 +250,8 @@ def _fields(finding: Finding, now_s: float, name_vendor: NameVendor) -> dict[str
         "predicted_at": moment(finding.predicted_s),
         "time_to_conflict_s": _time_left_s(finding, now_s),
         "location": finding.location,
-        "summary": short_text(finding.summary(), MOST_SUMMARY_BYTES),
         "recommendation": finding.recommendation,
+        **finding.words()._asdict(),
         **finding.evidence,
     }
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from deconflict.advice.actions.action_text import action_text
-from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.finding_lifecycle import Finding
 from deconflict.advisories.severity import severity_of_deadlock, severity_of_finding
+from deconflict.advisories.words import finding_words
+from deconflict.advisories.words.finding_words import Named, advised_slots, shortened, way_out
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast
@@ -15,9 +15,6 @@ from deconflict.contention.slot_actions import with_queue_actions, with_ring_act
 from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.deadlocks import RingLink
 from deconflict.contention.waiting.standing_reasons import state_phrase
-
-WIDE_SPREAD_S = 3.0
-"""The text gives the spread of an arrival if it is at least so wide."""
 
 
 def contention(
@@ -32,7 +29,7 @@ def contention(
     queue = queue.at_height_of(queue.longest_waiting)
     waiting = queue.waiting
     first_s = max(waiting[0].arrival_s, now_s)
-    present = queue.present_at(first_s)
+    present, name = queue.present_at(first_s), _namer(robots)
     return Finding(
         kind="contention",
         about=place,
@@ -40,54 +37,25 @@ def contention(
         robots=tuple(sorted({*present, *(entry.robot for entry in waiting)})),
         predicted_s=first_s,
         location=geometry.location(place),
-        summary=lambda: (
-            f"{_names(robots, [entry.robot for entry in waiting])} will find {geometry.label(place)} taken "
-            f"{_when(first_s - now_s)}{_spread(waiting[0])} and wait up to {queue.longest_wait_s:.0f} s"
-            f"{_free(queue, geometry.capacity(place), now_s)}{_advised(geometry, place, waiting, advice, robots)}"
+        words=lambda: finding_words.contention(
+            [name(entry.robot) for entry in waiting],
+            geometry.label(place),
+            first_s - now_s,
+            waiting[0].spread_s,
+            queue.longest_wait_s,
+            queue.free_s(geometry.capacity(place), now_s) - now_s,
+            advised_slots(advice, place, {entry.robot for entry in waiting}, name, geometry.label),
         ),
         evidence=_queue_evidence(geometry, place, queue, len(present)),
         recommendation=with_queue_actions(advice, geometry, robots),
     )
 
 
-def _spread(first: QueueEntry) -> str:
-    """How far the arrival of the first robot may be off; empty if that is little."""
-    return f", give or take {first.spread_s:.0f} s," if first.spread_s >= WIDE_SPREAD_S else ""
-
-
-def _free(queue: QueueForecast, capacity: int, now_s: float) -> str:
-    free_s = queue.free_s(capacity, now_s) - now_s
-    return f"; it comes free in {free_s:.0f} s" if free_s > 0 else ""
-
-
-def _advised(
-    geometry: PlaceGeometry,
-    place: str,
-    waiting: Sequence[QueueEntry],
-    advice: Recommendation | None,
-    robots: Mapping[str, RobotView],
-) -> str:
-    """What a site service should do; if no order or place saves time, who should come later."""
-    if advice is None:
-        return ""
-    coming = {entry.robot for entry in waiting}
-    if advice.expected_saving_s < 1:
-        late = [slot for slot in advice.slots if slot.robot in coming and slot.wait_s >= 1]
-        return "".join(f"; {robots[slot.robot].name} should come {slot.wait_s:.0f} s later" for slot in late[:2])
-    elsewhere = [slot for slot in advice.slots if slot.resource != place and slot.robot in coming]
-    phrases = [f"{robots[slot.robot].name} should take {geometry.label(slot.resource)}" for slot in elsewhere]
-    first = next((slot for slot in advice.slots if slot.resource == place and slot.robot in coming), None)
-    if not phrases and first:
-        phrases = [f"{robots[first.robot].name} should go first"]
-    return "".join(f"; {phrase}" for phrase in phrases[:2]) + f", which saves {advice.expected_saving_s:.0f} s in all"
-
-
 def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str, RobotView], now_s: float) -> Finding:
     """Chargers that will probably be full, for robots that have not announced that they come."""
-    first, chargers = pool.chargers[0], _shortened([geometry.label(charger) for charger in pool.chargers])
+    first, chargers = pool.chargers[0], shortened([geometry.label(charger) for charger in pool.chargers])
     expected = [need.robot for need in pool.needs]
     demand = len(pool.announced) + len(expected)
-    levels = ", ".join(f"{robots[need.robot].name} {need.level_pct:.0f} %" for need in pool.needs[:4])
     return Finding(
         kind="contention",
         about=first,
@@ -95,9 +63,8 @@ def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str
         robots=tuple(sorted({*pool.announced, *expected})),
         predicted_s=pool.from_s,
         location=geometry.location(first),
-        summary=lambda: (
-            f"{chargers} will probably be full {_when(pool.from_s - now_s)}: {_names(robots, expected)} will need to be"
-            f" charged by then, by the level of their batteries ({levels})"
+        words=lambda: finding_words.shortage(
+            chargers, pool.from_s - now_s, [(robots[need.robot].name, need.level_pct) for need in pool.needs]
         ),
         evidence={
             "resource": first,
@@ -125,7 +92,7 @@ def double_occupancy(
         robots=inside,
         predicted_s=now_s,
         location=geometry.location(place),
-        summary=lambda: f"{len(inside)} robots are in {geometry.label(place)}, which takes {capacity}",
+        words=lambda: finding_words.double_occupancy(len(inside), geometry.label(place), capacity),
         evidence=_queue_evidence(geometry, place, queue, len(inside)),
     )
 
@@ -140,9 +107,7 @@ def deadlock(
     """Robots that will wait for each other in a ring, from when the last of them waits."""
     begins_s = max(*(link.from_s for link in ring), now_s)
     first = ring[0]
-    who = _names(robots, [link.waiter for link in ring])
-    where = sorted({geometry.label(link.where) for link in ring if link.where != "path"})
-    place = f" at {_joined(where)}" if where else ""
+    places, name = {link.where for link in ring}, _namer(robots)
     zone = next((link.where for link in ring if link.where != "path"), None)
     waiter = robots[first.waiter]
     left_s = begins_s - now_s
@@ -153,10 +118,11 @@ def deadlock(
         robots=tuple(sorted({link.waiter for link in ring})),
         predicted_s=begins_s,
         location=geometry.location(zone) if zone else Location(datum=waiter.datum, x=waiter.x_m, y=waiter.y_m),
-        summary=lambda: (
-            f"{who} {'lock' if left_s <= 0 else 'will lock'} each other{place}"
-            f"{'' if left_s <= 0 else ' ' + _when(left_s)}: each waits for the next"
-            f"{_way_out(geometry, ring, advice, robots)}"
+        words=lambda: finding_words.deadlock(
+            [name(link.waiter) for link in ring],
+            sorted({geometry.label(place) for place in places if place != "path"}),
+            left_s,
+            way_out(advice, places, name, geometry.label),
         ),
         recommendation=with_ring_actions(advice, ring, geometry, robots, now_s),
         evidence={
@@ -166,20 +132,6 @@ def deadlock(
             )
         },
     )
-
-
-def _way_out(
-    geometry: PlaceGeometry, ring: Sequence[RingLink], advice: Recommendation | None, robots: Mapping[str, RobotView]
-) -> str:
-    if advice is None or advice.note or not advice.slots:
-        return f"; {advice.note}" if advice and advice.note else ""
-    first = advice.slots[0]
-    if first.resource not in {link.where for link in ring}:
-        costs = f", which costs {advice.cost_s:.0f} s in all"
-        return f"; {robots[first.robot].name} should go to {geometry.label(first.resource)} first{costs}"
-    last = max(advice.slots, key=lambda slot: slot.wait_s)
-    lane = geometry.label(last.resource)
-    return f"; {robots[last.robot].name} should wait {last.wait_s:.0f} s before {lane}"
 
 
 def blockage(
@@ -199,31 +151,16 @@ def blockage(
         robots=tuple(sorted((blocked.blocker, *blocked.holds_up))),
         predicted_s=first_s,
         location=Location(datum=robot.datum, x=round(robot.x_m, 3), y=round(robot.y_m, 3)),
-        summary=lambda: (
-            f"{robot.name} has stood for {now_s - blocked.since_s:.0f} s ({state}) in the way of "
-            f"{_names(robots, blocked.holds_up)}; {'; '.join(map(action_text, advice.actions))}"
+        words=lambda: finding_words.blockage(
+            robot.name, state, now_s - blocked.since_s, [robots[uuid].name for uuid in blocked.holds_up], advice
         ),
         recommendation=advice,
         evidence={"blocker": blocked.blocker, "since_at": moment(blocked.since_s), "holds_up": blocked.holds_up},
     )
 
 
-def _names(robots: Mapping[str, RobotView], uuids: Sequence[str]) -> str:
-    return _shortened([robots[uuid].name for uuid in uuids])
-
-
-def _shortened(names: Sequence[str]) -> str:
-    """At most four names, or three and how many more."""
-    return listed(names if len(names) <= 4 else [*names[:3], f"{len(names) - 3} others"])
-
-
-def _joined(labels: Sequence[str]) -> str:
-    """The labels of places, at most `MOST_NAMED`."""
-    return " and ".join([*labels[:MOST_NAMED], *["others"] * (len(labels) > MOST_NAMED)])
-
-
-def _when(left_s: float) -> str:
-    return f"in {left_s:.0f} s" if left_s >= 1 else "now"
+def _namer(robots: Mapping[str, RobotView]) -> Named:
+    return lambda uuid: robots[uuid].name
 
 
 def _queue_evidence(geometry: PlaceGeometry, place: str, queue: QueueForecast, demand: int) -> dict[str, object]:

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from math import inf
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, about_claim
+from deconflict.advisories.words import finding_words
 from deconflict.advisory import ClaimAdvisory, CrowdAdvisory, Location, Severity
 from deconflict.contention.crowds.crowd_finding import crowd_finding
 from deconflict.contention.crowds.crowds import Crowds
@@ -53,22 +54,15 @@ class ClaimLifecycle:
         return self._lifecycle.revise(now_s, findings, lambda uuid: self._name_vendor(uuid, owners.get(uuid, "")))
 
     def _finding(self, claim: Claim) -> Finding:
-        names = ", ".join(self._name_vendor(uuid, claim.owner)[0] for uuid in claim.robots[:3])
-        robots = f"{names} and {claim.claimed - 3} others" if claim.claimed > 3 else names
-        is_foreign = claim.owner != claim.claimant
-        summary = (
-            f"{claim.claimant} reports {robots} of {claim.owner}: refused; see GET /quarantine"
-            if is_foreign
-            else f"{robots} of {claim.owner}: reported from two places at once; two robots may have one UUID"
-        )
+        names = [self._name_vendor(uuid, claim.owner)[0] for uuid in claim.robots[:3]]
         return Finding(
-            kind="foreign_claim" if is_foreign else "two_places",
+            kind="foreign_claim" if claim.owner != claim.claimant else "two_places",
             about=about_claim(claim.owner, claim.claimant),
             severity=Severity.WARNING,
             robots=tuple(sorted(claim.robots)),
             predicted_s=claim.since_s,
             location=self._location(claim.robots),
-            summary=lambda: summary,
+            words=lambda: finding_words.claim(claim.owner, claim.claimant, claim.claimed, names),
             evidence={"owner": claim.owner, "claimant": claim.claimant, "claimed": claim.claimed},
         )
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from deconflict.advice.deferred_answers import Submit, answer_at_once
-from deconflict.advisories.conflict_lifecycle import CROWDED, DORMANT, ConflictLifecycle
+from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.advisories.revision_rules import held_probability
-from deconflict.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict.advisory import AnyAdvisory, ClearedCode, ConflictAdvisory
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
@@ -187,8 +187,8 @@ class Engine:
         self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._moves(pair)]
         predictions = self._predictions(now_s, conflicts).until(now_s + reach_s)
         revisions: list[AnyAdvisory] = []
-        revisions += self._conflicts.dismiss(crowded, self._crowds.numbers, CROWDED, now_s)
-        revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, DORMANT, now_s)
+        revisions += self._conflicts.dismiss(crowded, self._crowds.numbers, ClearedCode.CROWDED, now_s)
+        revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, ClearedCode.BOTH_SILENT, now_s)
         revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s)
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
         revisions += self._advice.add_holds(now_s, self._conflicts)

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
-from deconflict.advisories.conflict_lifecycle import LEFT
-from deconflict.advisories.conflict_scene import Party
+from deconflict.advisories.words.conflict_wording import GONE, Absence, Party
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import ClearedCode
 from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
@@ -15,7 +16,6 @@ from ingest.batch import Basis, Floats, FloorPoint, Pair
 from ingest.fleet.owners.vendor_registry import OTHER
 
 MOST_VENDORS = 8
-LEFT_IN_SILENCE = "is silent and has probably left"
 _BASIS_NAMES = {basis: basis.name.lower() for basis in Basis}
 
 
@@ -38,11 +38,11 @@ class LiveScene:
     def is_present(self, uuid: str) -> bool:
         return uuid in self._live.robots
 
-    def absence(self, uuid: str) -> str | None:
+    def absence(self, uuid: str) -> Absence | None:
         if uuid in self._live.robots:
-            return LEFT_IN_SILENCE if self._presence.has_probably_left(uuid) else None
+            return Absence(ClearedCode.LEFT_IN_SILENCE) if self._presence.has_probably_left(uuid) else None
         removed = self._presence.removal_of(uuid)
-        return f"is not there: {removed.by} has driven through its place" if removed else LEFT
+        return Absence(ClearedCode.DRIVEN_THROUGH, removed.by) if removed else GONE
 
     def account(self, uuid: str) -> str:
         """Its vendor; `OTHER` for all vendors of a source but its first `MOST_VENDORS`, since it can invent some."""
@@ -77,5 +77,5 @@ class LiveScene:
     def datum(self, met: Encounter) -> str:
         return self._live.floors[met.floor]
 
-    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
+    def spots(self, encounters: Sequence[Encounter]) -> list[Spot]:
         return self._place_names.describe([FloorPoint(self.datum(met), met.x_m, met.y_m) for met in encounters])

@@ -329,6 +329,7 @@ class ReceiverRole:
             fleet_report.measure(self.fleet, now_s)
         self.measures.level("deconflict_host_clock_off_seconds", {(): self._clock.off_s})
         self.measures.level("deconflict_recording_failing", {(): float(bool(self.recorder.failing))})
+        self.measures.level("deconflict_recording_packing_failing", {(): float(bool(self.recorder.packing_failing))})
         return json.dumps([self.measures.as_document()]).encode()
 
     def _now_s(self) -> float:

@@ -5,7 +5,6 @@ the message. The topic says in which language it is. A log is a plain, gzip or z
 """
 
 import base64
-import io
 import json
 import logging
 import re
@@ -19,19 +18,15 @@ from pathlib import Path
 from typing import IO, Any
 
 import msgspec
-import zstandard
 
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS, language_of_topic
 from ingest.port.connection import Connection
-from ingest.recording.compression import unpacked
+from ingest.recording.compression import DAMAGED, unpacked
+from ingest.recording.log_segments import last_lines, opened_log, segments
 
 LONGEST_LINE = 1 << 24
 """Bytes. Anything longer is no line of a log, and is not read into memory as one."""
-TAIL_BYTES = 1 << 20
-"""The end of a log is read in a piece of this size. It has whole lines if the service wrote the log."""
-BUFFER_BYTES = 1 << 18
-"""Buffer for reading a log. With the default size every fourth line would wait for the system."""
 LOGGED_LINES = 10
 """Unreadable lines for which a warning is logged."""
 
@@ -41,7 +36,7 @@ _MESSAGE, _PAYLOAD = re.compile(r'"message"\s*:\s*'), re.compile(r'"payload"\s*:
 _DECODER = json.JSONDecoder()
 UNREADABLE = (ValueError, KeyError, TypeError, RecursionError, OverflowError)
 """The errors that `parsed` raises."""
-_BROKEN = (OSError, EOFError, zstandard.ZstdError)
+_BROKEN = (OSError, *DAMAGED)
 
 
 class Received(msgspec.Struct, frozen=True, gc=False):
@@ -137,7 +132,7 @@ class LogReader:
         self._newest_s = -inf
         for path in paths:
             for file in segments(path):
-                with io.BufferedReader(io.FileIO(file), BUFFER_BYTES) as stored:
+                with opened_log(file) as stored:
                     self._file = stored
                     yield from self._events(file, unpacked(stored))
                     self._finished_bytes, self._file = self.bytes_read, None
@@ -213,10 +208,7 @@ def segments_until(directory: Path, t_s: float) -> list[Path]:
 def ends_s(directory: Path) -> float:
     """The time of the newest event in the service's own logs in a directory. 0 if there is none."""
     for segment in reversed(segments(directory) if directory.is_dir() else []):
-        with segment.open("rb") as file:
-            file.seek(max(segment.stat().st_size - TAIL_BYTES, 0))
-            lines = file.read().splitlines()
-        for line in reversed(lines):
+        for line in reversed(last_lines(segment)):
             with suppress(*UNREADABLE):
                 if (t_s := _time_of(parsed(line))) is not None:
                     return t_s
@@ -228,19 +220,9 @@ def begun_s(segment: Path) -> float:
     return _first_time_s(segment, inf)
 
 
-def segments(path: Path) -> list[Path]:
-    """The file itself, or the logs of a directory by name. For the service's own logs that is the order of time.
-
-    What is in a directory and no file, such as a pipe, is left out.
-    """
-    if not path.is_dir():
-        return [path]
-    return sorted(file for file in path.iterdir() if ".jsonl" in file.suffixes and file.is_file())
-
-
 def lines_of(file: Path) -> Iterator[bytes]:
     """The lines of one log, not parsed. Raises `OSError`, and `EOFError` or `ZstdError` if the file ends too early."""
-    with file.open("rb") as stored:
+    with opened_log(file) as stored:
         lines = unpacked(stored)
         while line := lines.readline(LONGEST_LINE):
             yield line

@@ -1,4 +1,4 @@
-"""The files of the log: lines are appended to the newest, and the oldest are removed.
+"""The files of the log: lines are appended to the newest, older ones are packed, and the oldest are removed.
 
 A new file begins at each start, after `segment_bytes`, after a day, and after a failed write. So nothing is ever
 appended to an incomplete line.
@@ -12,6 +12,8 @@ from io import FileIO
 from math import inf
 from pathlib import Path
 
+from ingest.recording.log_packing import LogPacker
+from ingest.recording.log_segments import PACKED
 from ingest.settings import RecorderSettings
 
 log = logging.getLogger(__name__)
@@ -29,6 +31,7 @@ class RotatingLog:
 
     def __init__(self, settings: RecorderSettings, directory: Path, clock: Callable[[], float]) -> None:
         self.settings, self._directory, self._clock = settings, directory, clock
+        self.packer = LogPacker()
         self._file: FileIO | None = None
         self._written, self._released_bytes, self._begun_s = 0, 0, 0.0
         """Bytes in the file, how many there were when the page cache was last released, and when the file began."""
@@ -49,6 +52,7 @@ class RotatingLog:
     def write(self, data: bytes) -> int:
         """Append whole lines. Returns how many bytes were written: fewer than all if the disk fails."""
         done = 0
+        self.packer.retry()
         # abs: if the clock was set back, the next attempt comes sooner, never much later
         if self.failing and abs(self._clock() - self._failed_s) < RETRY_S:
             return 0
@@ -88,12 +92,13 @@ class RotatingLog:
         if self._file is None or self._written >= self.settings.segment_bytes or is_old or self._is_removed(self._file):
             self.close()
             self._directory.mkdir(parents=True, exist_ok=True)
-            existing = sorted(self._directory.glob(PATTERN))
+            existing = sorted(file for name in (PATTERN, PATTERN + PACKED) for file in self._directory.glob(name))
             try:
                 self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
                 self._written, self._released_bytes, self._begun_s = 0, 0, self._clock()
             finally:  # a full disk may need the room
                 self._remove_oldest(self._remove_old(existing))
+            self.packer.pack(existing)
         return self._file
 
     def _is_removed(self, file: FileIO) -> bool:
@@ -124,8 +129,8 @@ class RotatingLog:
         return sizes
 
     def _remove_oldest(self, sizes: dict[Path, int]) -> None:
-        """Remove the oldest of the segments, which have these sizes in bytes, until there is room for one more within
-        `total_bytes`."""
+        """Remove the oldest of the segments, which have these sizes in bytes as they are stored, until there is room
+        for one more within `total_bytes`."""
         excess = sum(sizes.values()) + self.settings.segment_bytes - self.settings.total_bytes
         for segment, size in sizes.items():
             if excess <= 0:

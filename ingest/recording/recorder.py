@@ -25,8 +25,9 @@ tick has an `effort` if the engine had no time for everything (`deconflict/engin
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
 to the system in their order. So a stalled disk stops nothing else. After `sync`, lines survive the death of the
-process. A power failure loses what the system has not yet written to disk: by default half a minute on Linux. It is
-less if much is recorded, since the system is asked to write every few megabytes.
+process, also while older files are packed (`log_packing.py`). A power failure loses what the system has not yet written
+to disk: by default half a minute on Linux. It is less if much is recorded, since the system is asked to write every few
+megabytes.
 """
 
 import base64
@@ -86,6 +87,11 @@ class Recorder:
         return self._writer.failing or self._files.failing
 
     @property
+    def packing_failing(self) -> str | None:
+        """Why older segments can't be packed, and take more room than they need to; None if they can."""
+        return self._files.packer.failing
+
+    @property
     def leaving_before_s(self) -> float:
         """What was received before this will soon be in neither of the two newest segments. -inf if that is far off."""
         return self._files.leaving_before_s
@@ -139,10 +145,12 @@ class Recorder:
         return self._writer.sync(timeout_s)
 
     def close(self) -> None:
-        """Write all lines, but wait no longer than `CLOSE_S`. Lines not written by then are counted as lost."""
+        """Write all lines and pack what is due, but wait no longer than `CLOSE_S` for either. Lines not written by
+        then are counted as lost."""
         self.flush()
         if self._writer.close(CLOSE_S):
             self._files.close()
+            self._files.packer.close(CLOSE_S)
         self._count()
 
     def _add_rejected(self, raw: bytes, arrival_s: float, connection: Connection, rule: str) -> None:

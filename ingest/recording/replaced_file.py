@@ -23,21 +23,26 @@ def replace_file(path: Path, data: bytes) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A new file, which is synchronised to disk before it gets the name. Raises `OSError`.
+def replacing(path: Path, new: Path | None = None) -> Iterator[IO[bytes]]:
+    """A new file, which is synchronised to disk before it gets the name; until then it is `new`. Raises `OSError`.
 
-    Something else in the place of the file stays there (`UnfitFileError`).
+    Something else in the place of the file stays there (`UnfitFileError`). What was written before an error is removed.
     """
     check_file(path)
-    new = new_name(path)
+    new = new or new_name(path)
     with suppress(IsADirectoryError):
         new.unlink(missing_ok=True)  # left by a kill; a pipe or a link would take what is written
     check_file(new)
-    with new.open("xb") as file:
-        yield file
-        file.flush()
-        os.fsync(file.fileno())
-    new.replace(path)
+    try:
+        with new.open("xb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            new.unlink()
+        raise
 
 
 def set_file_aside(path: Path) -> Path:

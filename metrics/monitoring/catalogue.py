@@ -259,6 +259,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     ),
     "deconflict_store_failures_total": counter("Attempts to store advisories that failed."),
     "deconflict_recording_failing": gauge("1 while nothing can be recorded; the log of the receiver says why."),
+    "deconflict_recording_packing_failing": gauge(
+        "1 while older segments of the recording can't be packed; the log of the receiver says why."
+    ),
     "deconflict_owners_failures_total": counter(
         "Failed attempts to read or write the register of robots' owners.", "what"
     ),

@@ -97,8 +97,8 @@ def place_texts(site: Site, cases: Sequence[Part]) -> list[str]:
         "-" if case["x_m"] is None else f"near ({case['x_m']:.1f}, {case['y_m']:.1f}){_on(case['floor_name'])}"
         for case in cases
     ]
-    for row, text in zip(named, PlaceNames.of(site).describe(points), strict=True):
-        texts[row] = text
+    for row, spot in zip(named, PlaceNames.of(site).describe(points), strict=True):
+        texts[row] = spot.text
     return texts
 
 

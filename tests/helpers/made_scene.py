@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deconflict.advisories.conflict_scene import ConflictScene, Party
+from deconflict.advisories.conflict_scene import ConflictScene
+from deconflict.advisories.words.conflict_wording import Absence, Party
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters
 from ingest.batch import Floats, Pair
@@ -16,7 +18,7 @@ class MadeScene(ConflictScene):
     def is_present(self, uuid: str) -> bool:
         return True
 
-    def absence(self, uuid: str) -> str | None:
+    def absence(self, uuid: str) -> Absence | None:
         return None
 
     def account(self, uuid: str) -> str:
@@ -45,5 +47,5 @@ class MadeScene(ConflictScene):
     def datum(self, met: Encounter) -> str:
         return "datum-1"
 
-    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
-        return ["in Aisle 4"] * len(encounters)
+    def spots(self, encounters: Sequence[Encounter]) -> list[Spot]:
+        return [Spot("in Aisle 4")] * len(encounters)

@@ -9,8 +9,12 @@ from typing import Any
 
 import pytest
 
+from ingest.recording.log_packing import LogPacker
+from ingest.recording.log_reader import by_time
+from ingest.recording.log_segments import segments
 from metrics.replay_files import LogError
 from tests.helpers.commands import run
+from tests.helpers.patience import PATIENCE_S
 from tests.metrics.replay.made_replays import log_of_a_crossing
 
 
@@ -143,6 +147,35 @@ def test_files_in_the_wrong_order_give_the_scores_of_the_whole(tmp_path: Path, l
         run("replay", *given, "--json", out)
         assert scores(out) == wanted
     assert "late_messages" not in wanted
+
+
+def test_a_recording_that_is_partly_packed_gives_the_scores_of_the_whole_also_if_more_is_packed_meanwhile(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, recording = tmp_path / "out.json", tmp_path / "recording"
+    run("replay", log, "--json", out)
+    lines, wanted = log.read_bytes().splitlines(keepends=True), scores(out)
+    recording.mkdir()
+    for first in range(0, len(lines), 10):
+        (recording / f"log-{first:017d}.jsonl").write_bytes(b"".join(lines[first : first + 10]))
+    pack_oldest(recording)
+
+    def packed_once_listed(logs: list[Path]) -> list[Path]:
+        files = by_time(logs)
+        pack_oldest(recording)
+        return files
+
+    monkeypatch.setattr("metrics.commands.by_time", packed_once_listed)
+    run("replay", recording, "--json", out)
+    assert len(list(recording.glob("*.zst"))) == 4
+    assert scores(out) == wanted
+
+
+def pack_oldest(recording: Path) -> None:
+    """Two of the plain segments, as a service does that goes on recording."""
+    packer = LogPacker()
+    packer.pack(segments(recording))
+    packer.close(PATIENCE_S)
 
 
 def swap(lines: list[str]) -> list[str]:

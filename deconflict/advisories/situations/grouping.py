@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import floor, hypot, inf
 from typing import NamedTuple, TypeVar
 
-from deconflict.advisories.conflict_wording import new_id
+from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.advisory import AnyAdvisory
 
 MOST_EXTENT_M, JOINED_EXTENT_M = 10.0, 8.0

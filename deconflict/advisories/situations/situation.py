@@ -1,20 +1,26 @@
 """Situations as published: open advisories that share robots or a place, as one thing for a person to look at."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated, Generic, Literal, TypeVar
 
 from pydantic import Field, TypeAdapter
 
 from deconflict.advice.document_limits import MOST_ACTIONS, MOST_ROBOTS
-from deconflict.advisory import Action, Advisory, AnyAdvisory, Published, Robot
+from deconflict.advisory import ADVISORY_KINDS, Action, Advisory, AnyAdvisory, Published, Robot, SituationKind
+
+BAD_AFTER = 4400
+"""Close code of the stream: `after` is not a whole number, 0 or more."""
+BAD_KINDS = 4422
+"""Close code of the stream: `kinds` names something else than kinds."""
+POSITION_LOST = 4416
+"""Close code of the stream: not all that follows `after` is known here. What is open has to be read again."""
+STORE_FAILED = 1011
+"""Close code of the stream: the stored advisories can't be read."""
 
 MOST_CORNERS = 32
 MOST_ADVISORIES = 40
-
-SituationKind = Literal[
-    "meeting", "head_on", "knot", "queue", "crowd", "blocked_aisle", "obstacle", "silent_robot", "deadlock", "identity"
-]
 
 
 class SituationAdvice(Published):
@@ -64,6 +70,27 @@ AnyRevision = Annotated[AnyAdvisory | Situation, Field(discriminator="kind")]
 
 REVISION: TypeAdapter[AnyRevision] = TypeAdapter(AnyRevision)
 """Reads one revision of an advisory or a situation."""
+
+
+Revision = TypeVar("Revision", bound=Advisory)
+
+
+@dataclass(frozen=True, slots=True)
+class Listing(Generic[Revision]):
+    """Some advisories or situations, and the position in the stream at that moment."""
+
+    seq: int
+    """The newest number in the store."""
+    advisories: list[Revision]
+    """The newest revision of each, newest first."""
+    more: bool
+    """Whether the limit left some out."""
+
+
+def chosen_kinds(choices: Iterable[str]) -> frozenset[str]:
+    """The kinds of revisions that a receiver asks for by `KindChoice`."""
+    kinds = frozenset[str](choices)
+    return kinds - {"advisory"} | ADVISORY_KINDS if "advisory" in kinds else kinds
 
 
 def advisories_of(revisions: Iterable[AnyRevision]) -> list[AnyAdvisory]:

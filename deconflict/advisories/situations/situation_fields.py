@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_ROBOTS, short_text
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.advice.action_sets import Proposal, key_of, proposal_of
+from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
 from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
@@ -13,31 +14,52 @@ from deconflict.advisories.situations.situation import (
     MOST_ADVISORIES,
     Situation,
     SituationAdvice,
-    SituationKind,
 )
-from deconflict.advisories.situations.situation_kinds import Matter, matter_of
-from deconflict.advisories.situations.situation_outline import outline
-from deconflict.advisories.situations.situation_wording import ending, names_of, past_sentence, sentence
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity, moment
+from deconflict.advisories.situations.situation_kinds import matter_of
+from deconflict.advisories.situations.situation_outline import count_spots, outline
+from deconflict.advisories.words.situation_words import (
+    Matter,
+    again_text,
+    ending,
+    names_of,
+    past_words,
+    present_words,
+)
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import (
+    AdvisoryState,
+    AnyAdvisory,
+    ClearedCode,
+    ContentionAdvisory,
+    NamedPlace,
+    Severity,
+    SituationKind,
+    moment,
+)
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
-OVER = "by itself: nothing is foreseen there any more"
+OVER = f"by itself: {ClearedCode.NOTHING_LEFT.because}"
 """How a situation ends whose last advisory has ended."""
 MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
 """What does not end by itself, or nobody knows when."""
 
 
-def emptied(before: Situation, place: str, now_s: float) -> Situation:
+def emptied(before: Situation, spot: Spot, now_s: float) -> Situation:
     """The revision of a situation whose last advisory has ended, until it is cleared."""
     nothing: dict[str, Any] = {"severity": Severity.CAUTION, "preventable_s": None, "cost_s": 0.0, **NOTHING_LEFT}
-    texts = {"summary": past_sentence(before, place), "ends": OVER}
+    texts = {**_past_texts(before, spot), "ends": OVER}
     return before.next_revision(updated_at=moment(now_s), time_to_conflict_s=0.0, **texts, **nothing)
 
 
-def cleared(before: Situation, because: str, place: str, now_s: float) -> Situation:
+def cleared(before: Situation, code: ClearedCode, spot: Spot, now_s: float) -> Situation:
     """The last revision."""
-    summary = past_sentence(before, place)
-    return before.cleared_revision(now_s, because).model_copy(update={"summary": summary, **NOTHING_LEFT})
+    texts = _past_texts(before, spot)
+    return before.cleared_revision(now_s, code).model_copy(update={**texts, **NOTHING_LEFT})
+
+
+def _past_texts(before: Situation, spot: Spot) -> dict[str, str]:
+    names = dict(zip(before.robots, before.names, strict=True))
+    return past_words(before.situation_kind, names, before.more_robots, before.culprit, spot.text)._asdict()
 
 
 class Assessment(NamedTuple):
@@ -90,8 +112,8 @@ def _most_severe(matter: Matter, advice: SituationAdvice | None) -> Severity:
     return Severity.WARNING if matter.kind in MAY_LAST else Severity.CAUTION
 
 
-def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
-    """The first revision. `place` is where it is, for a person."""
+def raised(group: Group, assessment: Assessment, spot: Spot, now_s: float) -> Situation:
+    """The first revision. `spot` is where it is."""
     return Situation(
         id=group.id,
         revision=1,
@@ -100,7 +122,7 @@ def raised(group: Group, assessment: Assessment, place: str, now_s: float) -> Si
         since_at=min(advisory.raised_at for advisory in assessment.advisories),
         split_from=group.split_from,
         **_facts(group, assessment, now_s),
-        **_texts(assessment, place, now_s),
+        **_texts(assessment, spot, now_s),
         outline=outline(group),
     )
 
@@ -114,9 +136,9 @@ def updated(before: Situation, group: Group, assessment: Assessment, now_s: floa
     return before.next_revision(**facts)
 
 
-def described(revision: Situation, group: Group, assessment: Assessment, place: str, now_s: float) -> Situation:
+def described(revision: Situation, group: Group, assessment: Assessment, spot: Spot, now_s: float) -> Situation:
     """The `revision` that `updated` made, with its own texts and outline. These take much longer than the rest."""
-    texts = {} if assessment.keeps_sentence else _texts(assessment, place, now_s)
+    texts = {} if assessment.keeps_sentence else _texts(assessment, spot, now_s)
     return revision.model_copy(update={"outline": outline(group), **texts})
 
 
@@ -153,10 +175,24 @@ def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]
     }
 
 
-def _texts(assessment: Assessment, place: str, now_s: float) -> dict[str, str]:
+def _texts(assessment: Assessment, spot: Spot, now_s: float) -> dict[str, Any]:
+    """All texts, and the places that they name."""
     matter = assessment.matter
     recurrence = assessment.stakes.recurring.get(matter.principal.id)
+    is_short = recurrence is not None and recurrence.longest_s <= BY_ITSELF_S
+    again = again_text(recurrence.times, WITHIN_S, recurrence.longest_s if is_short else None) if recurrence else ""
+    wanted = matter.principal if isinstance(matter.principal, ContentionAdvisory) else None
+    named = [NamedPlace(id=wanted.resource, name=wanted.resource_name)] if wanted and not wanted.resources else []
     return {
-        "summary": sentence(matter, now_s, place, recurrence),
+        "places": tuple(dict.fromkeys([*named, *spot.places])),
+        **present_words(matter, now_s, spot.text, _spots(matter), again)._asdict(),
         "ends": ending(matter, names_of(assessment.advisories)),
     }
+
+
+def _spots(matter: Matter) -> int:
+    """At how many places robots get in each other's way."""
+    if matter.kind != "knot":
+        return 1
+    locations = [advisory.location for advisory in matter.advisories if advisory.location]
+    return count_spots([(location.x, location.y) for location in locations])

@@ -2,11 +2,10 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from deconflict.advisories.situations.advice.stakes import cost_of
-from deconflict.advisories.situations.situation import SituationKind
-from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, EncounterClass
+from deconflict.advisories.words.situation_words import Matter
+from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, EncounterClass, SituationKind
 
 KIND_OF: dict[str, SituationKind] = {
     "contention": "queue",
@@ -21,17 +20,6 @@ KIND_OF: dict[str, SituationKind] = {
 SILENT = "(silent)"
 CLEARLY = 1.5
 """A situation changes its kind only if the other kind costs so many times as much."""
-
-
-class Matter(NamedTuple):
-    """What is going on, and the advisory that says most about it."""
-
-    kind: SituationKind
-    principal: AnyAdvisory
-    advisories: tuple[AnyAdvisory, ...]
-    """Those that are about it."""
-    culprit: str | None
-    """UUID of the robot that stands or is silent in the way of the others; None if there is no such robot."""
 
 
 def matter_of(

@@ -19,7 +19,8 @@ from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, ur
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
 from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisories.situations.situation_fields import Assessment
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Location, Severity
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
 from ingest.batch import FloorPoint
 
 LINGERS_S = 10.0
@@ -36,7 +37,7 @@ FALLS_S = 3.0
 MOVED_S, MOVED_M = 3.0, 5.0
 """A larger change of the time or place of the first event is news."""
 
-Describe = Callable[[Sequence[FloorPoint]], Sequence[str]]
+Describe = Callable[[Sequence[FloorPoint]], Sequence[Spot]]
 """Where points are, for a person."""
 
 
@@ -54,8 +55,8 @@ class _Watched:
     """When its urgency was not too high last."""
     look_s: float = 0.0
     """When it is looked at next, unless there is news."""
-    ended_because: str = ""
-    """Why the last of its advisories ended that has."""
+    ended: AnyAdvisory | None = None
+    """The last of its advisories that has ended."""
 
 
 class SituationLifecycle:
@@ -150,7 +151,7 @@ class SituationLifecycle:
             self._advisories.pop(revision.id, None)
             group = self._grouping.group_of(revision.id)
             if group and group.id in self._watched:
-                self._watched[group.id].ended_because = revision.cleared_because or ""
+                self._watched[group.id].ended = revision
             return None
         self._advisories[revision.id] = revision
         return Member.of(revision)
@@ -169,7 +170,7 @@ class SituationLifecycle:
         """The last revision of a situation that became part of another one."""
         watched = self._watched.pop(join.group.id, None)
         if watched and watched.situation:
-            cleared = self._cleared(watched.situation, "it became part of another situation", now_s)
+            cleared = self._cleared(watched.situation, ClearedCode.JOINED, now_s)
             self._advised.keep(cleared, cleared.severity)
             yield cleared.model_copy(update={"joined_into": join.into.id})
 
@@ -186,7 +187,7 @@ class SituationLifecycle:
         else:
             watched.look_s = min(watched.look_s, closes_s)
         if not advisories:
-            return situation_fields.emptied(before, self._place(before.location), now_s) if before.advisories else None
+            return situation_fields.emptied(before, self._spot(before.location), now_s) if before.advisories else None
         assessment = self._assessed(watched, advisories, stakes, now_s)
         is_urgent = rises(assessment.severity, before.severity) or assessment.advice is not before.advice
         is_listed = set(assessment.robots).issubset(before.robots) and group.members.keys() <= set(before.advisories)
@@ -196,8 +197,8 @@ class SituationLifecycle:
         after = situation_fields.updated(before, group, assessment, now_s)
         if not is_news(before, after):
             return None
-        place = self._place(assessment.matter.principal.location)
-        return situation_fields.described(after, group, assessment, place, now_s)
+        spot = self._spot(assessment.matter.principal.location)
+        return situation_fields.described(after, group, assessment, spot, now_s)
 
     def _raised(
         self, watched: _Watched, advisories: Sequence[AnyAdvisory], stakes: Stakes, now_s: float
@@ -208,8 +209,8 @@ class SituationLifecycle:
             return None
         watched.last_s = watched.held_s = now_s
         assessment = self._assessed(watched, advisories, stakes, now_s)
-        place = self._place(assessment.matter.principal.location)
-        return situation_fields.raised(watched.group, assessment, place, now_s)
+        spot = self._spot(assessment.matter.principal.location)
+        return situation_fields.raised(watched.group, assessment, spot, now_s)
 
     def _assessed(
         self, watched: _Watched, advisories: Sequence[AnyAdvisory], stakes: Stakes, now_s: float
@@ -220,20 +221,23 @@ class SituationLifecycle:
         busy = self._advised.busy(watched.group.id, watched.urgency, robots)
         return situation_fields.assessed(before, advisories, robots, stakes, watched.urgency, busy, now_s)
 
-    def _place(self, location: Location | None) -> str:
+    def _spot(self, location: Location | None) -> Spot:
         """Where it is, for a person; empty without a place."""
-        return self.describe([FloorPoint(location.datum, location.x, location.y)])[0] if location else ""
+        return self.describe([FloorPoint(location.datum, location.x, location.y)])[0] if location else Spot("")
 
-    def _cleared(self, before: Situation, because: str, now_s: float) -> Situation:
-        return situation_fields.cleared(before, because, self._place(before.location), now_s)
+    def _cleared(self, before: Situation, code: ClearedCode, now_s: float) -> Situation:
+        return situation_fields.cleared(before, code, self._spot(before.location), now_s)
 
     def _ended(self, watched: _Watched, before: Situation, now_s: float) -> Situation:
         """The last revision. Advisories that are still open make another group, which may become worth a reaction."""
-        members = watched.group.members
+        members, ended = watched.group.members, watched.ended
         self._forget(watched)
         self._regrouped |= members
-        because = "what is left of it passes by itself" if members else watched.ended_because
-        return self._cleared(before, because or "nothing is foreseen there any more", now_s)
+        cleared = self._cleared(before, ClearedCode.ENDS_BY_ITSELF if members else ClearedCode.NOTHING_LEFT, now_s)
+        if members or ended is None or not ended.cleared_because:
+            return cleared
+        why = {"cleared_code": ended.cleared_code, "cleared_because": ended.cleared_because}
+        return cleared.model_copy(update=why)
 
     def _forget(self, watched: _Watched) -> None:
         self._grouping.remove(watched.group)

@@ -11,7 +11,7 @@ from deconflict.advisories.situations.situation_counts import (
     set_open_situations,
 )
 from deconflict.advisories.situations.situation_lifecycle import Describe, SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from ingest.measures.measures import Measures
 
 MEASURED_EVERY_S = 1.0
@@ -80,4 +80,4 @@ class SituationPublisher:
         before, self._lifecycle = self._lifecycle, SituationLifecycle(self._lifecycle.describe)
         self._lifecycle.restore((), before.advisories())
         self._has_failed = False
-        return [each.cleared_revision(now_s, "situations begin anew after a fault") for each in self._open.values()]
+        return [each.cleared_revision(now_s, ClearedCode.FAULT) for each in self._open.values()]

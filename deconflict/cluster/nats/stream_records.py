@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 from uuid import uuid5
 
-from deconflict.advisories.conflict_wording import ADVISORIES
 from deconflict.advisories.finding_lifecycle import finding_key
 from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation
+from deconflict.advisories.words.conflict_wording import ADVISORIES
 from deconflict.advisory import Acknowledgement, ConflictAdvisory
 from deconflict.cluster.tiles.tile_channels import subject_token
 from ingest.batch import FloorPoint

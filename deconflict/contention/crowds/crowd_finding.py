@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from deconflict.advisories.finding_lifecycle import Finding, about_crowd
+from deconflict.advisories.words import finding_words
 from deconflict.advisory import Location, Severity
 from deconflict.contention.crowds.crowds import Crowd
 from deconflict.foresight.presence.live_robots import LiveRobot
@@ -22,10 +23,8 @@ def crowd_finding(crowd: Crowd, robots: Mapping[str, LiveRobot], now_s: float) -
         robots=crowd.robots[:NAMED_ROBOTS],
         predicted_s=now_s,
         location=location,
-        summary=lambda: (
-            f"{count} robots of {crowd.label} report from one place, around ({round(location.x)}, {round(location.y)})"
-            f" m: {', '.join(robots[uuid].name for uuid in crowd.robots[:3])} and {count - 3} others; check their"
-            " localisation, as no conflicts among them are reported"
+        words=lambda: finding_words.crowd(
+            count, crowd.label, location.x, location.y, [robots[uuid].name for uuid in crowd.robots[:3]]
         ),
         evidence={"vendor": crowd.label, "crowded": count},
     )

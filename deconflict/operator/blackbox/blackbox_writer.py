@@ -10,6 +10,7 @@ The last messages of each robot before the lead come first, so that no quiet rob
 
 import base64
 import json
+import logging
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
@@ -31,6 +32,7 @@ from deconflict.settings.site import Site
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.recording.compression import DAMAGED
 from ingest.recording.log_reader import (
     UNREADABLE,
     EngineStarted,
@@ -45,6 +47,8 @@ from ingest.recording.log_reader import (
 )
 from ingest.recording.recorder import line_of
 from ingest.recording.replaced_file import replacing
+
+log = logging.getLogger(__name__)
 
 OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "mqtt_sources", "store", "recorder", "blackbox"}
 """Sections of the site that a replay does not need."""
@@ -195,7 +199,10 @@ def _log_lines(request: BlackBoxRequest) -> Iterator[bytes]:
     files = segments_until(request.log, request.span.until_s)
     before_lead = bisect_right(files, request.span.lead_s, key=begun_s)
     for file in files[max(before_lead - 1 - EARLIER_SEGMENTS, 0) :]:
-        yield from lines_of(file)
+        try:
+            yield from lines_of(file)
+        except DAMAGED as error:
+            log.warning("%s is damaged; a black box has what can be read of it: %s", file, error)
 
 
 class _MessageUuid(msgspec.Struct, gc=False):

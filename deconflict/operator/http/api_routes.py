@@ -9,8 +9,8 @@ from fastapi import HTTPException, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import SituationKind, situations_of
-from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, RevisionKind, Severity
+from deconflict.advisories.situations.situation import situations_of
+from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, RevisionKind, Severity, SituationKind
 from deconflict.operator.http.api_models import (
     AdvisoryList,
     Answer,

@@ -7,15 +7,8 @@ from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from deconflict.advisory import (
-    ADVISORY_KINDS,
-    BAD_AFTER,
-    BAD_KINDS,
-    EVERY_KIND,
-    POSITION_LOST,
-    STORE_FAILED,
-    chosen_kinds,
-)
+from deconflict.advisories.situations.situation import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED, chosen_kinds
+from deconflict.advisory import ADVISORY_KINDS, EVERY_KIND
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.until_either import until_either

@@ -13,7 +13,8 @@ from deconflict.settings.site import Site
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import begun_s, segments, segments_until
+from ingest.recording.log_reader import begun_s, segments_until
+from ingest.recording.log_segments import segments, under_present_name
 
 MOST_WAITING = 4
 """Most requests at once; further ones are refused."""
@@ -41,7 +42,7 @@ def recorded_span(log: Path, now_s: float) -> tuple[float, float] | None:
     files = segments(log) if log.is_dir() else []
     if not files:
         return None
-    until_s = min(files[-1].stat().st_mtime, now_s)
+    until_s = min(under_present_name(files[-1], Path.stat).st_mtime, now_s)
     from_s = next((at_s for at_s in map(begun_s, files) if at_s <= until_s), None)
     return None if from_s is None else (from_s, until_s)
 

@@ -5,7 +5,8 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterable
 
-from deconflict.advisory import KindChoice, chosen_kinds
+from deconflict.advisories.situations.situation import chosen_kinds
+from deconflict.advisory import KindChoice
 from deconflict.operator.store.publisher import PublishedLine, PublishedPage, Publisher
 from deconflict.operator.store.store import Store, StoreError
 from ingest.measures.outages import OutageLog

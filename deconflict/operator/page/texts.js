@@ -19,7 +19,6 @@ const BEGUN_S = 4; // what began longer ago has the time since then
 const CHANGED_S = 15; // advice is new for so long
 const COST_STEP_S = 15;
 const LONG_S = 120; // what is open for longer has the time of day since when it is
-const ENDINGS = [["by itself", "Nothing to do: it ends by itself"], ["", "Nothing to do now. It ends "]];
 
 export function clock(atS) {
   return new Date(atS * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
@@ -44,14 +43,8 @@ export function seconds(at) { return Date.parse(at) / 1000; }
 // Whether every advisory of a situation has ended. It stays for some seconds, in case others follow.
 export function isOver({ kind, advisories }) { return kind === "situation" && !advisories.length; }
 
-// The summary, without its time, which only was right when it was written (the countdown beside it is current), and without the
-// advice on an advisory: people follow that of its situation.
-export function what(revision) {
-  return (revision.kind === "situation" ? revision.summary : revision.summary.split(";")[0]).replace(/,? (?:in \d+ (?:s|min)|now)(?![\w-])/, "");
-}
-
-// The same without the list of robots of a knot, which are named beside it. Not all of the list need be in the situation any more.
-export function gist(situation) { return what(situation).replace(/(get in each other's way[^:;]*): .+? and [^,;]+/, "$1"); }
+// What happens, without time (the countdown beside it is current) and advice. Revisions of older releases have a summary only.
+export function what({ headline, summary }) { return headline || summary; }
 
 export function severityOf(revision) { return isOver(revision) ? "✓ Over" : `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
@@ -67,9 +60,8 @@ export function toDo({ advice, ends }, nowS) {
     const [first, ...then] = steps(advice, nowS);
     return { first: sentence(first), then: then.length ? `Then: ${then.join("; ")}` : "" };
   }
-  const found = ENDINGS.find(([start]) => ends.startsWith(start));
   const programs = advice ? ` Programs that move robots are advised: ${steps(advice, nowS).join("; ")}.` : "";
-  return { first: "", then: `${found[1]}${ends.slice(found[0].length)}.${programs}` };
+  return { first: "", then: `Nothing to do now. It ends ${ends}.${programs}` };
 }
 
 // Who has it done, and why by these robots. `isPerson(vendor)` is whether a vendor's robots are people.
@@ -87,9 +79,13 @@ export function leftOf(action, { since_at: since }, nowS) {
   return action.seconds && !action.start_at ? { ...action, seconds: Math.max(Math.round(action.seconds - (nowS - seconds(since))), 1) } : action;
 }
 
+// The actions as sentences, and what is left of a time. Revisions of older releases have one text only.
 function steps(advice, nowS) {
-  const actions = advice.actions.filter(({ action }) => action !== "go_first");
-  return advice.text.split("; ").map((step, i) => (actions[i]?.seconds ? step.replace(`${actions[i].seconds} s`, `${leftOf(actions[i], advice, nowS).seconds} s`) : step));
+  const steps = advice.actions.filter(({ text }) => text).map((action) => {
+    const { seconds: leftS } = leftOf(action, advice, nowS);
+    return leftS < action.seconds ? `${action.text} (${leftS} s left)` : action.text;
+  });
+  return steps.length ? steps : [advice.text];
 }
 
 // Why the advice for people has changed, as long as that is news.

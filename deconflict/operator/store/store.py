@@ -18,8 +18,8 @@ from operator import attrgetter
 from pathlib import Path
 from threading import RLock
 
-from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Listing, Location
+from deconflict.advisories.situations.situation import AnyRevision, Listing
+from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
 from deconflict.operator.store import pruning, tables
 from deconflict.operator.store.joined_answers import JoinedAnswers
 from deconflict.operator.store.listings import ListingFilter, Page, StateFilter, first_page

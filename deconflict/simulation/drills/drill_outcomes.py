@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from deconflict.advice.actions.action_text import action_text
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Recommendation, Severity
@@ -25,6 +26,8 @@ class DrillOutcome:
     """Time from then to the predicted event."""
     advised: str = ""
     """Summary of its first revision with advice."""
+    asked: str = ""
+    """What that advice asks for."""
     passed_on: list[str] = field(default_factory=list)
     """Summary of every advisory, or advice of every situation, that was passed on to robots."""
     promised_s: float = 0.0
@@ -84,7 +87,9 @@ class DrillOutcomes:
         if advisory.id in self._first:
             outcome.worst = max(outcome.worst or Severity.CAUTION, advisory.severity, key=SEVERITIES.index)
             outcome.ended = advisory.cleared_because or ""
-            outcome.advised = outcome.advised or (advisory.summary if _asks(advisory.recommendation) else "")
+            advice = advisory.recommendation
+            if advice and _asks(advice) and not outcome.advised:
+                outcome.advised, outcome.asked = advisory.summary, "; ".join(map(action_text, advice.actions))
 
     def now(self) -> list[DrillOutcome]:
         """The outcomes so far."""
@@ -104,9 +109,9 @@ def documents(outcomes: Sequence[DrillOutcome]) -> list[dict[str, Any]]:
     return [asdict(outcome) | {"kept": outcome.kept} for outcome in outcomes]
 
 
-def _asks(advice: Recommendation | None) -> bool:
+def _asks(advice: Recommendation) -> bool:
     """Whether advice asks anybody for anything."""
-    return advice is not None and bool(advice.holds or advice.slots or advice.actions)
+    return bool(advice.holds or advice.slots or advice.actions)
 
 
 def _advised(revision: AnyRevision) -> str:

@@ -124,8 +124,12 @@ def _table(outcomes: Sequence[DrillOutcome]) -> Table:
         table.add_column(column)
     for outcome in outcomes:
         lead = "-" if outcome.lead_s is None else f"{outcome.kind}, {outcome.lead_s:.0f} s"
-        advice = outcome.advised.split(";")[-1].strip() or "-"
         table.add_row(
-            outcome.drill, lead, advice, f"{outcome.promised_s:g} s", f"{outcome.late_s:g} s", outcome.ended or "no"
+            outcome.drill,
+            lead,
+            outcome.asked or "-",
+            f"{outcome.promised_s:g} s",
+            f"{outcome.late_s:g} s",
+            outcome.ended or "no",
         )
     return table

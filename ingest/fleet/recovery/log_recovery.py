@@ -10,14 +10,15 @@ from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Closed, Event, Given, LogReader, Received, begun_s, segments
+from ingest.recording.log_reader import Closed, Event, Given, LogReader, Received, begun_s
+from ingest.recording.log_segments import segments, text_bytes
 
 log = logging.getLogger(__name__)
 
 FEWEST_SEGMENTS = 2
 """Newest segments of the log that are read at a start, however large they are."""
 MOST_BYTES = 128 << 20
-"""Further segments are read up to this size in all, if robots may not be silent since."""
+"""Further segments are read up to this length of lines in all, if robots may not be silent since."""
 
 
 class Recovered(NamedTuple):
@@ -89,7 +90,7 @@ def _newest(files: Sequence[Path], since_s: float) -> list[Path]:
     newest: list[Path] = []
     total_bytes = 0
     for file in reversed([segment for path in files if path.exists() for segment in segments(path)]):
-        total_bytes += file.stat().st_size
+        total_bytes += text_bytes(file)
         is_enough = total_bytes > MOST_BYTES or (newest and begun_s(newest[-1]) <= since_s)
         if len(newest) >= FEWEST_SEGMENTS and is_enough:
             break

@@ -8,9 +8,9 @@ import pytest
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
-from deconflict.advisories.conflict_scene import Party
-from deconflict.advisories.conflict_wording import new_id
 from deconflict.advisories.revision_rules import HELD_SHARE
+from deconflict.advisories.words.conflict_wording import Party, new_id
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
@@ -64,8 +64,8 @@ class Story(MadeScene):
     def separation_m(self, pair: Pair, now_s: float) -> float | None:
         return self.apart_m
 
-    def place_names(self, encounters: Sequence[Encounter]) -> list[str]:
-        return ["in Aisle 4 on Hall"] * len(encounters)
+    def spots(self, encounters: Sequence[Encounter]) -> list[Spot]:
+        return [Spot("in Aisle 4 on Hall")] * len(encounters)
 
     def quiet(self, updated: bool = True) -> list[ConflictAdvisory]:
         """A pass in which no conflict is predicted; robot a has a new forecast if `updated`."""

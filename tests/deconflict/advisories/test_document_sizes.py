@@ -11,6 +11,7 @@ from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.finding_lifecycle import Finding, FindingLifecycle, finding_key
 from deconflict.advisories.situations.situation import MOST_ADVISORIES, REVISION
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.words import RevisionWords, Spot, words
 from deconflict.advisory import (
     Action,
     AnyAdvisory,
@@ -34,10 +35,14 @@ HERE = Location(datum=HALL, x=0.0, y=0.0)
 USUAL_NAME, LONGEST_NAME = "Alder Robotics AMR 0000000042", "\x01" * 201
 
 
+def they_wait() -> RevisionWords:
+    return RevisionWords("they wait", "they wait")
+
+
 def blockage(held_up: tuple[str, ...], blocker: str = UUIDS[-1]) -> Finding:
     evidence = {"blocker": blocker, "since_at": moment(NOW_S), "holds_up": held_up}
     robots = tuple(sorted((blocker, *held_up)))
-    return Finding("blockage", blocker, Severity.WARNING, robots, NOW_S, HERE, lambda: "they wait", evidence)
+    return Finding("blockage", blocker, Severity.WARNING, robots, NOW_S, HERE, they_wait, evidence)
 
 
 def ring(count: int) -> Finding:
@@ -46,7 +51,14 @@ def ring(count: int) -> Finding:
     cycle = tuple(Wait(waiter=a, holder=b, where="path", from_at=moment(NOW_S)) for a, b in waits)
     way_out = plan(robots)
     found = Finding(
-        "deadlock", " ".join(robots), Severity.WARNING, robots, NOW_S, HERE, lambda: "they wait", {"cycle": cycle}
+        "deadlock",
+        " ".join(robots),
+        Severity.WARNING,
+        robots,
+        NOW_S,
+        HERE,
+        they_wait,
+        {"cycle": cycle},
     )
     return found._replace(recommendation=way_out)
 
@@ -62,7 +74,7 @@ def shortage(count: int) -> Finding:
         "wait_s": 30.0,
         "resources": chargers,
     }
-    found = Finding("contention", "charger-0", Severity.CAUTION, UUIDS, NOW_S, HERE, lambda: "they wait", evidence)
+    found = Finding("contention", "charger-0", Severity.CAUTION, UUIDS, NOW_S, HERE, they_wait, evidence)
     return found._replace(recommendation=plan(UUIDS))
 
 
@@ -83,7 +95,7 @@ def raised(finding: Finding, name: str = USUAL_NAME) -> AnyAdvisory:
 @pytest.mark.parametrize("found", [blockage(UUIDS[:-1]), ring(220), shortage(220)], ids=lambda found: found.kind)
 def test_a_finding_on_hundreds_of_robots_has_a_small_document(found: Finding, name: str, most_bytes: int) -> None:
     text = f"{', '.join([name] * 4)} and 216 others" + " wait" * (30 if name == USUAL_NAME else 9_999)
-    advisory = raised(found._replace(summary=lambda: text), name)
+    advisory = raised(found._replace(words=lambda: words(lambda _: text)), name)
     assert len(advisory.model_dump_json()) < most_bytes
     assert len(advisory.robots) == len(advisory.names) == len(advisory.vendors) == MOST_ROBOTS
     assert advisory.more_robots == 200
@@ -152,7 +164,7 @@ def test_a_situation_of_hundreds_of_advisories_and_robots_is_a_small_document(na
         for number in range(1, 200)
     ]
     knot = raised(ring(220), name).model_copy(update=at)
-    lifecycle = SituationLifecycle(lambda points: [shown] * len(points))
+    lifecycle = SituationLifecycle(lambda points: [Spot(shown)] * len(points))
     situations = lifecycle.revise(now_s, [knot, *conflicts])
     assert situations
     for situation in situations:

@@ -6,10 +6,12 @@ from typing import Any
 import pytest
 
 from deconflict.advisories.finding_lifecycle import RESTORED_S, UPDATE_GAP_S, Finding, FindingAdvisory, FindingLifecycle
+from deconflict.advisories.words.words import RevisionWords
 from deconflict.advisory import ContentionAdvisory, Location, Severity
 from tests.helpers.saying import HALL
 
 NOW_S = 1_790_000_000.0
+A_QUEUE = RevisionWords("a queue", "a queue")
 
 
 def finding(wait_s: float = 30.0, severity: Severity = Severity.CAUTION, in_s: float = 60.0) -> Finding:
@@ -22,7 +24,7 @@ def finding(wait_s: float = 30.0, severity: Severity = Severity.CAUTION, in_s: f
         "wait_s": wait_s,
     }
     here = Location(datum=HALL, x=0.0, y=0.0)
-    return Finding("contention", "c1", severity, ("a", "b"), NOW_S + in_s, here, lambda: "a queue", evidence)
+    return Finding("contention", "c1", severity, ("a", "b"), NOW_S + in_s, here, lambda: A_QUEUE, evidence)
 
 
 def name_vendor(uuid: str) -> tuple[str, str]:

@@ -8,8 +8,8 @@ import pytest
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
-from deconflict.advisories.conflict_scene import Party
 from deconflict.advisories.watched.watched_pairs import Examination, WatchedPairs
+from deconflict.advisories.words.conflict_wording import Party
 from deconflict.advisory import ConflictAdvisory, EncounterClass
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter

@@ -15,7 +15,7 @@ from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import segments
+from ingest.recording.log_segments import segments
 from ingest.settings import Reading
 from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server, until
 from tests.deconflict.roles.made_service import free_ports

@@ -45,27 +45,44 @@ DESCRIBED = [
 ]
 
 
+def texts(names: PlaceNames, points: list[FloorPoint]) -> list[str]:
+    return [spot.text for spot in names.describe(points)]
+
+
 @pytest.mark.parametrize(("point", "phrase"), DESCRIBED)
 def test_a_point_is_described_by_the_place_around_it_or_the_nearest_mark(point: FloorPoint, phrase: str) -> None:
-    assert PLACE_NAMES.describe([point]) == [phrase]
+    assert texts(PLACE_NAMES, [point]) == [phrase]
 
 
 def test_a_place_with_the_name_of_its_floor_names_it_once() -> None:
     whole = AISLE.model_copy(update={"name": "Ground hall"})
-    assert PlaceNames((HALL,), (whole,)).describe([FloorPoint("hall", 22.0, 1.0)]) == ["in Ground hall"]
+    assert texts(PlaceNames((HALL,), (whole,)), [FloorPoint("hall", 22.0, 1.0)]) == ["in Ground hall"]
 
 
 def test_a_mark_behind_a_wall_names_no_place() -> None:
     wall = Obstacle(kind="wall", outline_m=((1, 1), (9, 1), (9, 1.2), (1, 1.2)))
     rack = Obstacle(kind="rack", name="Rack B", floor="hall", outline_m=((2, 8), (9, 8), (9, 9), (2, 9)))
     names = PlaceNames((HALL,), (), (wall, rack))
-    assert names.describe([FloorPoint("hall", 4.0, 3.0)]) == ["5 m from Rack B on Ground hall"], "the column is hidden"
-    assert names.describe([FloorPoint("hall", 0.5, 3.0)]) == ["3 m from Column A1 on Ground hall"]
-    assert names.describe([FloorPoint("hall", 4.0, 10.0)]) == ["at Rack B on Ground hall"], (
-        "an obstacle hides not itself"
-    )
+    assert texts(names, [FloorPoint("hall", 4.0, 3.0)]) == ["5 m from Rack B on Ground hall"], "the column is hidden"
+    assert texts(names, [FloorPoint("hall", 0.5, 3.0)]) == ["3 m from Column A1 on Ground hall"]
+    assert texts(names, [FloorPoint("hall", 4.0, 10.0)]) == ["at Rack B on Ground hall"], "an obstacle hides not itself"
 
 
 def test_many_points_are_described_as_each_is_alone() -> None:
-    assert PLACE_NAMES.describe([point for point, _ in DESCRIBED * 2]) == [phrase for _, phrase in DESCRIBED * 2]
-    assert PLACE_NAMES.describe([]) == []
+    assert texts(PLACE_NAMES, [point for point, _ in DESCRIBED * 2]) == [phrase for _, phrase in DESCRIBED * 2]
+    assert texts(PLACE_NAMES, []) == []
+
+
+@pytest.mark.parametrize(
+    ("row", "places"),
+    [
+        (0, [("a4", "Aisle 4")]),
+        (1, [("d1", "Dock 1")]),
+        (2, []),
+        (5, [(None, "North aisle"), (None, "Aisle 7")]),
+        (6, [("a4", "Aisle 4")]),
+    ],
+)
+def test_the_places_that_the_words_name_come_as_facts(row: int, places: list[tuple[str | None, str]]) -> None:
+    (spot,) = PLACE_NAMES.describe([DESCRIBED[row][0]])
+    assert [(place.id, place.name) for place in spot.places] == places

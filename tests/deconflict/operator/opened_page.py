@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
 from deconflict.advisories.situations.situation import Situation, SituationAdvice
-from deconflict.advisory import Action, ConflictAdvisory, Location, moment
+from deconflict.advisory import Action, ClearedCode, ConflictAdvisory, Location, moment
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.fleet import Fleet
@@ -103,25 +103,26 @@ def shown(number: int, *robots: int, revision: int = 1, left_s: float = 30.0, **
 
 
 def advice(i: int, seconds: float = 4.0, because: str = "") -> SituationAdvice:
-    wait = Action(robot=robot(f"A-{i}"), name=name(i), action="wait", seconds=seconds)
-    text = f"{name(i)} should wait {seconds:.0f} s; {name(i)} should go first"
+    text = f"{name(i)} should wait {seconds:.0f} s"
+    wait = Action(robot=robot(f"A-{i}"), name=name(i), action="wait", seconds=seconds, text=text)
     return SituationAdvice(actions=(wait,), text=text, since_at=moment(time.time()), changed_because=because)
 
 
 def cleared(before: Situation, because: str, **fields: Any) -> Situation:
-    ended = before.cleared_revision(time.time(), because)
+    ended = before.cleared_revision(time.time(), ClearedCode.PASSED, because)
     return ended.model_copy(update={"advice": None, "advisories": (), **fields})
 
 
 def warning(number: int, situation_id: str | None = None) -> ConflictAdvisory:
     now = moment(time.time())
     place = Location(datum=HALL, x=0.0, y=0.0)
-    summary = "Tug 1 and Lift 2 cross in 4 s; Tug 1 should wait 3 s"
+    summary, headline = "Tug 1 and Lift 2 cross in 4 s; Tug 1 should wait 3 s", "Tug 1 and Lift 2 cross"
     fields: dict[str, Any] = {
         "raised_at": now,
         "updated_at": now,
         "predicted_at": now,
         "location": place,
         "summary": summary,
+        "headline": headline,
     }
     return made(number, situation_id=situation_id, **fields)

@@ -95,6 +95,25 @@ async def test_a_situation_without_a_place_has_no_map_button(browser: "Browser",
         assert not await page.is_visible("#situations .show")
 
 
+async def test_the_filter_of_places_compares_ids_and_reads_no_sentence(browser: "Browser", face: Served) -> None:
+    script = """async () => {
+        const { Filters } = await import("/page/list/filters.js");
+        const filters = new Filters({ changed() {}, showRobot() {} }), square = [[0, 0], [4, 0], [4, 4], [0, 4]];
+        const lane = (number) => ({ id: `lane-${number}`, name: `Lane ${number}`, polygon: square, floor: "hall" });
+        filters.choices([], [lane(1), lane(10)], []);
+        document.getElementById("by-place").value = "lane-1";
+        const at = (x, ...ids) => ({
+            severity: "warning", vendors: [], location: { datum: "hall", x, y: 1 }, summary: "near Lane 10",
+            places: ids.length ? ids.map((id) => ({ id })) : undefined,
+        });
+        const found = [at(1), at(9), at(9, "lane-10"), at(9, null, "lane-1")].map((each) => filters.matches(each));
+        document.getElementById("by-place").value = "";
+        return found;
+    }"""
+    async with opened(browser, face) as page:
+        assert await page.evaluate(script) == [True, False, False, True]
+
+
 async def test_the_filter_hides_others_and_says_how_many(browser: "Browser", face: Served) -> None:
     borealis = ("Alder", "Borealis")
     await face.publish(shown(1, 0, 1, severity="critical"), shown(2, 4, 5, severity="caution", vendors=borealis))

@@ -20,12 +20,15 @@ from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.health import recording_health
 from ingest.measures.measures import Measures
+from ingest.recording import log_packing, log_rotation
 from ingest.recording.log_reader import LogReader, Tick
 from tests.deconflict.operator.store.made_damage import damage, page
 from tests.deconflict.roles.made_disks import disk_of, fill, mount
 from tests.deconflict.roles.made_service import CROSSING, Course, Running, drive, running
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S
+from tests.ingest.recording.made_logs import NOW_S, recorder
+from tests.ingest.recording.packed_logs import names, seconds, settle, ticks
 
 
 def in_pages(page_after: Callable[[Any], list[Any]]) -> list[Any]:
@@ -249,6 +252,32 @@ async def test_a_full_disk_delays_no_advisory_and_shows_and_is_filled_up_later(
     store.close()
     events = list(LogReader().read([small_disk / "log"]))
     assert any(isinstance(event, Tick) and event.now_s > resumed_s for event in events), "recording resumed"
+
+
+def test_segments_that_a_full_disk_does_not_take_packed_stay_plain_and_are_packed_later(
+    small_disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = small_disk / "log"
+    monkeypatch.setattr(log_packing, "PLAIN_SEGMENTS", 100)
+    ticks(folder, range(12))
+    monkeypatch.undo()
+    ballast = fill(small_disk)
+    writer, _ = recorder(folder, segment_bytes=100)
+    writer.tick(NOW_S)
+    assert writer.sync()
+    settle(writer)
+    assert "No space left" in (writer.packing_failing or "")
+    assert writer.failing
+    assert seconds(folder) == list(range(12))
+    assert not list(folder.glob("*.zst"))
+    assert not (folder / log_packing.UNFINISHED).exists()
+    ballast.unlink()
+    monkeypatch.setattr(log_packing, "RETRY_S", 0.0)
+    monkeypatch.setattr(log_rotation, "RETRY_S", 0.0)
+    ticks(folder, range(12, 18), writer)
+    assert (writer.packing_failing, writer.failing) == (None, None)
+    assert names(folder).count("packed") >= 3
+    assert seconds(folder) == list(range(18))
 
 
 async def test_a_log_on_a_read_only_disk_shows_and_recording_resumes(

@@ -14,7 +14,7 @@ from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation import Situation, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict.operator.blackbox.keeper import SNAPSHOTS
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
 from deconflict.operator.store.store import Store
@@ -114,7 +114,11 @@ async def test_a_quiet_pass_ends_a_situation_and_what_is_being_made_is_published
 
     monkeypatch.setattr(SituationLifecycle, "revise", slow)
     async with serving(tmp_path) as (_, engine):
-        for at_s, revisions in ((0, [first]), (1, [first.cleared_revision(NOW_S + 1, "they passed")]), (60, [])):
+        for at_s, revisions in (
+            (0, [first]),
+            (1, [first.cleared_revision(NOW_S + 1, ClearedCode.PASSED, "they passed")]),
+            (60, []),
+        ):
             await engine.call("publish", packed_parcel({"passes_s": [NOW_S + at_s]}, map(to_json, revisions)))
     store = Store(tmp_path)
     assert [each.state for each in situations_of(store.after(0))][-1] is AdvisoryState.CLEARED

@@ -224,10 +224,10 @@ def test_a_file_without_lines_is_not_read_into_memory(tmp_path: Path, monkeypatc
 
 def test_a_directory_is_read_whole_where_somebody_packed_the_older_segments(tmp_path: Path) -> None:
     writer, _ = recorder(tmp_path, segment_bytes=1)
-    for i in range(3):
+    for i in range(2):
         writer.tick(NOW_S + i)
     writer.close()
     oldest = min(tmp_path.iterdir())
     oldest.with_name(oldest.name + ".gz").write_bytes(gzip.compress(oldest.read_bytes()))
     oldest.unlink()
-    assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == [NOW_S + i for i in range(3)]
+    assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == [NOW_S + i for i in range(2)]

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.faulty_files.faults import Fault, blocked, device, huge, pipe
 from ingest.recording.file_faults import FileKind, file_fault
-from ingest.recording.log_reader import segments
+from ingest.recording.log_segments import segments
 from ingest.recording.plain_files import (
     UnfitDatabaseError,
     UnfitFileError,

@@ -244,7 +244,7 @@ def test_a_segment_is_begun_each_day_and_goes_when_it_is_too_old(tmp_path: Path)
         for hour in (0, 1):
             writer.tick(clock.now_s + hour)
             assert writer.sync()
-        newest = max(tmp_path.iterdir())
+        newest = max(tmp_path.glob("*.jsonl"))
         os.utime(newest, (clock.now_s, clock.now_s))
     writer.close()
     ticks = [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import moment
+from deconflict.advisory import ClearedCode, moment
 from ingest.batch import Pair
 from metrics.report.situation_section import sentence, situations
 from metrics.scoring.contention_scores import AlertOutcome
@@ -26,7 +26,7 @@ def story(pair: str = "ab", raised_s: float = 10.0, cleared_s: float | None = 40
     """The revisions of a situation of two robots."""
     at_s = NOW_S + raised_s
     first = raised([conflict(pair, now_s=at_s)], at_s).model_copy(update={"id": f"situation {pair}", **fields})
-    return [first] if cleared_s is None else [first, first.cleared_revision(NOW_S + cleared_s, "")]
+    return [first] if cleared_s is None else [first, first.cleared_revision(NOW_S + cleared_s, ClearedCode.PASSED, "")]
 
 
 def relisted(before: Situation, at_s: float, robots: str) -> Situation:

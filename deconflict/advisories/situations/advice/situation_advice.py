@@ -6,10 +6,10 @@ more urgent. What people have begun does not make way for what only programs hav
 the situation does not list, or that has something more urgent to do in another situation.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from deconflict.advice.actions.action_text import action_text
-from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
+from deconflict.advice.document_limits import MOST_ACTION_BYTES, MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.situations.advice.action_sets import GO_FIRST, PEOPLE_STAND_S, Proposal, key_of
 from deconflict.advisories.situations.advice.stakes import cost_of
 from deconflict.advisories.situations.situation import SituationAdvice
@@ -82,18 +82,22 @@ def _why_impossible(
     return f"the time for {first.name} to wait is over" if is_over else None
 
 
-def _sentence(actions: Sequence[Action]) -> str:
-    """What to do, one thing after another. Who goes first belongs to the last of them."""
-    steps = "; ".join(action_text(action) for action in actions if action.action != GO_FIRST)
+def _with_texts(actions: Sequence[Action]) -> Iterator[Action]:
+    """The actions with their sentences. The last one says who goes first."""
     first = next((action.name for action in actions if action.action == GO_FIRST), None)
-    return f"{steps}, so that {first} goes first" if first else steps
+    last = [action for action in actions if action.action != GO_FIRST][-1:]
+    for action in actions:
+        so_that = f", so that {first} goes first" if first and action in last else ""
+        text = "" if action.action == GO_FIRST else short_text(action_text(action) + so_that, MOST_ACTION_BYTES)
+        yield action.model_copy(update={"text": text})
 
 
 def _advice(proposal: Proposal, now_s: float, reason: str) -> SituationAdvice:
+    actions = tuple(_with_texts(proposal.actions))
     return SituationAdvice(
-        actions=proposal.actions,
+        actions=actions,
         for_people=proposal.for_people,
-        text=short_text(_sentence(proposal.actions), MOST_SUMMARY_BYTES),
+        text="; ".join(action.text for action in actions if action.text),
         since_at=moment(now_s),
         changed_because=short_text(reason, MOST_SUMMARY_BYTES),
     )

@@ -6,6 +6,8 @@ import { inside } from "../map/places.js";
 import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span } from "../texts.js";
 
 const MOST_ROWS = 10;
+// Of codes whose sentences name a robot.
+const ENDED = { left: "A robot left the floor", left_in_silence: "A robot is silent and has probably left", driven_through: "A robot is not there: another has driven through its place" };
 const $ = (id) => document.getElementById(id);
 
 export class Shift {
@@ -41,7 +43,7 @@ export class Shift {
     $("shift-body").replaceChildren(
       text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
       table("What was going on, by its worst severity", ["Kind", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations)),
-      table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_because: because }) => [sentence(because)])),
+      table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_code: code, cleared_because: because }) => [ENDED[code] ?? sentence(because)])),
       table("Where", ["Place", "Times", SEVERITY.critical], this.placeRows(situations)),
       table("Whose robots", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
       table("Who acknowledged what", ["At", "Who", "What", "Done about it"], acknowledged.map(({ name, reason, at, summary }) => [clock(seconds(at)).slice(0, 5), name, summary, reason])),

@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, by, change, countdown, gist, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, toDo, what } from "../texts.js";
+import { KINDS, SIGNS, by, change, countdown, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, toDo, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -82,7 +82,7 @@ export class Cards {
 
   fill(card, situation, { nowS, chosen, visited, flashed, floorName, floorShown, past, behind, situations, colour, isPerson }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation, nowS), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
-    const floor = situation.location ? floorName(situation.location.datum) : "", text = gist(situation);
+    const floor = situation.location ? floorName(situation.location.datum) : "", text = what(situation);
     card.classList.remove("critical", "warning", "caution");
     card.classList.add(situation.severity);
     card.classList.toggle("chosen", situation.id === chosen);
@@ -102,7 +102,7 @@ export class Cards {
     showText(parts.by, ended ? "" : by(situation, isPerson));
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
-    setText(parts.since, [situation.location && situation.location.datum !== floorShown && !text.includes(floor) ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
+    setText(parts.since, [situation.location && situation.location.datum !== floorShown ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
     showText(parts.answer, answer ? `✓ ${answer.name}: ${answer.reason}` : "");
     setText(parts.take, answer ? "Add a note" : "Acknowledge");
     setText(parts.show, situation.id === visited ? "Back" : "Show on the map");

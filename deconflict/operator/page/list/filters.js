@@ -54,7 +54,8 @@ export class Filters {
   }
 }
 
-function isAt({ location, summary }, place) {
+// At a floor, in a place, or at or near it as the headline says.
+function isAt({ location, places = [] }, place) {
   if (!location || !place) return false;
-  return location.datum === place.floor && (!place.polygon || inside(place.polygon, location.x, location.y) || summary.includes(place.name));
+  return location.datum === place.floor && (!place.polygon || inside(place.polygon, location.x, location.y) || places.some(({ id }) => id === place.id));
 }

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import EVERY_KIND, SITUATION
+from deconflict.advisory import EVERY_KIND, SITUATION, ClearedCode
 from deconflict.operator.store import tables
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
@@ -32,7 +32,6 @@ NEWEST = 500
 STEP = 500
 """Revisions that are handed over in one transaction."""
 READ_TIMEOUT_S = 0.5
-BECAUSE = "the service could not read it when it started"
 HELD = f"""SELECT * FROM advisories AS a WHERE open = 1 OR EXISTS (
     SELECT 1 FROM positions AS p WHERE p.seq < a.seq AND p.seq >= {tables.FIRST_SEQ})"""  # noqa: S608 - a constant
 """What is open, or an outlet has not been told to be over."""
@@ -194,7 +193,7 @@ class StandIn:
         if self.state is None and not self._follows_stream:
             skipping = [seq for outlet, seq in known.items() if seq < positions.get(outlet, 0)]
             for revision in [*self._unknown(file), *_missed(file, skipping, self._begun_after + shift)]:
-                cleared = revision.cleared_revision(now_s, BECAUSE)
+                cleared = revision.cleared_revision(now_s, ClearedCode.UNREAD)
                 tables.write_one(file, cleared.model_copy(update={"seq": tables.last_seq(file) + 1}), ())
         removed = self.db.execute("SELECT kind, seq FROM removed").fetchall()
         tables.note_removed(file, ((kind, seq + shift) for kind, seq in removed))

@@ -12,8 +12,7 @@ from deconflict.advice.deferred_answers import ANSWER_AFTER_S, Answer, PendingAn
 from deconflict.advice.holds.hold_windows import NearbyRobots
 from deconflict.advice.requests.hold_requests import MOST_PAIRS, PAIRS_PER_S, HoldRequests
 from deconflict.advice.vendor_burden import Burden
-from deconflict.advisories.conflict_lifecycle import PASSED, UNPREDICTED
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, moment
+from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation, moment
 from deconflict.engine.engine import Engine
 from ingest.batch import Pair
 from ingest.measures.measures import Measures
@@ -55,7 +54,7 @@ def test_advice_that_is_followed_ends_the_conflict_at_the_promised_cost() -> Non
     after = floor.run(40, at_s + 0.25)
     assert closest_m(floor, 40) > SITE.conflict.clearance_m
     assert after[-1].state is AdvisoryState.CLEARED
-    assert after[-1].cleared_because == UNPREDICTED
+    assert after[-1].cleared_code is ClearedCode.UNPREDICTED
     assert floor.courses[name](40) == pytest.approx(free(40 - advisory.recommendation.cost_s))
     assert floor.engine._advice.burden.burdens_s == {"Alder": hold.hold_s}, "who waited as advised has yielded"
 
@@ -65,7 +64,7 @@ def test_a_robot_that_ignores_advice_keeps_its_advisory() -> None:
     revisions = floor.run(40)
     assert any(revision.recommendation and revision.recommendation.holds for revision in revisions)
     assert closest_m(floor, 40) == 0
-    assert revisions[-1].cleared_because == PASSED
+    assert revisions[-1].cleared_code is ClearedCode.PASSED
 
 
 def test_the_summary_says_who_should_wait_through_every_revision() -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import (
     Action,
     AnyAdvisory,
@@ -93,7 +94,7 @@ def action(robot: str, name: Any = "wait", **fields: Any) -> Action:
 
 
 def lifecycle() -> SituationLifecycle:
-    return SituationLifecycle(lambda points: ["in Aisle 3"] * len(points))
+    return SituationLifecycle(lambda points: [Spot("in Aisle 3")] * len(points))
 
 
 def raised(advisories: Sequence[AnyAdvisory], now_s: float = NOW_S) -> Situation:

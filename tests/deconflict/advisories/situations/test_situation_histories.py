@@ -13,7 +13,8 @@ from deconflict.advisories.situations.advice.stakes import stakes_of
 from deconflict.advisories.situations.grouping import LEAST_OPEN_S, MOST_EXTENT_M, MOST_ROBOTS, NEAR_M
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle, is_worth
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Location, moment
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Location, moment
 from tests.deconflict.advisories.situations.made_situations import action, advice
 from tests.helpers.made_advisories import made
 
@@ -38,7 +39,7 @@ class History:
 
     def __init__(self) -> None:
         self.now_s, self.advisories = START_S, dict[str, ConflictAdvisory]()
-        self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
+        self.lifecycle = SituationLifecycle(lambda points: [Spot("here")] * len(points))
         self.revisions: defaultdict[str, list[Situation]] = defaultdict(list)
         self.raised = 0
 
@@ -62,7 +63,7 @@ class History:
         if change == "clear":
             if known is None:
                 return None
-            return self.advisories.pop(known.id).cleared_revision(self.now_s, "they passed")
+            return self.advisories.pop(known.id).cleared_revision(self.now_s, ClearedCode.PASSED, "they passed")
         robots = tuple(f"robot-{number}" for number in sorted({pair[0], (pair[1] + pair[0] + 1) % 21}))[:2]
         if len(robots) < 2:
             return None
@@ -90,7 +91,7 @@ class History:
     def restart(self) -> None:
         situations = [Situation.model_validate_json(each.model_dump_json()) for each in self.lifecycle.open()]
         advisories = [ConflictAdvisory.model_validate_json(each.model_dump_json()) for each in self.advisories.values()]
-        self.lifecycle = SituationLifecycle(lambda points: ["here"] * len(points))
+        self.lifecycle = SituationLifecycle(lambda points: [Spot("here")] * len(points))
         self.lifecycle.restore(situations, advisories)
 
     def last(self) -> None:

@@ -4,7 +4,7 @@ from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
 from deconflict.advisories.situations.grouping import LEAST_OPEN_S
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
-from deconflict.advisory import AdvisoryState, EncounterClass, Severity, moment
+from deconflict.advisory import AdvisoryState, ClearedCode, EncounterClass, Severity, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -58,7 +58,7 @@ def test_an_advisory_without_an_open_situation_has_no_id_of_one() -> None:
 def test_a_revision_that_clears_keeps_the_id_of_its_situation() -> None:
     situations, first = lifecycle(), conflict("ab")
     _, situation = situations.published(NOW_S, [first])
-    cleared, _ = situations.published(NOW_S + 1, [first.cleared_revision(NOW_S + 1, "they passed")])
+    cleared, _ = situations.published(NOW_S + 1, [first.cleared_revision(NOW_S + 1, ClearedCode.PASSED, "they passed")])
     assert cleared.situation_id == situation.id
 
 
@@ -66,10 +66,11 @@ def test_a_situation_is_cleared_once_nothing_is_left_of_it() -> None:
     situations, first = lifecycle(), conflict("ab")
     situations.revise(NOW_S, [first])
     situations.revise(NOW_S + 5, [])
-    situations.revise(NOW_S + 6, [first.cleared_revision(NOW_S + 6, "they passed")])
+    situations.revise(NOW_S + 6, [first.cleared_revision(NOW_S + 6, ClearedCode.PASSED, "they passed")])
     assert situations.revise(NOW_S + 4 + LINGERS_S, []) == []
     (cleared,) = situations.revise(NOW_S + 5 + LINGERS_S, [])
     assert (cleared.state, cleared.cleared_because) == (AdvisoryState.CLEARED, "they passed")
+    assert cleared.cleared_code is ClearedCode.PASSED
     assert situations.open() == []
 
 
@@ -131,7 +132,7 @@ def test_advice_names_robots_of_the_situation_only() -> None:
 def test_the_last_advisory_takes_the_advice_with_it() -> None:
     situations, first = lifecycle(), conflict("ab", recommendation=advice(action("a")))
     situations.revise(NOW_S, [first])
-    (empty,) = situations.revise(NOW_S + 1, [first.cleared_revision(NOW_S + 1, "they passed")])
+    (empty,) = situations.revise(NOW_S + 1, [first.cleared_revision(NOW_S + 1, ClearedCode.PASSED, "they passed")])
     assert (empty.advice, empty.advisories, empty.severity) == (None, (), Severity.CAUTION)
     assert empty.state is AdvisoryState.UPDATED
 
@@ -162,7 +163,7 @@ def test_queues_at_several_docks_are_situations_of_their_own() -> None:
 def test_a_clock_that_goes_back_freezes_nothing() -> None:
     situations, first = lifecycle(), conflict("ab")
     situations.revise(NOW_S, [first])
-    situations.revise(NOW_S - 3600, [first.cleared_revision(NOW_S - 3600, "they passed")])
+    situations.revise(NOW_S - 3600, [first.cleared_revision(NOW_S - 3600, ClearedCode.PASSED, "they passed")])
     (cleared,) = situations.revise(NOW_S - 3600 + LINGERS_S, [])
     assert cleared.state is AdvisoryState.CLEARED
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, AnyAdvisory
 from ingest.batch import FloorPoint
 from ingest.measures.measures import Measures
@@ -15,10 +16,10 @@ class Places:
 
     is_broken = False
 
-    def describe(self, points: Sequence[FloorPoint]) -> list[str]:
+    def describe(self, points: Sequence[FloorPoint]) -> list[Spot]:
         if self.is_broken:
             raise ArithmeticError("no such place")
-        return ["here"] * len(points)
+        return [Spot("here")] * len(points)
 
 
 def test_advisories_are_published_although_situations_fail_and_these_begin_anew() -> None:

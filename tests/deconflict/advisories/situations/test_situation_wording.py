@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
-from deconflict.advisory import AnyAdvisory, moment
+from deconflict.advisory import AnyAdvisory, ClearedCode, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -34,7 +34,9 @@ def test_the_sentence_stays_as_long_as_its_order() -> None:
     locked = deadlock("ab", recommendation=advice(action("a", "look")))
     (before,) = situations.revise(NOW_S, [locked])
     blocked = blockage("cabde")
-    situations.revise(NOW_S + UPDATE_GAP_S, [blocked, locked.cleared_revision(NOW_S + UPDATE_GAP_S, "they drive")])
+    situations.revise(
+        NOW_S + UPDATE_GAP_S, [blocked, locked.cleared_revision(NOW_S + UPDATE_GAP_S, ClearedCode.PASSED, "they drive")]
+    )
     (after,) = situations.open()
     assert after.advice == before.advice
     assert (after.situation_kind, after.summary) == (before.situation_kind, before.summary)
@@ -77,7 +79,7 @@ def test_a_queue_for_one_of_several_places_is_likely_and_names_none() -> None:
 def test_what_has_ended_is_in_the_past_and_says_how_it_ended(advisory: AnyAdvisory, past: str) -> None:
     situations = lifecycle()
     situations.revise(NOW_S, [advisory])
-    (over,) = situations.revise(NOW_S + 6, [advisory.cleared_revision(NOW_S + 6, "they drive on")])
+    (over,) = situations.revise(NOW_S + 6, [advisory.cleared_revision(NOW_S + 6, ClearedCode.PASSED, "they drive on")])
     assert over.summary == past
     assert over.time_to_conflict_s == 0.0
     (cleared,) = situations.revise(NOW_S + 6 + LINGERS_S, [])

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict.advisories.words.conflict_wording import Absence
+from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from deconflict.settings.site import Conflict
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns
@@ -21,10 +22,10 @@ class Story(MadeScene):
 
     lifecycle: ConflictLifecycle = field(default_factory=lambda: ConflictLifecycle(SETTINGS, 60.0))
     now_s: float = START_S
-    why_absent: str | None = None
+    why_absent: Absence | None = None
     advisories: list[ConflictAdvisory] = field(default_factory=list)
 
-    def absence(self, uuid: str) -> str | None:
+    def absence(self, uuid: str) -> Absence | None:
         return self.why_absent if uuid == "b" else None
 
     def separation_m(self, pair: Pair, now_s: float) -> float | None:
@@ -45,7 +46,7 @@ def test_within_the_clearance_an_advisory_is_cleared_once_a_robot_has_probably_l
     story = Story()
     assert story.passes(1.0, 3.0, 0.9, 1.0) == [AdvisoryState.RAISED]
     assert story.passes(5.0, 0.2, 0.9, 0.6) == []
-    story.why_absent = "is silent and has probably left"
+    story.why_absent = Absence(ClearedCode.LEFT_IN_SILENCE)
     assert story.passes(5.0, 0.2, 0.9, 0.04) == [AdvisoryState.CLEARED]
     assert story.advisories[-1].cleared_because == "Alder b is silent and has probably left"
 
@@ -67,7 +68,7 @@ def test_no_contact_is_announced_with_a_robot_that_has_probably_left() -> None:
 def test_an_advisory_that_is_no_longer_predicted_is_cleared_while_a_robot_is_probably_gone() -> None:
     story = Story()
     story.passes(1.0, 3.0, 0.9, 1.0)
-    story.why_absent = "is silent and has probably left"
+    story.why_absent = Absence(ClearedCode.LEFT_IN_SILENCE)
     for _ in range(12):
         story.now_s += 0.25
         story.advisories += story.lifecycle.revise(story.now_s, in_columns([]), set(PAIR), story)

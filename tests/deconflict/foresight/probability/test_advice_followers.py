@@ -5,7 +5,7 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from deconflict.advisory import Hold, Recommendation, Slot
+from deconflict.advisory import ClearedCode, Hold, Recommendation, Slot
 from deconflict.foresight.probability.advice_followers import AdviceFollowers, waits_until_s
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_advisories import ROBOTS, START, made
@@ -106,4 +106,4 @@ def test_open_advice_gives_the_end_of_each_wait() -> None:
     raised = made(1, recommendation=advice(holds=(hold,)))
     values = waits_until_s([raised, made(2), made(3, recommendation=advice(slots=slots))])
     assert values == {ROBOTS[0]: raised.updated_at.timestamp() + 4.0, "y": start_at.timestamp()}
-    assert waits_until_s([raised.cleared_revision(NOW_S, "over")]) == {}
+    assert waits_until_s([raised.cleared_revision(NOW_S, ClearedCode.PASSED, "over")]) == {}

@@ -17,7 +17,7 @@ from deconflict.settings.site import BlackBox, Site
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.recorder import Recorder, quantise
-from ingest.settings import Datum, Vendor
+from ingest.settings import Datum, RecorderSettings, Vendor
 from tests.helpers.saying import HALL, identity, points, status
 
 NOW_S = 1_790_000_000.0
@@ -63,13 +63,19 @@ class Floor:
         return BlackBoxRequest(SITE, self.data / "log", shelf, tuple(self.near), span, snapshot, store.path, ())
 
 
-def lived(data: Path, courses: dict[str, Course], seconds: int, sways_s: float = 0.0) -> Floor:
+def lived(
+    data: Path,
+    courses: dict[str, Course],
+    seconds: int,
+    sways_s: float = 0.0,
+    settings: RecorderSettings = SITE.recorder,
+) -> Floor:
     """Robots that report once a second; every engine step, recorded.
 
     Until `sways_s` they sway, of which their paths say nothing.
     """
     now_s = NOW_S
-    recorder = Recorder(SITE.recorder, data / "log", Measures(), lambda: now_s)
+    recorder = Recorder(settings, data / "log", Measures(), lambda: now_s)
     fleet, engine, floor = fleet_of(SITE, Measures()), Engine(SITE), Floor(data)
     connection = Connection(1, "127.0.0.1", vendor="Alder")
 

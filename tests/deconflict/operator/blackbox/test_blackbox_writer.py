@@ -14,8 +14,11 @@ from deconflict.settings.site import Site
 from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
+from ingest.recording.log_packing import LogPacker
 from ingest.recording.log_reader import lines_of
+from ingest.settings import RecorderSettings
 from tests.deconflict.operator.blackbox.made_floor import NOW_S, Floor, crossing, lived
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, robot
 
 
@@ -119,6 +122,39 @@ def test_a_torn_line_of_the_log_is_left_out(tmp_path: Path) -> None:
     whole = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join([*whole[:-3], b'{"received":"2026-', b"\n", *whole[-3:]]))
     assert write_blackbox(floor.order())
+
+
+def test_a_box_of_packed_segments_is_that_of_plain_ones(tmp_path: Path) -> None:
+    floor = lived(tmp_path, crossing(60.0, 1.7), 80, settings=RecorderSettings(segment_bytes=20_000))
+    packed = sorted((tmp_path / "log").glob("*.zst"))
+    assert len(packed) > 3
+    box = write_blackbox(floor.order())
+    for file in packed:
+        file.with_suffix("").write_bytes(b"".join(lines_of(file)))
+        file.unlink()
+    again = write_blackbox(floor.order())
+    assert box
+    assert again
+    assert [unchained(line) for line in lines(floor, box)] == [unchained(line) for line in lines(floor, again)]
+
+
+def test_a_damaged_packed_segment_costs_a_box_what_can_not_be_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    floor = lived(tmp_path, crossing(60.0, 1.7), 80)
+    (log,) = (tmp_path / "log").iterdir()
+    packer = LogPacker()
+    packer.pack([log, log])
+    packer.close(PATIENCE_S)
+    packed = log.with_name(log.name + ".zst")
+    packed.write_bytes(packed.read_bytes()[:-1] + b"x")
+    assert write_blackbox(floor.order())
+    assert f"{packed} is damaged" in caplog.text
+
+
+def unchained(line: bytes) -> dict[str, object]:
+    """A line without the hash of the one before."""
+    return {key: value for key, value in json.loads(line).items() if key != "before"}
 
 
 def test_robots_that_identified_themselves_long_before_have_their_identity_in_the_box(tmp_path: Path) -> None:

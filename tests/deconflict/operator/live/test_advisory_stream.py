@@ -10,7 +10,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
 from websockets.frames import Frame, Opcode
 
-from deconflict.advisory import BAD_AFTER, BAD_KINDS, EVERY_KIND, POSITION_LOST, STORE_FAILED
+from deconflict.advisories.situations.situation import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED
+from deconflict.advisory import EVERY_KIND
 from deconflict.operator.http.server_protocols import WebSocketProtocol
 from deconflict.operator.store.publisher import MOST_LINES, PublishedPage
 from deconflict.operator.store.store import Store

@@ -7,7 +7,7 @@ from threading import Thread
 
 import pytest
 
-from deconflict.advisory import Acknowledgement, Hold, Recommendation
+from deconflict.advisory import Acknowledgement, ClearedCode, Hold, Recommendation
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
@@ -180,7 +180,7 @@ def test_a_deadlock_of_three_is_stored_and_found_by_each_of_its_robots(store: St
 def test_the_yielded_time_of_each_vendor_is_summed_once_and_kept(store: Store) -> None:
     advice = Recommendation(holds=(Hold(robot=ROBOTS[1], hold_s=4.0),), cost_s=4.0, bound_s=4.0, proven_optimal=True)
     advised = made(1, recommendation=advice)
-    over = advised.cleared_revision(START.timestamp(), "over")
+    over = advised.cleared_revision(START.timestamp(), ClearedCode.PASSED, "over")
     store.append([advised, over])
     store.append([over])
     store.acknowledge("advisory-1", Acknowledgement(name="Ada", reason="seen", at=START))
@@ -260,7 +260,7 @@ def test_an_acknowledgement_passes_on_to_the_situation_that_another_joins(store:
     answer = Acknowledgement(name="Kim", reason="called back", at=START)
     store.append([situation(1), situation(2)])
     store.acknowledge("situation-2", answer)
-    joined = situation(2, 2).cleared_revision(START.timestamp() + 200, "joined").model_copy
+    joined = situation(2, 2).cleared_revision(START.timestamp() + 200, ClearedCode.PASSED, "joined").model_copy
     store.append([joined(update={"joined_into": "situation-1"}), situation(1, 2)])
     assert store.get("situation-1")[-1].acknowledgement == answer
     (accepted,) = store.accept([situation(1, 3)])
@@ -270,7 +270,7 @@ def test_an_acknowledgement_passes_on_to_the_situation_that_another_joins(store:
 def test_what_is_more_severe_than_what_was_acknowledged_is_not_acknowledged_by_joining(store: Store) -> None:
     store.append([situation(1), situation(2, severity="caution")])
     store.acknowledge("situation-2", Acknowledgement(name="Kim", reason="called back", at=START))
-    ended = situation(2, 2, severity="caution").cleared_revision(START.timestamp() + 200, "joined")
+    ended = situation(2, 2, severity="caution").cleared_revision(START.timestamp() + 200, ClearedCode.PASSED, "joined")
     store.append([ended.model_copy(update={"joined_into": "situation-1"}), situation(1, 2)])
     assert store.get("situation-1")[-1].acknowledgement is None
 

@@ -9,7 +9,7 @@ import pytest
 from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Location, moment
+from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, moment
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.store import store as stores
 from deconflict.operator.store.publisher import Publisher
@@ -117,7 +117,7 @@ async def test_a_parcel_that_is_sent_again_meanwhile_makes_nothing_twice(
 
 async def test_situations_are_those_of_a_replay_although_quiet_passes_are_heard_of_later(store: Store) -> None:
     live, first, second = live_situations(store), conflict("ab"), conflict("bc", x_m=3.0)
-    cleared = [each.cleared_revision(NOW_S + 2, "they passed") for each in (first, second)]
+    cleared = [each.cleared_revision(NOW_S + 2, ClearedCode.PASSED, "they passed") for each in (first, second)]
     passes: dict[float, list[AnyAdvisory]] = {NOW_S + 0.1 * number: [] for number in range(round(LINGERS_S * 10) + 40)}
     passes |= {NOW_S: [first], NOW_S + 0.5: [second], NOW_S + 2.0: [*cleared]}
     lifecycle, expected, quiet_s = SituationLifecycle(PlaceNames.of(Site()).describe), list[Situation](), list[float]()

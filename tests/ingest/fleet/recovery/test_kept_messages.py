@@ -19,7 +19,7 @@ from ingest.fleet.recovery.log_recovery import recover
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from ingest.recording.log_reader import segments
+from ingest.recording.log_segments import segments
 from ingest.recording.recorder import Recorder
 from ingest.settings import RecorderSettings, Vendor
 from tests.helpers import iso_saying, vda_saying

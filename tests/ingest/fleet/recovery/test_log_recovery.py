@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from ingest.fleet.recovery.log_recovery import recover, summary
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received
@@ -10,6 +12,7 @@ from ingest.settings import RecorderSettings, Vendor
 from tests.helpers import vda_saying
 from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, fleet
+from tests.ingest.recording.packed_logs import settle
 
 ALDER = Vendor(name="Alder")
 FROM_ALDER = Connection(1, vendor="Alder")
@@ -24,6 +27,27 @@ def test_robots_come_back_however_often_the_receiver_has_started_since_they_repo
     again = fleet(ALDER)
     recover(again, [tmp_path], NOW_S + 10)
     assert set(again.robots) == {robot(f"A-{start}") for start in range(6)}
+
+
+@pytest.mark.parametrize("most_bytes", [0, 5_000, 50_000])
+def test_as_much_is_read_of_packed_segments_as_of_plain_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_bytes: int
+) -> None:
+    monkeypatch.setattr("ingest.fleet.recovery.log_recovery.MOST_BYTES", most_bytes)
+    read = dict[str, int]()
+    for name, plain in (("plain", 100), ("packed", 2)):
+        monkeypatch.setattr("ingest.recording.log_packing.PLAIN_SEGMENTS", plain)
+        of, log = fleet(ALDER), tmp_path / name
+        recorder = Recorder(RecorderSettings(segment_bytes=2_000), log, of.measures, lambda: NOW_S)
+        for second in range(60):
+            recorder.received(status("A-1", NOW_S + second), NOW_S + second, FROM_ALDER, None)
+            recorder.tick(NOW_S + second)
+            assert recorder.sync()
+            settle(recorder)
+        recorder.close()
+        read[name] = recover(fleet(ALDER), [log], NOW_S + 59).messages
+    assert len(list((tmp_path / "packed").glob("*.zst"))) > 5
+    assert read["packed"] == read["plain"] > 0
 
 
 def test_a_silent_robot_that_is_restored_is_forgotten_after_its_time_and_not_at_once() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 from deconflict.advisories.situations.advice.recurrences import OFTEN, WITHIN_S
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import DeadlockAdvisory, EncounterClass, Severity, moment
+from deconflict.advisory import ClearedCode, DeadlockAdvisory, EncounterClass, Severity, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -35,7 +35,9 @@ def locked(
         now_s = NOW_S + number * every_s
         first = lock(number, now_s)
         situations.revise(now_s, [first])
-        situations.revise(now_s + lasting_s, [first.cleared_revision(now_s + lasting_s, "they drive")])
+        situations.revise(
+            now_s + lasting_s, [first.cleared_revision(now_s + lasting_s, ClearedCode.PASSED, "they drive")]
+        )
         situations.revise(now_s + lasting_s + 12, [])
     return situations, NOW_S + times * every_s
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.faulty_files.faults import blocked, held_alone, locked, read_only, remove
-from deconflict.advisory import EVERY_KIND, Acknowledgement
+from deconflict.advisory import EVERY_KIND, Acknowledgement, ClearedCode
 from deconflict.operator.store.optional import stand_in
 from deconflict.operator.store.optional.optional_store import OptionalStore
-from deconflict.operator.store.optional.stand_in import BECAUSE, STEP
+from deconflict.operator.store.optional.stand_in import STEP
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.recovery.reserved_numbers import epoch
@@ -172,7 +172,7 @@ def test_what_nobody_knows_to_be_open_is_cleared_once_the_file_is_back(data: Pat
                 store.note_engine()
         before = store.last_seq()
         assert store.attach()
-        ended = [each for each in store.after(before) if each.cleared_because == BECAUSE]
+        ended = [each for each in store.after(before) if each.cleared_code is ClearedCode.UNREAD]
         assert {each.id for each in ended} == wanted
         store.close()
     with closing(Store(data)) as store:

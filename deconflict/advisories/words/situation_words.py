@@ -2,14 +2,18 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import ceil
+from typing import NamedTuple
 
-from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, short_text
-from deconflict.advisories.conflict_wording import ENCOUNTER_VERBS
-from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S, Recurrence
-from deconflict.advisories.situations.situation import Situation, SituationKind
-from deconflict.advisories.situations.situation_kinds import Matter
-from deconflict.advisories.situations.situation_outline import count_spots
-from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, ContentionAdvisory, DeadlockAdvisory
+from deconflict.advisories.words.conflict_wording import ENCOUNTER_VERBS
+from deconflict.advisories.words.words import RevisionWords, words
+from deconflict.advisory import (
+    AnyAdvisory,
+    BlockageAdvisory,
+    ConflictAdvisory,
+    ContentionAdvisory,
+    DeadlockAdvisory,
+    SituationKind,
+)
 
 MOST_NAMED = 4
 """Robots that a sentence names."""
@@ -33,6 +37,17 @@ ENDS: dict[SituationKind, str] = {
 }
 
 
+class Matter(NamedTuple):
+    """What is going on, and the advisory that says most about it."""
+
+    kind: SituationKind
+    principal: AnyAdvisory
+    advisories: tuple[AnyAdvisory, ...]
+    """Those that are about it."""
+    culprit: str | None
+    """UUID of the robot that stands or is silent in the way of the others; None if there is no such robot."""
+
+
 def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
     """The names of all robots of some advisories, by UUID in ascending order."""
     names = {
@@ -41,19 +56,19 @@ def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
     return dict(sorted(names.items()))
 
 
-def sentence(matter: Matter, now_s: float, place: str, recurrence: Recurrence | None) -> str:
-    """What is going on, for a person. `place` is a phrase such as "in Aisle 3 on Ground hall"."""
-    text = _sentence(matter, now_s, place) + (f"; {_again(recurrence)}" if recurrence else "")
-    return short_text(text, MOST_SUMMARY_BYTES)
+def present_words(matter: Matter, now_s: float, place: str, spots: int, again: str) -> RevisionWords:
+    """What is going on, for a person, at so many `spots`. `place` is a phrase such as "in Aisle 3 on Ground hall"."""
+    left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
+    return words(lambda when: _sentence(matter, when, now_s, place, spots) + again, f" {_when(left_s)}")
 
 
-def _again(recurrence: Recurrence) -> str:
-    """How often it has been there."""
-    times = f"{ORDINALS.get(recurrence.times, f'{recurrence.times}th')} time in {WITHIN_S / 60:.0f} min"
-    if recurrence.longest_s > BY_ITSELF_S:
-        return times
-    before = "each time before" if recurrence.times > TWICE else "the first time"
-    return f"{times}, ended by itself within {max(ceil(recurrence.longest_s), 1)} s {before}"
+def again_text(times: int, within_s: float, longest_s: float | None) -> str:
+    """How often it has been there, as the end of a sentence; and within how long it ended, if that was by itself."""
+    text = f"; {ORDINALS.get(times, f'{times}th')} time in {within_s / 60:.0f} min"
+    if longest_s is None:
+        return text
+    before = "each time before" if times > TWICE else "the first time"
+    return f"{text}, ended by itself within {max(ceil(longest_s), 1)} s {before}"
 
 
 def ending(matter: Matter, names: Mapping[str, str]) -> str:
@@ -75,22 +90,22 @@ PAST: dict[SituationKind, str] = {
 }
 
 
-def past_sentence(situation: Situation, place: str) -> str:
-    """What was going on in a situation that is over, for a person."""
-    names = dict(zip(situation.robots, situation.names, strict=True))
-    culprit = names.pop(situation.culprit or "", "a robot")
-    count = len(situation.robots) + situation.more_robots
-    others = _named(list(names.values()), situation.more_robots)
-    past = PAST[situation.situation_kind].format(names=others, culprit=culprit, count=count)
-    return short_text(", ".join(filter(None, [past, place])), MOST_SUMMARY_BYTES)
+def past_words(
+    kind: SituationKind, names: Mapping[str, str], more_robots: int, culprit: str | None, place: str
+) -> RevisionWords:
+    """What was going on in a situation that is over, for a person. `names` are by UUID."""
+    others = _named([name for robot, name in names.items() if robot != culprit], more_robots)
+    facts = {"names": others, "culprit": names.get(culprit or "", "a robot"), "count": len(names) + more_robots}
+    past = PAST[kind].format(**facts)
+    return words(lambda _: ", ".join(filter(None, [past, place])))
 
 
-def _sentence(matter: Matter, now_s: float, place: str) -> str:
+def _sentence(matter: Matter, when: str, now_s: float, place: str, spots: int) -> str:
+    """`when` begins with a space; it is empty in a headline, which lists no robots of a knot either."""
     principal = matter.principal
-    left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
     match principal:
         case ConflictAdvisory():
-            return f"{_conflict(matter, principal, _when(left_s))}, {'the worst ' * (_spots(matter) > 1)}{place}"
+            return f"{_conflict(matter, principal, when, spots)}, {'the worst ' * (spots > 1)}{place}"
         case BlockageAdvisory():
             names = names_of([principal])
             held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
@@ -98,42 +113,34 @@ def _sentence(matter: Matter, now_s: float, place: str) -> str:
             return f"{names[principal.blocker]} has stood {stood}, {place}, in the way of {held_up}"
         case DeadlockAdvisory():
             names_listed = _named(list(names_of([principal]).values()))
-            return f"{names_listed} lock each other {_when(left_s)}, {place}: each waits for the next"
+            return f"{names_listed} lock each other{when}, {place}: each waits for the next"
         case ContentionAdvisory(kind="contention") if principal.queue_length:
-            return _queue(principal, left_s)
-    return principal.summary.split("; ")[0]
+            return _queue(principal, when)
+    return principal.headline or principal.summary
 
 
-def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
+def _conflict(matter: Matter, principal: ConflictAdvisory, when: str, spots: int) -> str:
     names = names_of(matter.advisories)
     others = _named([name for robot, name in names.items() if robot != matter.culprit])
     culprit = names.get(matter.culprit or "", "")
     match matter.kind:
         case "knot":
-            at = f" at {count} places" if (count := _spots(matter)) > 1 else ""
-            return f"{len(names)} robots get in each other's way{at} {when}: {others}"
+            at = f" at {spots} places" if spots > 1 else ""
+            return f"{len(names)} robots get in each other's way{at}{when}{f': {others}' if when else ''}"
         case "obstacle":
-            return f"{culprit} stands in the way of {others} {when}"
+            return f"{culprit} stands in the way of {others}{when}"
         case "silent_robot":
-            return f"{culprit} is silent, and {others} come to its place {when}"
-    return f"{others} {ENCOUNTER_VERBS[principal.encounter_class]} {when}"
+            return f"{culprit} is silent, and {others} come to its place{when}"
+    return f"{others} {ENCOUNTER_VERBS[principal.encounter_class]}{when}"
 
 
-def _spots(matter: Matter) -> int:
-    """At how many places robots get in each other's way."""
-    if matter.kind != "knot":
-        return 1
-    locations = [advisory.location for advisory in matter.advisories if advisory.location]
-    return count_spots([(location.x, location.y) for location in locations])
-
-
-def _queue(contention: ContentionAdvisory, left_s: float) -> str:
+def _queue(contention: ContentionAdvisory, when: str) -> str:
     label, count = contention.resource_name, contention.queue_length
     robots = "1 robot" if count == 1 else f"{count} robots"
     if contention.resources:
-        wait = f"{robots} will probably have to wait for {label} {_when(left_s)}"
+        wait = f"{robots} will probably have to wait for {label}{when}"
     else:
-        wait = f"{robots} {'has' if count == 1 else 'have'} to wait for {label} {_when(left_s)}"
+        wait = f"{robots} {'has' if count == 1 else 'have'} to wait for {label}{when}"
     needed = "one" if contention.resources else "it"
     return f"{wait}, up to {contention.wait_s:.0f} s; {len(contention.robots)} robots need {needed}"
 

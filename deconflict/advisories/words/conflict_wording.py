@@ -1,18 +1,29 @@
 """The fields and the text of a conflict advisory's revisions. Whether a revision is due, others decide."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import datetime
 from hashlib import sha1
 from typing import TYPE_CHECKING, NamedTuple, TypedDict
 from uuid import UUID
 
 from deconflict.advice.actions.action_text import action_text
-from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_SUMMARY_BYTES, short_text
+from deconflict.advice.document_limits import (
+    MOST_EVENT_BYTES,
+    MOST_HEADLINE_BYTES,
+    MOST_NAME_BYTES,
+    MOST_SUMMARY_BYTES,
+    short_text,
+)
 from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.advisories.words.words import Spot
 from deconflict.advisory import (
     AdvisoryState,
+    ClearedCode,
     ConflictAdvisory,
     EncounterClass,
     Location,
+    NamedPlace,
     Recommendation,
     Severity,
     moment,
@@ -20,7 +31,6 @@ from deconflict.advisory import (
 from ingest.batch import Pair
 
 if TYPE_CHECKING:  # the operator face makes situations without numba
-    from deconflict.advisories.conflict_scene import Party
     from deconflict.sweep.geometry.encounter import Encounter
 
 ADVISORIES = UUID("5f3d2f5e-6d0b-5a53-9f0a-3f0f3a0a7c11")
@@ -37,16 +47,50 @@ ENCOUNTER_VERBS = {
 }
 
 
-class MeetingPlace(NamedTuple):
-    """Where two robots meet."""
+@dataclass(frozen=True, slots=True)
+class Party:
+    """What an advisory says of one robot."""
 
-    datum: str
-    """The datum's id."""
     name: str
-    """The place in words."""
+    vendor: str
+    basis: str
+    """What its forecast rests on, as `ConflictAdvisory.basis` has it."""
+    standing: bool
+    silent_s: float | None = None
+    """How long it has been silent; None if it reports."""
+
+    @property
+    def described(self) -> str:
+        """Its name, with how long it has been silent."""
+        return self.name if self.silent_s is None else f"{self.name}, silent for {self.silent_s:.0f} s"
+
+    @property
+    def subject(self) -> str:
+        """The same as the subject of a sentence."""
+        return self.described if self.silent_s is None else f"{self.described},"
 
 
-class RevisionFields(TypedDict):
+class Absence(NamedTuple):
+    """Why a robot is not on the floor."""
+
+    code: ClearedCode
+    by: str = ""
+    """Name of the robot that has driven through its place."""
+
+
+GONE = Absence(ClearedCode.LEFT)
+
+
+class Texts(TypedDict):
+    """The fields of an advisory that are sentences, and the places that these name."""
+
+    places: tuple[NamedPlace, ...]
+    headline: str
+    event: str
+    summary: str
+
+
+class RevisionFields(Texts):
     """The fields of an advisory that follow from its newest prediction."""
 
     severity: Severity
@@ -62,19 +106,19 @@ class RevisionFields(TypedDict):
     min_separation_m: float
     closing_speed_mps: float
     location: Location
-    summary: str
 
 
 def revision_fields(
     prediction: Prediction,
     now_s: float,
-    place: MeetingPlace,
-    parties: tuple["Party", "Party"],
+    datum: str,
+    spot: Spot,
+    parties: tuple[Party, Party],
     severity: Severity,
     met: "Encounter",
     clearance_m: float,
 ) -> RevisionFields:
-    """The fields that follow from a prediction of two robots that meet like `met`, at `place`."""
+    """The fields that follow from a prediction of two robots that meet like `met`, at `spot` of a datum."""
     time_s = max(prediction.contact_s - now_s, 0.0)
     return RevisionFields(
         severity=severity,
@@ -89,13 +133,13 @@ def revision_fields(
         clearance_m=clearance_m,
         min_separation_m=round(prediction.separation_m, 3),
         closing_speed_mps=round(met.closing_speed_mps, 3),
-        location=Location(datum=place.datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
-        summary=_summary(parties, met, time_s, place.name),
+        location=Location(datum=datum, x=round(met.x_m, 3), y=round(met.y_m, 3)),
+        **_texts(parties, met, time_s, spot),
     )
 
 
 def raised(
-    pair: Pair, ordinal: int, parties: tuple["Party", "Party"], fields: RevisionFields, now_s: float
+    pair: Pair, ordinal: int, parties: tuple[Party, Party], fields: RevisionFields, now_s: float
 ) -> ConflictAdvisory:
     """The first revision of an advisory on the encounter of a pair with this ordinal."""
     a, b = parties
@@ -127,8 +171,7 @@ def new_id(about: str, now_s: float) -> str:
 
 def updated(before: ConflictAdvisory, fields: RevisionFields) -> ConflictAdvisory:
     """The next revision, by a newer prediction; the advice stays."""
-    summary = with_actions(fields["summary"], before.recommendation)
-    return before.next_revision(**fields | {"summary": summary})
+    return before.next_revision(**fields | {"summary": with_actions(fields["event"], before.recommendation)})
 
 
 def with_probability(
@@ -146,16 +189,16 @@ def with_probability(
 
 
 def with_silence(
-    before: ConflictAdvisory, parties: tuple["Party", "Party"], met: "Encounter", place_name: str, now_s: float
+    before: ConflictAdvisory, parties: tuple[Party, Party], met: "Encounter", spot: Spot, now_s: float
 ) -> ConflictAdvisory:
     """The next revision if only a robot has fallen silent."""
     time_s = before.time_left_s(now_s)
-    summary = _summary(parties, met, time_s, place_name)
+    texts = _texts(parties, met, time_s, spot)
     return before.next_revision(
         updated_at=moment(now_s),
         time_to_conflict_s=round(time_s, 3),
         basis=(parties[0].basis, parties[1].basis),
-        summary=with_actions(summary, before.recommendation),
+        **texts | {"summary": with_actions(texts["event"], before.recommendation)},
     )
 
 
@@ -166,16 +209,24 @@ def with_advice(before: ConflictAdvisory, advice: Recommendation, now_s: float) 
         updated_at=moment(now_s),
         time_to_conflict_s=round(before.time_left_s(now_s), 3),
         recommendation=advice,
-        summary=with_actions(before.summary.split(";")[0], advice),
+        summary=with_actions(before.event or _meeting(*before.names, before.encounter_class), advice),
     )
 
 
-def with_actions(summary: str, advice: Recommendation | None) -> str:
-    """A summary, followed by the actions advised, or else by the note."""
+def with_actions(event: str, advice: Recommendation | None) -> str:
+    """The summary: what happens, followed by the actions advised, or else by the note."""
     if advice is None:
-        return summary
+        return event
     actions = [action_text(action) for action in advice.actions if action.action != "go_first"]
-    return short_text("; ".join([summary, *(actions or filter(None, [advice.note]))]), MOST_SUMMARY_BYTES)
+    return short_text("; ".join([event, *(actions or filter(None, [advice.note]))]), MOST_SUMMARY_BYTES)
+
+
+def cleared_as_absent(absences: Mapping[str, Absence]) -> tuple[ClearedCode, str]:
+    """Why an advisory is cleared, whose robots of these names are not there; the code is that of the first."""
+    if set(absences.values()) == {GONE}:
+        absences = {" and ".join(absences): GONE}
+    texts = [code.because.format(name=name, by=by) for name, (code, by) in absences.items()]
+    return next(iter(absences.values())).code, "; ".join(texts)
 
 
 def _interval(prediction: Prediction) -> tuple[float, float] | None:
@@ -185,17 +236,24 @@ def _interval(prediction: Prediction) -> tuple[float, float] | None:
     return round(prediction.lower, 3), round(prediction.upper, 3)
 
 
-def _summary(parties: tuple["Party", "Party"], met: "Encounter", time_s: float, place_name: str) -> str:
+def _texts(parties: tuple[Party, Party], met: "Encounter", time_s: float, spot: Spot) -> Texts:
+    """What happens, with the time and without it."""
     a, b = parties
     is_obstacle = met.encounter_class is EncounterClass.STATIONARY_OBSTACLE
     if is_obstacle and b.standing and not a.standing:
-        what = f"{a.subject} reaches {_obstacle(b)}"
+        what, pause = f"{a.subject} reaches {_obstacle(b)}", ","
     elif is_obstacle and a.standing and not b.standing:
-        what = f"{b.subject} reaches {_obstacle(a)}"
+        what, pause = f"{b.subject} reaches {_obstacle(a)}", ","
     else:
-        what = f"{a.subject} and {b.subject} {ENCOUNTER_VERBS[met.encounter_class]}"
-    return short_text(f"{what} in {time_s:.0f} s, {place_name}", MOST_SUMMARY_BYTES)
+        what, pause = _meeting(a.subject, b.subject, met.encounter_class), ""
+    headline = short_text(f"{what}, {spot.text}", MOST_HEADLINE_BYTES)
+    event = short_text(f"{what}{pause} in {time_s:.0f} s, {spot.text}", MOST_EVENT_BYTES)
+    return Texts(places=spot.places, headline=headline, event=event, summary=event)
 
 
-def _obstacle(party: "Party") -> str:
-    return f"{party.name}, which stands still," if party.silent_s is None else party.subject
+def _meeting(a: str, b: str, encounter_class: EncounterClass) -> str:
+    return f"{a} and {b} {ENCOUNTER_VERBS[encounter_class]}"
+
+
+def _obstacle(party: Party) -> str:
+    return f"{party.name}, which stands still" if party.silent_s is None else party.described

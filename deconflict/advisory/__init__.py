@@ -1,24 +1,15 @@
 """Advisories as published, from raised to cleared: conflicts, contentions, deadlocks, blockages, claims and crowds."""
 
 import operator
-from collections.abc import Iterable
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Annotated, Any, Generic, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-Robot = Annotated[str, Field(description="UUID of a robot")]
+from deconflict.advisory.cleared_code import ClearedCode as ClearedCode
 
-BAD_AFTER = 4400
-"""Close code of the stream: `after` is not a whole number, 0 or more."""
-BAD_KINDS = 4422
-"""Close code of the stream: `kinds` names something else than kinds."""
-POSITION_LOST = 4416
-"""Close code of the stream: not all that follows `after` is known here. What is open has to be read again."""
-STORE_FAILED = 1011
-"""Close code of the stream: the stored advisories can't be read."""
+Robot = Annotated[str, Field(description="UUID of a robot")]
 
 
 class AdvisoryState(StrEnum):
@@ -52,6 +43,13 @@ class Location(Published):
     datum: str = Field(description="UUID of the planar datum; x and y are in its frame")
     x: float = Field(description="metres")
     y: float = Field(description="metres")
+
+
+class NamedPlace(Published):
+    """A resource, zone or area of the site."""
+
+    id: str | None = Field(default=None, description="id of the resource or zone; null for an area, which has none")
+    name: str
 
 
 class Hold(Published):
@@ -92,6 +90,11 @@ class Action(Published):
     end_at: datetime | None = Field(default=None, description="until when it may stay there")
     reason: str = Field(default="", description="why, for people; empty if the advisory says it")
     task: str = Field(default="", description="what a person looks for and does there; only of `look`")
+    text: str = Field(
+        default="",
+        exclude_if=operator.not_,
+        description="the action as a sentence; only in a situation's advice, where `go_first` has none",
+    )
 
 
 class Recommendation(Published):
@@ -149,10 +152,17 @@ class Advisory(Published):
     updated_at: datetime = Field(description="time at which this revision was decided")
     cleared_at: datetime | None = None
     cleared_because: str | None = Field(default=None, description="why it was cleared, as text")
+    cleared_code: ClearedCode | None = Field(default=None, description="the same for programs")
     predicted_at: datetime = Field(description="when the predicted event begins")
     time_to_conflict_s: float = Field(ge=0, description="from updated_at to predicted_at; 0 if the event has begun")
     location: Location | None = Field(description="place where the event begins; null if it is not known")
-    summary: str = Field(description="one sentence for a person")
+    places: tuple[NamedPlace, ...] = Field(
+        default=(),
+        exclude_if=operator.not_,
+        description="of a conflict or situation: the places that its headline names, which it is at or near",
+    )
+    summary: str = Field(description="one sentence for a person: the headline with its time, and the advice")
+    headline: str = Field(default="", description="what happens, without time and advice; empty in older releases")
     recommendation: Recommendation | None = Field(default=None, description="null once it is cleared")
     advised_wait_s: dict[str, float] = Field(
         default_factory=dict,
@@ -176,10 +186,10 @@ class Advisory(Published):
         """The next revision, with these fields changed."""
         return self._next(AdvisoryState.UPDATED, fields)
 
-    def cleared_revision(self, now_s: float, because: str) -> Self:
-        """The last revision: nothing is left to do, so it has no advice."""
-        now = moment(now_s)
-        fields = {"updated_at": now, "cleared_at": now, "cleared_because": because, "time_to_conflict_s": 0.0}
+    def cleared_revision(self, now_s: float, code: ClearedCode, because: str | None = None) -> Self:
+        """The last revision: nothing is left to do, so it has no advice. `because` says more than the code does."""
+        now, why = moment(now_s), {"cleared_code": code, "cleared_because": because or code.because}
+        fields = {"updated_at": now, "cleared_at": now, "time_to_conflict_s": 0.0, **why}
         advised = {"recommendation": None, "advised_wait_s": self._waits_by_vendor()}
         return self._next(AdvisoryState.CLEARED, fields | advised)
 
@@ -232,11 +242,12 @@ class ConflictAdvisory(PlacedAdvisory):
     clearance_m: float = Field(ge=0)
     min_separation_m: float = Field(ge=0, description="smallest distance of the envelopes; 0 if they overlap")
     closing_speed_mps: float = Field(description="at predicted_at; negative if they move apart")
+    event: str = Field(default="", description="the summary without the advice; empty in older releases")
 
-    def cleared_revision(self, now_s: float, because: str) -> Self:
+    def cleared_revision(self, now_s: float, code: ClearedCode, because: str | None = None) -> Self:
         """The last revision. Its summary ends before the advice."""
-        cleared = super().cleared_revision(now_s, because)
-        return cleared.model_copy(update={"summary": self.summary.split(";")[0]})
+        cleared = super().cleared_revision(now_s, code, because)
+        return cleared.model_copy(update={"summary": self.event or self.summary})
 
 
 class ContentionAdvisory(PlacedAdvisory):
@@ -312,33 +323,15 @@ Kind = Literal[
 RevisionKind = Literal[Kind, "situation"]
 KindChoice = Literal[RevisionKind, "advisory"]
 """What a receiver of revisions may ask for: "advisory" stands for every kind of advisory."""
+SituationKind = Literal[
+    "meeting", "head_on", "knot", "queue", "crowd", "blocked_aisle", "obstacle", "silent_robot", "deadlock", "identity"
+]
 SITUATION = "situation"
 ADVISORY_KINDS = frozenset[str](get_args(Kind))
 EVERY_KIND = ADVISORY_KINDS | {SITUATION}
 
 ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
 """Reads one revision of any kind."""
-
-
-Revision = TypeVar("Revision", bound=Advisory)
-
-
-@dataclass(frozen=True, slots=True)
-class Listing(Generic[Revision]):
-    """Some advisories or situations, and the position in the stream at that moment."""
-
-    seq: int
-    """The newest number in the store."""
-    advisories: list[Revision]
-    """The newest revision of each, newest first."""
-    more: bool
-    """Whether the limit left some out."""
-
-
-def chosen_kinds(choices: Iterable[str]) -> frozenset[str]:
-    """The kinds of revisions that a receiver asks for by `KindChoice`."""
-    kinds = frozenset[str](choices)
-    return kinds - {"advisory"} | ADVISORY_KINDS if "advisory" in kinds else kinds
 
 
 def moment(t_s: float) -> datetime:

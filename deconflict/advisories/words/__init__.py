@@ -1,0 +1,1 @@
+"""What advisories and situations say, in sentences for people, made of facts."""
