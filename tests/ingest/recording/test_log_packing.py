@@ -126,13 +126,13 @@ def test_a_recorder_that_is_killed_again_and_again_loses_and_repeats_nothing(tmp
         with subprocess.Popen(script, stdout=subprocess.PIPE) as process:
             assert process.stdout
             for _ in range(random.randrange(500, 1500)):
-                told = int(process.stdout.readline())
+                written = int(process.stdout.readline())
             process.kill()
             rest = process.stdout.read().splitlines()
-        told = int(rest[-1]) if rest else told
+        written = int(rest[-1]) if rest else told
         recorded = seconds(tmp_path)
         assert recorded == list(range(len(recorded)))
-        assert len(recorded) > told
+        assert len(recorded) > written
         begin = len(recorded)
     assert "packed" in names(tmp_path)
 
