@@ -129,7 +129,7 @@ def test_a_recorder_that_is_killed_again_and_again_loses_and_repeats_nothing(tmp
                 written = int(process.stdout.readline())
             process.kill()
             rest = process.stdout.read().splitlines()
-        written = int(rest[-1]) if rest else told
+        written = int(rest[-1]) if rest else written
         recorded = seconds(tmp_path)
         assert recorded == list(range(len(recorded)))
         assert len(recorded) > written
