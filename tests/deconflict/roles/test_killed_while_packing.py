@@ -26,43 +26,43 @@ KILLS = 3
 
 async def test_a_receiver_killed_while_it_packs_leaves_each_message_in_the_log_once(tmp_path: Path) -> None:
     (tmp_path / "site.toml").write_text(SITE)
-    log, said, service = tmp_path / "data" / "log", list[bytes](), Served(tmp_path / "data", tmp_path / "site.toml")
+    log, sent, service = tmp_path / "data" / "log", list[bytes](), Served(tmp_path / "data", tmp_path / "site.toml")
     with service.running() as pid:
         for kill in range(KILLS):
             await service.until(
                 "/healthz", lambda health, kill=kill: healthy(health) and health["restarts"].get("receiver", 0) == kill
             )
-            saying = asyncio.create_task(say(service.robots_url, said))
+            saying = asyncio.create_task(say(service.robots_url, sent))
             receiver = children(pid)["receiver"]
-            was_recorded = await asyncio.to_thread(kill_while_packing, log, receiver, said)
+            was_recorded = await asyncio.to_thread(kill_while_packing, log, receiver, sent)
             await saying
             recorded = messages(log)
             assert recorded[: len(was_recorded)] == was_recorded
     recorded = messages(log)
     assert set(Counter(recorded).values()) == {1}
-    assert recorded == [message for message in said if message in set(recorded)]
+    assert recorded == [message for message in sent if message in set(recorded)]
     ticks = [event.now_s for event in LogReader().read([log]) if isinstance(event, Tick)]
     assert sorted(set(ticks)) == ticks
 
 
-async def say(url: str, said: list[bytes]) -> None:
+async def say(url: str, sent: list[bytes]) -> None:
     """Say where a robot is until the service ends the connection."""
     try:
         async with connect(url) as socket:
             await socket.send(identity("A-1", time.time()))
             for number in count():
-                said.append(status("A-1", time.time(), x=number / 100))
-                await socket.send(said[-1])
+                sent.append(status("A-1", time.time(), x=number / 100))
+                await socket.send(sent[-1])
                 await asyncio.sleep(0.01)
     except ConnectionClosed:
         return
 
 
-def kill_while_packing(log: Path, receiver: int, said: list[bytes]) -> list[bytes]:
+def kill_while_packing(log: Path, receiver: int, sent: list[bytes]) -> list[bytes]:
     """Kill it once it packs a segment that was just finished. Returns the messages that the log had shortly before."""
     until_s = time.monotonic() + PATIENCE_S
-    begun = len(said)
-    while len(list(log.glob("*.zst"))) < 3 or len(said) < begun + 100:
+    begun = len(sent)
+    while len(list(log.glob("*.zst"))) < 3 or len(sent) < begun + 100:
         assert time.monotonic() < until_s
         time.sleep(0.05)
     recorded = messages(log)

@@ -126,13 +126,13 @@ def test_a_recorder_that_is_killed_again_and_again_loses_and_repeats_nothing(tmp
         with subprocess.Popen(script, stdout=subprocess.PIPE) as process:
             assert process.stdout
             for _ in range(random.randrange(500, 1500)):
-                told = int(process.stdout.readline())
+                printed = int(process.stdout.readline())
             process.kill()
             rest = process.stdout.read().splitlines()
-        told = int(rest[-1]) if rest else told
+        printed = int(rest[-1]) if rest else printed
         recorded = seconds(tmp_path)
         assert recorded == list(range(len(recorded)))
-        assert len(recorded) > told
+        assert len(recorded) > printed
         begin = len(recorded)
     assert "packed" in names(tmp_path)
 
@@ -150,7 +150,7 @@ def test_of_a_plain_and_a_packed_file_of_one_segment_one_counts(tmp_path: Path) 
 
 
 @pytest.fixture
-def listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Path]]:
+def listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Plain segments, of which the oldest were packed after they were listed."""
     monkeypatch.setattr(log_packing, "PLAIN_SEGMENTS", 100)
     ticks(tmp_path, range(5 * TICKS_A_SEGMENT))
