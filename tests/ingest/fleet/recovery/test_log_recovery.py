@@ -29,7 +29,7 @@ def test_robots_come_back_however_often_the_receiver_has_started_since_they_repo
     assert set(again.robots) == {robot(f"A-{start}") for start in range(6)}
 
 
-@pytest.mark.parametrize("most_bytes", [0, 5_000, 50_000])
+@pytest.mark.parametrize("most_bytes", [0, 10_000, 50_000])
 def test_as_much_is_read_of_packed_segments_as_of_plain_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_bytes: int
 ) -> None:
