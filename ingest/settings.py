@@ -314,9 +314,9 @@ class RecorderSettings(Section):
     enabled: bool = True
     """Whether the log is written. Without it there is no replay, and a restart begins with an empty floor."""
     segment_bytes: Annotated[int, Field(gt=0)] = 64 * 1024 * 1024
-    """Size of a segment, after which the next one begins."""
+    """Size of a segment before it is packed, after which the next one begins."""
     total_bytes: Annotated[int, Field(gt=0)] = 4 * 1024 * 1024 * 1024
-    """Largest size of the log. The oldest segments are removed first."""
+    """Largest size of the log as it is stored, older segments packed. The oldest are removed first."""
     keep_days: Annotated[float, Field(gt=0, le=36_500)] = 30.0
     """Segments without a new line for this long are removed."""
 

@@ -126,13 +126,13 @@ def test_a_recorder_that_is_killed_again_and_again_loses_and_repeats_nothing(tmp
         with subprocess.Popen(script, stdout=subprocess.PIPE) as process:
             assert process.stdout
             for _ in range(random.randrange(500, 1500)):
-                written = int(process.stdout.readline())
+                printed = int(process.stdout.readline())
             process.kill()
             rest = process.stdout.read().splitlines()
-        written = int(rest[-1]) if rest else written
+        printed = int(rest[-1]) if rest else printed
         recorded = seconds(tmp_path)
         assert recorded == list(range(len(recorded)))
-        assert len(recorded) > written
+        assert len(recorded) > printed
         begin = len(recorded)
     assert "packed" in names(tmp_path)
 
@@ -142,6 +142,7 @@ def test_of_a_plain_and_a_packed_file_of_one_segment_one_counts(tmp_path: Path) 
     oldest = min(tmp_path.iterdir())
     shutil.copyfile(oldest, tmp_path / "copy")
     oldest.with_suffix("").write_bytes(b"".join(lines_of(oldest)))
+    assert seconds(tmp_path) == list(range(3 * TICKS_A_SEGMENT))
     oldest.write_bytes(b"this was not written to its end")
     assert seconds(tmp_path) == list(range(3 * TICKS_A_SEGMENT))
     ticks(tmp_path, [3 * TICKS_A_SEGMENT])
@@ -150,7 +151,7 @@ def test_of_a_plain_and_a_packed_file_of_one_segment_one_counts(tmp_path: Path) 
 
 
 @pytest.fixture
-def listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Path]]:
+def listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Plain segments, of which the oldest were packed after they were listed."""
     monkeypatch.setattr(log_packing, "PLAIN_SEGMENTS", 100)
     ticks(tmp_path, range(5 * TICKS_A_SEGMENT))

@@ -141,7 +141,7 @@ def test_a_box_of_packed_segments_is_that_of_plain_ones(tmp_path: Path) -> None:
 def test_a_damaged_packed_segment_costs_a_box_what_can_not_be_read(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    floor = lived(tmp_path, crossing(60.0, 1.7), 80)
+    floor = lived(tmp_path, crossing(60.0, 1.7), 70)
     (log,) = (tmp_path / "log").iterdir()
     packer = LogPacker()
     packer.pack([log, log])
