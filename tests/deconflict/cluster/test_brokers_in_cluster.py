@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import signal
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
@@ -29,6 +30,7 @@ TAKEN_OVER_WITHIN_S = 10.0
 DRIVEN_S = 300.0
 BROKERS = {"hall": "vda5050", "yard": "iso21423"}
 """Both are one broker, in two languages."""
+ISO_MAP = f'"{iso_saying.CCS}"'.encode()
 VDA_ROBOT = robot_uuid(vda_saying.MAKER, vda_saying.SERIAL)
 
 
@@ -75,9 +77,12 @@ async def report_iso(client: Client, start_s: float) -> None:
     while (now_s := time.time()) < start_s + DRIVEN_S:
         y, velocity = shuttle(t := now_s - start_s - 4.0)
         path = [(now_s + ahead_s, 4.0, shuttle(t + ahead_s)[0]) for ahead_s in range(11)]
-        odometry = iso_saying.odometry(now_s, 4.0, y, copysign(pi / 2, velocity), 1.0)
-        await client.publish(iso_saying.topic("odometry"), odometry)
-        await client.publish(iso_saying.topic("localTrajectory"), iso_saying.trajectory(now_s, *path))
+        messages = {
+            "odometry": iso_saying.odometry(now_s, 4.0, y, copysign(pi / 2, velocity), 1.0),
+            "localTrajectory": iso_saying.trajectory(now_s, *path),
+        }
+        for resource, raw in messages.items():
+            await client.publish(iso_saying.topic(resource), raw.replace(ISO_MAP, f'"{HALL}"'.encode()))
         await asyncio.sleep(0.5)
 
 
@@ -152,23 +157,55 @@ async def test_another_ingest_hears_the_brokers_of_a_killed_one_and_warns_again(
             await until(base, "/healthz", lambda health: health["roles"]["engine"] == "up")
             heard_by = await hearers(base, lambda found: found.keys() == BROKERS.keys() and all(found.values()))
             assert [len(ingests) for ingests in heard_by.values()] == [1, 1]
-            killed = machines.machine_of(int(heard_by["hall"][0].rpartition(" ")[2]))
+            (killed_ingest,) = heard_by["hall"]
+            killed = machines.machine_of(int(killed_ingest.rpartition(" ")[2]))
             (left,) = urls.keys() - {killed}
             async with driving(port, [urls[left], urls[killed]]):
                 await meet(base, after=0)
                 before = await owners(base)
                 overlapping = asyncio.create_task(hear_both(tmp_path / left, 3.0))
-                await hearers(base, lambda found: len(found["hall"]) == 2)
+                heard_by = await hearers(base, lambda found: len(found["hall"]) == 2)
                 await overlapping
-                killed_s = time.monotonic()
                 for role in ("receiver", "feed"):
                     machines.kill(killed, role)
-                await hearers(base, lambda found: not found.get("hall"))
-                await hearers(base, lambda found: found.keys() == BROKERS.keys() and all(found.values()))
+                killed_s, left_ingests = time.monotonic(), [each for each in heard_by["hall"] if each != killed_ingest]
+                await hearers(base, lambda found: found == dict.fromkeys(BROKERS, left_ingests))
                 assert time.monotonic() - killed_s < TAKEN_OVER_WITHIN_S
-                (seq,) = [(await until(base, "/advisories", bool))["seq"]]
-                await meet(base, after=seq)
+                await meet(base, after=(await until(base, "/advisories", bool))["seq"])
             kinds = {life[0].kind for life in await lives(base)}
             after = await owners(base)
     assert kinds == {"conflict"}
+    assert {VDA_ROBOT, iso_saying.ROBOT} <= after.keys()
     assert {uuid: before[uuid] for uuid in after} == after
+
+
+async def connected(folder: Path) -> bool:
+    """Whether the receiver of an ingest hears a broker."""
+    documents = json.loads(await AsyncCaller(folder, "receiver").call("brokers"))
+    return any(document["ingest"] for document in documents)
+
+
+async def test_an_ingest_that_is_cut_off_from_the_servers_stops_hearing_before_another_begins(tmp_path: Path) -> None:
+    async with broker() as port:
+        sources = (MqttSource(name="hall", host="127.0.0.1", port=port),)
+        async with cluster(tmp_path, SITE.model_copy(update={"mqtt_sources": sources})) as (machines, operator):
+            base = f"http://127.0.0.1:{operator.port}"
+            for name in ("west", "east"):
+                machines.start(name, "receiver", "feed")
+            heard_by = await hearers(base, lambda found: len(found.get("hall", ())) == 1)
+            cut_off = machines.machine_of(int(heard_by["hall"][0].rpartition(" ")[2]))
+            other = "east" if cut_off == "west" else "west"
+            machines.signal(cut_off, "feed", signal.SIGSTOP)
+            cut_off_s = time.monotonic()
+            while not await connected(tmp_path / other):
+                assert time.monotonic() - cut_off_s < TAKEN_OVER_WITHIN_S
+                await asyncio.sleep(0.05)
+            assert not await connected(tmp_path / cut_off)
+            machines.signal(cut_off, "feed", signal.SIGCONT)
+            await hearers(base, lambda found: found["hall"] == heard_by["hall"])
+            machines.broker.kill()
+            while await connected(tmp_path / cut_off):
+                await asyncio.sleep(0.1)
+            assert not await connected(tmp_path / other)
+            machines.broker.start()
+            await hearers(base, lambda found: found.get("hall") == heard_by["hall"])

@@ -6,11 +6,12 @@ import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 
+from aiomqtt import Client
+
 from ingest.port.brokers.heard_brokers import HeardBrokers
 from ingest.settings import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.helpers.vda_saying import factsheet, topic
-from tests.ingest.port.brokers.test_broker_source import NOW_S, publish
 from tests.ingest.port.made_receiver import Floor, floor, until
 
 pytestmark = needs_mosquitto
@@ -41,7 +42,8 @@ def connected(brokers: HeardBrokers) -> list[str]:
 
 async def test_a_shared_broker_is_heard_while_it_is_granted_and_no_longer() -> None:
     async with broker() as port, floor() as of, shared(of, port) as brokers:
-        await publish(port, (topic("factsheet"), factsheet(NOW_S)), retain=True)
+        async with Client("127.0.0.1", port) as client:
+            await client.publish(topic("factsheet"), factsheet(1_790_000_000.0), 1, retain=True)
         assert not brokers.tasks
         await grant(brokers, ["hall"], 60.0)
         await until(lambda: of.delivered)
