@@ -43,6 +43,8 @@ class BrokerShare:
         self._ingest, self._state, self._receiver, self._clock = ingest, state, receiver, clock
         self._beaten_s = self._answered_s = -inf
         """When the last heartbeat that a server took, and the last call that the receiver answered, began."""
+        self._joined_s = inf
+        """When the first heartbeat that a server took began."""
         self._granted: list[str] = []
         self.use(site)
 
@@ -56,7 +58,7 @@ class BrokerShare:
 
     def note_heartbeat(self, began_s: float) -> None:
         """Take note that a server has taken a heartbeat with `offer`."""
-        self._beaten_s = began_s
+        self._beaten_s, self._joined_s = began_s, min(self._joined_s, began_s)
 
     async def renew(self) -> None:
         """Tell the receiver which brokers to hear from now on. It hears none once this is not called for a while."""
@@ -70,8 +72,12 @@ class BrokerShare:
             self._answered_s = now_s
 
     def _own(self) -> list[str]:
-        """Its brokers by the heartbeats. After a reconnect those of before, until all members have sent theirs."""
-        if not self._state.knows_members():
+        """Its brokers by the heartbeats; those of before until all members have had the time to send one.
+
+        So ingests that start together take no brokers from each other.
+        """
+        is_new = self._clock() < self._joined_s + LEASE_S
+        if is_new or not self._state.knows_members():
             return [broker for broker in self._granted if broker in self._configured]
         offers = {member: document.get("brokers", ()) for member, document in self._state.members().items()}
         return brokers_of(self._ingest, offers)

@@ -105,19 +105,30 @@ class Ingest:
 
 async def hearing() -> Ingest:
     ingest = Ingest()
-    for _ in range(3):
+    while not ingest.heard:
         await ingest.beat()
     assert ingest.heard == ["hall", "yard"]
     return ingest
 
 
+async def test_an_ingest_that_starts_hears_nothing_until_it_knows_those_that_start_with_it() -> None:
+    ingest = Ingest()
+    for _ in range(int(LEASE_S / 0.5)):
+        await ingest.beat()
+        assert ingest.heard == []
+    await ingest.beat()
+    assert ingest.heard == ["hall", "yard"]
+
+
 async def test_an_ingest_hears_only_after_its_own_heartbeat_with_an_offer_came_back() -> None:
     ingest = Ingest()
-    await ingest.share.renew()
-    ingest.state.told = {"feed-b": {"brokers": ["hall", "yard"]}}
-    ingest.share.note_heartbeat(ingest.now_s)
-    await ingest.share.renew()
-    assert ingest.heard == []
+    for _ in range(12):
+        await ingest.beat()
+        ingest.state.told = {"feed-b": {"brokers": []}}
+        await ingest.share.renew()
+        assert ingest.heard == []
+    await ingest.beat()
+    assert ingest.heard == ["hall", "yard"]
 
 
 async def test_an_ingest_without_touch_to_the_server_hears_nothing_after_its_lease() -> None:
@@ -135,6 +146,7 @@ async def test_an_ingest_whose_receiver_hangs_offers_nothing_once_its_last_grant
     ingest = await hearing()
     ingest.receiver.hung = True
     answered_s = ingest.now_s - 0.5
+    assert ingest.heard == ingest.share.offer() == ["hall", "yard"]
     while ingest.share.offer():
         await ingest.beat()
     assert ingest.now_s == answered_s + LEASE_S
@@ -148,7 +160,7 @@ async def test_an_ingest_whose_receiver_hangs_offers_nothing_once_its_last_grant
 async def test_after_a_reconnect_an_ingest_takes_no_more_brokers_until_all_have_sent_heartbeats() -> None:
     ingest = Ingest()
     ingest.state.all_have_beaten = False
-    for _ in range(3):
+    for _ in range(12):
         await ingest.beat()
     assert ingest.heard == []
     ingest.state.all_have_beaten = True
