@@ -2,9 +2,11 @@
 
 import asyncio
 import logging
+import time
 from pathlib import Path
 from uuid import uuid4
 
+from deconflict.cluster.broker_share import BrokerShare
 from deconflict.cluster.identity_exchange import IdentityExchange
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, open_bus, run_until
@@ -40,6 +42,7 @@ class IngestFeed:
         self._current_site = CurrentSite(runtime, site)
         self._sorter = self._new_sorter()
         self._name = f"{FEED}{uuid4().hex[:12]}"
+        self._brokers = BrokerShare(self._name, self._bus.state, self._receiver, site)
 
     def _new_sorter(self) -> ChannelSorter:
         return ChannelSorter(self._grid, self._conflict, reach_m(self._settings.fastest_mps, self._conflict))
@@ -52,12 +55,15 @@ class IngestFeed:
         await self._bus.requests.serve_questions(self._name, self._answer)
         try:
             exchange = IdentityExchange(self._bus, self._receiver)
-            await run_until(stop, beat_repeatedly(self._bus, self._beat), self._feed(), exchange.run())
+            repeated = [beat_repeatedly(self._bus, each) for each in (self._beat, self._brokers.renew)]
+            await run_until(stop, *repeated, self._feed(), exchange.run())
         finally:
             await self._bus.close()
 
     async def _beat(self) -> None:
-        await self._bus.state.beat(self._name, {"roots": sorted(map(str, self._sorter.roots()))})
+        began_s, roots = time.monotonic(), sorted(map(str, self._sorter.roots()))
+        await self._bus.state.beat(self._name, {"roots": roots, "brokers": self._brokers.offer()})
+        self._brokers.note_heartbeat(began_s)
 
     async def _feed(self) -> None:
         request = b"everything"
@@ -71,6 +77,7 @@ class IngestFeed:
             request = b""
             if site := self._current_site.changed():
                 self._conflict = site.conflict
+                self._brokers.use(site)
                 self._sorter.renew(site.conflict, reach_m(self._settings.fastest_mps, site.conflict))
             try:
                 for channel, part in self._sorter.sort(batch).items():

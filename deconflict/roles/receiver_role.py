@@ -99,7 +99,7 @@ class ReceiverRole:
         """When followers may next be shown the floor although no engine asks for it."""
         self._dialers: dict[tuple[str, str], asyncio.Task[None]] = {}
         """By address and vendor."""
-        self._brokers = HeardBrokers(self.receiver, self.measures)
+        self._brokers = HeardBrokers(self.receiver, self.measures, shared=bool(site.cluster))
         self._senders: tuple[float, bytes] = -inf, b""
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -114,6 +114,7 @@ class ReceiverRole:
             "add_identities": self._add_identities,
             "follow": self._follow,
             "hear": self._brokers.hear,
+            "grant_brokers": self._brokers.grant,
             "senders": self._what_to_mend,
             "brokers": self._broker_documents,
             "give_robot": self._give_robot,

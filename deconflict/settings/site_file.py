@@ -291,5 +291,3 @@ def _source_contradictions(site: Site) -> Iterator[str]:
             yield f"{key}.ca: is used over TLS alone; set tls = true"
         if source.password and not source.user:
             yield f"{key}.user: is missing; a broker reads a password only with a user name"
-    if site.cluster and site.mqtt_sources:
-        yield "mqtt_sources: every ingest of a cluster would hear every broker; use a service without [cluster]"

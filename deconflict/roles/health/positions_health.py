@@ -12,6 +12,7 @@ MOST_NAMED = 5
 """Vendors that a reason names."""
 INVENTED = (TOO_MANY_MAPS,)
 """Faults of senders that make up maps without end. Their robots say so, and others are not concerned."""
+NOBODY_HEARS = "no ingest is connected to this broker; if this lasts for longer than 10 s, see the logs of the ingests"
 WHERE = "GET /robots says of each robot why it is not compared (not_compared_reason)"
 
 
@@ -43,15 +44,31 @@ def positions_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def brokers_document(brokers: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The part `brokers` of the health. Degraded if a broker has robots of the standard and none of them is heard."""
-    notes = broker_notes(brokers)
-    unheard = [broker["name"] for broker in brokers if broker["other_topics"] and not broker["heard"]]
-    document: dict[str, Any] = {"status": "ok", "notes": notes}
+    """The part `brokers` of the health. `brokers` are the documents of all receivers.
+
+    Degraded if a broker has robots of the standard and none of them is heard, or if no ingest of a cluster hears it.
+    """
+    notes, heard_by = broker_notes(brokers), _heard_by(brokers)
+    quiet = [broker["name"] for broker in brokers if broker["other_topics"] and not broker["heard"]]
+    unheard = quiet + [name for name, ingests in heard_by.items() if not ingests]
+    document: dict[str, Any] = {"status": "ok", "notes": notes} | ({"heard_by": heard_by} if heard_by else {})
     if unheard:
         document |= {"status": "degraded", "reason": f"no robot is heard at {', '.join(unheard)}: {'; '.join(notes)}"}
     return document
 
 
 def broker_notes(brokers: Sequence[dict[str, Any]]) -> list[str]:
-    """Of each broker with topics that look like those of robots and are not heard, what to set."""
-    return [f"{broker['name']}: {topics['advice']}" for broker in brokers for topics in broker["other_topics"]]
+    """The shared brokers that nobody hears; and of each with topics of robots that are not heard, what to set."""
+    unheard = [f"{name}: {NOBODY_HEARS}" for name, ingests in _heard_by(brokers).items() if not ingests]
+    return unheard + [
+        f"{broker['name']}: {topics['advice']}" for broker in brokers for topics in broker["other_topics"]
+    ]
+
+
+def _heard_by(brokers: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
+    """The ingests that are connected to each broker that several ingests share."""
+    heard_by: dict[str, list[str]] = {}
+    for broker in brokers:
+        if "ingest" in broker:
+            heard_by.setdefault(broker["name"], []).extend(filter(None, [broker["ingest"]]))
+    return heard_by

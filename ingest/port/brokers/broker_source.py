@@ -141,6 +141,11 @@ class BrokerSource:
         else:
             self._receiver.take(raw, connection)
 
+    def forget(self) -> None:
+        """Pass on that nothing more comes from its topics."""
+        while self._connections:
+            self._receiver.forget(self._connections.popitem()[1])
+
     def _connection(self, topic: str) -> Connection:
         known = self._connections.get(topic)
         if known is None:

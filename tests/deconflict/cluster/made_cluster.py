@@ -140,6 +140,10 @@ class Machines:
         process.kill()
         process.communicate()
 
+    def machine_of(self, process: int) -> str:
+        """The machine with a process of this number."""
+        return next(machine for (machine, _), each in self._processes.items() if each.pid == process)
+
     def signal(self, machine: str, role: str, number: int) -> None:
         self._processes[machine, role].send_signal(number)
 

@@ -90,6 +90,15 @@ def test_a_broker_where_no_robot_is_heard_is_degraded_if_robots_are_under_other_
     assert brokers_document([unheard | {"other_topics": []}]) == {"status": "ok", "notes": []}
 
 
+def test_a_shared_broker_that_no_ingest_hears_is_named_and_degraded() -> None:
+    answers = ("hall", ""), ("hall", "west, process 7"), ("yard", ""), ("yard", "")
+    brokers = [{"name": name, "heard": False, "other_topics": [], "ingest": ingest} for name, ingest in answers]
+    document = brokers_document(brokers)
+    assert (document["status"], document["heard_by"]) == ("degraded", {"hall": ["west, process 7"], "yard": []})
+    assert document["reason"].startswith("no robot is heard at yard: yard: no ingest is connected to this broker")
+    assert brokers_document(brokers[:2])["status"] == "ok"
+
+
 @needs_mosquitto
 async def test_a_service_names_the_topics_of_a_broker_that_it_does_not_hear(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
