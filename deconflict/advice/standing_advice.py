@@ -103,5 +103,5 @@ def _unless_beaten(plan: HoldPlan, holds: Plan, switch_s: float) -> Decision:
     saved_s = (problem.cost(holds) - problem.cost(found.plan)) * STEP_S / WEIGHT
     if saved_s > switch_s and (found.plan or not plan.unplanned):
         return Decision(plan, stands=False, because=f"other advice saves {saved_s:.0f} s")
-    standing = FoundPlan(holds, min(found.bound, problem.cost(holds)), problem.cost(holds) == found.bound)
+    standing = FoundPlan(holds, min(found.bound, problem.cost(holds)))
     return Decision(plan._replace(found=standing), stands=True)

@@ -15,7 +15,7 @@ ROUNDS = 8
 """After so many plans that bring other robots together, no hold is advised."""
 MOST_LEFT_OUT = 2
 """At most so many robots are left out of the plan of a group; beyond that no hold is advised."""
-NO_PLAN = FoundPlan({}, 0, proven=False)
+NO_PLAN = FoundPlan({}, 0)
 
 
 class HoldPlan(NamedTuple):
@@ -57,7 +57,7 @@ def _planned(problem: HoldProblem, search: HoldSearch) -> HoldPlan:
     rings: dict[Pair, tuple[str, ...]] = {}
     for _ in range(ROUNDS):
         if not problem.allowed:
-            return HoldPlan(problem, FoundPlan({}, 0, proven=True), {}, _unplanned(problem, rings))
+            return HoldPlan(problem, FoundPlan({}, 0), {}, _unplanned(problem, rings))
         best = search.best()
         if best is None:
             ring = tuple(_blocking_robots(problem, search.effort))

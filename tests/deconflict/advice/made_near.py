@@ -67,7 +67,7 @@ def group_plan(
         cost_s=cost_s,
         bound_s=found.bound * per_s,
         first_come_cost_s=None if first_come is None else problem.cost(first_come) * per_s,
-        proven_optimal=found.proven,
+        proven_optimal=found.bound == problem.cost(found.plan),
         note=", ".join(" and ".join(pair) for pair in sorted(unplanned)),
     )
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations, product
 from math import cos, pi, sin
-from random import Random
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from deconflict.advice.conflict_advice import advise_conflicts
-from deconflict.advice.holds import exhaustive_search, hold_search
-from deconflict.advice.holds.exhaustive_search import UNKNOWN
 from deconflict.advice.holds.hold_windows import SHORTEST_HOLD_S, STEP_S, DelayWindows, HoldWindow
 from deconflict.advisory import Hold, Recommendation
 from deconflict.settings.site import Advice
@@ -105,39 +102,6 @@ def test_holds_resolve_the_conflicts_at_the_least_cost(courses: list[tuple[float
     assert advice.first_come_cost_s is None or advice.cost_s <= advice.first_come_cost_s
 
 
-@pytest.mark.parametrize("robots", [2, 3, 4])
-def test_few_robots_get_the_same_plan_as_by_the_solver(monkeypatch: pytest.MonkeyPatch, robots: int) -> None:
-    rng, has_holds = Random(3), []
-    for _ in range(24 // robots):
-        movers = [
-            through(
-                name,
-                rng.uniform(-pi, pi),
-                before_m=rng.uniform(3, 6),
-                speed_mps=rng.uniform(0.5, 1.5),
-                vendor=rng.choice(["acme", "bolt"]),
-                priority=rng.choice([0.5, 1.0, 10.0]),
-            )
-            for name in "abcd"[:robots]
-        ]
-        question = partial(group_plan, near(movers), pairs_of(movers), WINDOW, burdens_s={"bolt": 5.0})
-        alone = question()
-        again = partial(question, standing=alone.model_copy(update={"holds": (Hold(robot="a", hold_s=2.0),)}))
-        tried = [plan_key(alone, movers), plan_key(again(), movers)]
-        with monkeypatch.context() as patched:
-            patched.setattr(hold_search, "cheapest_plan", lambda *_: (UNKNOWN, None))
-            assert tried == [plan_key(question(), movers), plan_key(again(), movers)]
-        has_holds.append(bool(alone.holds))
-    assert sum(has_holds) > 3
-
-
-def plan_key(advice: Recommendation, movers: list[SeenRobot]) -> tuple[float, int, float, str]:
-    """What a plan is chosen by: its cost, how many robots it holds, and how long the burdened wait."""
-    vendor_of = {mover.robot: mover.vendor for mover in movers}
-    burdened_s = sum(hold.hold_s for hold in advice.holds if vendor_of[hold.robot] == "bolt")
-    return advice.cost_s, len(advice.holds), burdened_s, advice.note
-
-
 def test_the_bound_of_standing_advice_is_the_cost_of_the_cheapest_plan() -> None:
     pair = [through("a", 0.0, before_m=5.3), through("b", pi / 2)]
     fresh = group_plan(near(pair), [("a", "b")], WINDOW)
@@ -146,18 +110,6 @@ def test_the_bound_of_standing_advice_is_the_cost_of_the_cheapest_plan() -> None
     assert (kept.bound_s, kept.proven_optimal) == (fresh.cost_s, False)
     same = group_plan(near(pair), [("a", "b")], WINDOW, standing=fresh)
     assert (same.holds, same.bound_s, same.proven_optimal) == (fresh.holds, fresh.cost_s, True)
-
-
-def test_standing_advice_has_no_bound_if_the_cheapest_plan_takes_too_long_to_find(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    pair, most = [through("a", 0.0, before_m=5.3), through("b", pi / 2)], iter((exhaustive_search.MOST_TRIED, 1))
-    before = group_plan(near(pair), [("a", "b")], WINDOW)
-    search = exhaustive_search.cheapest_plan
-    monkeypatch.setattr(hold_search, "cheapest_plan", lambda choice, budget: search(choice, budget, next(most)))
-    again = group_plan(near(pair), [("a", "b")], WINDOW, standing=before)
-    assert again.holds == before.holds
-    assert (again.bound_s, again.proven_optimal) == (0.0, False)
 
 
 def test_allowed_differences_are_those_at_which_the_sweep_finds_no_contact() -> None:
