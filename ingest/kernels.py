@@ -5,6 +5,9 @@ source, or in the user's cache if that folder can't be written to. With neither 
 drops a copy when the kernel's own file changes. `SourceStamp` makes it drop the copy also when a helper or a constant
 of another file changes, so kernels may share both.
 
+On x86-64 a copy fits nearly every processor since 2009, so an image or a folder of copies serves machines that differ.
+Kernels for the very processor are no faster. `NUMBA_CPU_NAME` has them compiled for another one.
+
 Arithmetic is IEEE's, in the order written: `fastmath` stays off, so that an answer does not depend on its neighbours.
 """
 
@@ -23,11 +26,17 @@ import numba
 import numpy as np
 from numba.core import event
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+from numba.core.codegen import get_host_cpu_features
 from numpy.typing import DTypeLike, NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 """A wrapper for calls from C would take a tenth of the time of compilation, and nothing calls it."""
+_FEATURES = {"+cx16", "+popcnt", "+sahf", "+sse4.2"}
+"""What a processor needs for LLVM's `x86-64-v2`. numba has to know before the first `njit`."""
+_found = get_host_cpu_features().split(",")  # type: ignore[no-untyped-call]
+if numba.config.CPU_NAME is None and _FEATURES.issubset(_found):  # type: ignore[attr-defined]
+    numba.config.CPU_NAME, numba.config.CPU_FEATURES = "x86-64-v2", ""  # type: ignore[attr-defined]
 _postponed: dict[str, list[Callable[[], object]]] | None = None
 """In a process that calls `compile_module`: by module, a call for each kernel that compiles it."""
 

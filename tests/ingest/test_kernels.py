@@ -1,10 +1,13 @@
 """Kernels are kept on disk where that can be written to, and work where it can't."""
 
 import ast
+import platform
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 SOURCE = """
 import numba
@@ -43,6 +46,28 @@ def test_a_kernel_that_changed_is_compiled_anew(tmp_path: Path) -> None:
     run(module, tmp_path)
     module.write_text(SOURCE.replace("x / 2", "x / 4.0"))
     assert run(module, tmp_path)[:2] == ["0.0625", "0"]
+
+
+PROCESSOR = """
+from llvmlite import binding
+
+features = binding.get_host_cpu_features()
+features["{missing}"] = False
+binding.get_host_cpu_name = lambda: "{name}"
+binding.get_host_cpu_features = lambda: features
+"""
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="kernels are compiled for one processor elsewhere")
+def test_a_kernel_that_another_processor_compiled_is_taken_from_disk(tmp_path: Path) -> None:
+    module, processor = tmp_path / "made.py", tmp_path / "processor.py"
+    module.write_text("import processor\n" + SOURCE)
+    processor.write_text("")
+    assert run(module, tmp_path) == ["0.25", "0", "1"]
+    processor.write_text(PROCESSOR.format(name="ivybridge", missing="avx2"))
+    assert run(module, tmp_path) == ["0.25", "1", "0"]
+    processor.write_text(PROCESSOR.format(name="core2", missing="sse4.2"))
+    assert run(module, tmp_path) == ["0.25", "0", "1"], "it could not run that code"
 
 
 HELPER = """
