@@ -161,11 +161,12 @@ async def test_only_cards_that_are_shown_are_filled(browser: "Browser", face: Se
 
 async def test_a_sentence_names_no_part_of_the_robots_beside_it(browser: "Browser", face: Served) -> None:
     listed = "Alder A-9, Alder A-0 and 1 more"
+    headline = "4 robots get in each other's way at 2 places, the worst 3 m from Door 1 on Hall"
     sentence = f"4 robots get in each other's way at 2 places now: {listed}, the worst 3 m from Door 1 on Hall"
-    await face.publish(shown(1, 0, 1, situation_kind="knot", summary=sentence))
+    await face.publish(shown(1, 0, 1, situation_kind="knot", headline=headline, summary=sentence))
     async with opened(browser, face) as page:
         what = await text(page, "#situations .what")
-    assert what == "4 robots get in each other's way at 2 places, the worst 3 m from Door 1 on Hall"
+    assert what == headline
 
 
 async def test_labels_of_what_needs_nobody_give_way(browser: "Browser", face: Served) -> None:
