@@ -34,8 +34,9 @@ def _compared(log: KeptLog, *, keep_missing: bool) -> bool:
             keep(log.name, today)
         print(f"{log.name}: {len(today)} decisions, {'kept now' if keep_missing else 'none kept'}")
         return keep_missing
-    kept, reasons, commit_of = read_kept(log.name), intended(log.name), commits()
+    kept, reasons = read_kept(log.name), intended(log.name)
     changed = changes(kept, today)
+    commit_of = commits() if changed else {}
     print(f"{log.name}: {len(changed)} of {len(kept)} decisions changed; {scores(result)}")
     for change in changed:
         reason = reasons.get(change.key)

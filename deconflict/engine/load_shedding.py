@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
 
-IDLE_TICK_S = 0.25
-"""Passes are this far apart while nothing arrives."""
 LATE_PASSES = 2
 """After this many late passes in a row the next pass does less."""
 EASY_S, MOST_EASY_S = 5.0, 80.0

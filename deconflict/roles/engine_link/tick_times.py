@@ -4,8 +4,10 @@ import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 
-from deconflict.engine.load_shedding import IDLE_TICK_S
 from ingest.recording.recorder import quantise
+
+IDLE_TICK_S = 0.25
+"""Passes are this far apart while nothing arrives."""
 
 
 class TickTimes:

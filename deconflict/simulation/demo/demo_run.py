@@ -23,9 +23,9 @@ from websockets.exceptions import ConnectionClosed
 
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisory import AdvisoryState
-from deconflict.engine.load_shedding import IDLE_TICK_S
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
+from deconflict.roles.engine_link.tick_times import IDLE_TICK_S
 from deconflict.roles.processes.supervisor import Supervisor
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.data_lock import create_data_directory

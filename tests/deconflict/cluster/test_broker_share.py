@@ -71,11 +71,11 @@ class State(SharedState):
 
     def __init__(self) -> None:
         super().__init__(NatsConnection(Cluster(nats=("nats://a",))))
-        self.told: dict[str, dict[str, Any]] = {}
+        self.documents: dict[str, dict[str, Any]] = {}
         self.all_have_beaten = True
 
     def members(self) -> dict[str, dict[str, Any]]:
-        return self.told
+        return self.documents
 
     def knows_members(self) -> bool:
         return self.all_have_beaten
@@ -92,7 +92,7 @@ class Ingest:
     async def beat(self, *, reaches_the_server: bool = True) -> None:
         """Half a second as it passes in the feed."""
         if reaches_the_server:
-            self.state.told["feed-a"] = {"brokers": self.share.offer()}
+            self.state.documents["feed-a"] = {"brokers": self.share.offer()}
             self.share.note_heartbeat(self.now_s)
         await self.share.renew()
         self.now_s += 0.5
@@ -124,7 +124,7 @@ async def test_an_ingest_hears_only_after_its_own_heartbeat_with_an_offer_came_b
     ingest = Ingest()
     for _ in range(12):
         await ingest.beat()
-        ingest.state.told = {"feed-b": {"brokers": []}}
+        ingest.state.documents = {"feed-b": {"brokers": []}}
         await ingest.share.renew()
         assert ingest.heard == []
     await ingest.beat()
@@ -165,7 +165,7 @@ async def test_after_a_reconnect_an_ingest_takes_no_more_brokers_until_all_have_
     assert ingest.heard == []
     ingest.state.all_have_beaten = True
     await ingest.beat()
-    ingest.state.all_have_beaten, ingest.state.told = False, {}
+    ingest.state.all_have_beaten, ingest.state.documents = False, {}
     await ingest.beat()
     assert ingest.heard == ["hall", "yard"]
 

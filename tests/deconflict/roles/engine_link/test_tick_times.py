@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from deconflict.engine.load_shedding import IDLE_TICK_S
-from deconflict.roles.engine_link.tick_times import TickTimes
+from deconflict.roles.engine_link.tick_times import IDLE_TICK_S, TickTimes
 
 SHORTEST_S = 0.02
 START_S = 1000.0
