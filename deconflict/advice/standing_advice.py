@@ -84,13 +84,9 @@ def _refusal(plan: HoldPlan, conflicts: Collection[Pair], holds: Plan, held: Seq
     """Why holds no longer work; None if they do."""
     problem, held_s = plan.problem, {robot: hold * STEP_S for robot, hold in holds.items()}
     found = problem.delays.contacts_s(held_s, {*holds, *(robot for pair in conflicts for robot in pair)})
-    middle, together = problem.window.steps, problem.pairs_together()
+    together = problem.pairs_together()
     for pair in sorted({*found, *conflicts}):
-        is_forbidden = (
-            pair in problem.allowed
-            and not (problem.allowed[pair][middle + holds.get(pair[0], 0) - holds.get(pair[1], 0)])
-        )
-        meets = pair in found or is_forbidden
+        meets = pair in found or (pair in problem.allowed and not problem.keeps_apart(pair, holds))
         is_new = pair not in together and not holds.keys().isdisjoint(pair)
         if meets and pair not in plan.unplanned and (pair in conflicts or is_new):
             a, b, *names = (problem.planned[robot].name for robot in (*pair, *held))

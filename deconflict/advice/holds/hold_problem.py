@@ -57,6 +57,10 @@ class HoldProblem:
             self.without_holds_s |= self.delays.contacts_s({}, new)
             self._examined |= new
 
+    def keeps_apart(self, pair: Pair, holds: Plan) -> bool:
+        """Whether these holds keep a constrained pair apart, by the grid of differences."""
+        return bool(self.allowed[pair][self.window.steps + holds.get(pair[0], 0) - holds.get(pair[1], 0)])
+
     def forbid(self, pair: Pair, difference: int) -> None:
         """Forbid one difference of holds of a pair."""
         self.allowed[pair][difference + self.window.steps] = False

@@ -44,16 +44,12 @@ class PlanParts:
 
     def _forbidden(self, holds: Plan) -> Iterable[Pair]:
         """The pairs of which the grid of differences says so, also those that begin near each other."""
-        middle = self.plan.problem.window.steps
-        for (a, b), allowed in self.plan.problem.allowed.items():
-            difference = holds.get(a, 0) - holds.get(b, 0)
-            if allowed[middle] and not allowed[middle + difference]:
-                yield a, b
+        problem = self.plan.problem
+        for pair in problem.allowed:
+            if problem.keeps_apart(pair, {}) and not problem.keeps_apart(pair, holds):
+                yield pair
 
     def is_kept_apart(self, pair: Pair, holds: Plan) -> bool:
         """Whether these holds keep a pair apart, and bring no other pair together."""
-        allowed = self.plan.problem.allowed.get(pair)
-        if allowed is None:
-            return False
-        difference = holds.get(pair[0], 0) - holds.get(pair[1], 0)
-        return bool(allowed[difference + len(allowed) // 2]) and not self.brought_together(holds)
+        problem = self.plan.problem
+        return pair in problem.allowed and problem.keeps_apart(pair, holds) and not self.brought_together(holds)
