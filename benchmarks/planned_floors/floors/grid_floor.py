@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.planned_floors.floors.driving.driving import foreseen
+from benchmarks.planned_floors.floors.driving.driving import NO_WAIT, foreseen
 from benchmarks.planned_floors.floors.habits import GridFloor
 from benchmarks.planned_floors.floors.protection.scene import HALF_M, LENGTH_M, WIDTH_M
 from benchmarks.planned_floors.floors.protection.stop_notes import STANDS_MPS
@@ -31,16 +31,16 @@ CELL_S = 1.3
 def simulate(made_of: GridFloor) -> Recording:
     """The log of a floor and its truth."""
     traffic, rng = Traffic(made_of), np.random.default_rng([made_of.seed, 9])
-    models = _models(made_of)
+    models = models_of(made_of)
     samples = round(made_of.seconds / STEP_S)
-    due = _due(traffic, samples, rng)
+    due = due_reports(traffic, samples, rng)
     motion = np.full((3, samples, len(models)), np.nan)
     lines = [identity(model) for model in models]
     for sample in range(samples):
         traffic.begin_step()
         motion[:, sample, traffic.present] = traffic.poses[traffic.present].T
         robots = [robot for robot in due[sample] if not traffic.silent[robot]]
-        lines += _reports(traffic, models, robots, rng)
+        lines += reports(traffic, models, robots, rng)
         traffic.step()
     traffic.protection.finish(traffic.now_s)
     x_m, y_m, yaw_rad = motion
@@ -52,7 +52,7 @@ def simulate(made_of: GridFloor) -> Recording:
     return Recording(lines, FloorTruth(moved, stops, _silences(traffic, moved)))
 
 
-def _models(made_of: GridFloor) -> list[Model]:
+def models_of(made_of: GridFloor) -> list[Model]:
     serials = [
         (habits.vendor, f"{made_of.kind}-{made_of.seed}-{habits.vendor[0]}{number:03d}")
         for habits in made_of.vendors
@@ -61,7 +61,7 @@ def _models(made_of: GridFloor) -> list[Model]:
     return [Model(serial, vendor, LENGTH_M, WIDTH_M, TOP_MPS) for vendor, serial in serials]
 
 
-def _due(traffic: Traffic, samples: int, rng: np.random.Generator) -> list[list[int]]:
+def due_reports(traffic: Traffic, samples: int, rng: np.random.Generator) -> list[list[int]]:
     """By sample: the robots that report then."""
     due: list[list[int]] = [[] for _ in range(samples)]
     for robot, habits in enumerate(traffic.habits):
@@ -70,7 +70,7 @@ def _due(traffic: Traffic, samples: int, rng: np.random.Generator) -> list[list[
     return due
 
 
-def _reports(traffic: Traffic, models: list[Model], robots: list[int], rng: np.random.Generator) -> list[Line]:
+def reports(traffic: Traffic, models: list[Model], robots: list[int], rng: np.random.Generator) -> list[Line]:
     lines = []
     paths: dict[int, Floats] = {}
     for fleet in sorted({traffic.fleet_of[robot] for robot in robots}):
@@ -110,6 +110,7 @@ def _paths(traffic: Traffic, fleet: int, robots: list[int]) -> dict[int, Floats]
     driving = traffic.driving.copy()
     driving["top_mps"] = NOMINAL_MPS
     driving["aside_to_m"] = 0.0
+    driving["waits_before"] = NO_WAIT
     rows = traffic.fleet_rows[fleet] if habits.tells_order else np.array(robots)
     rows = rows[traffic.present[rows]]
     visits = traffic.fleets.visits

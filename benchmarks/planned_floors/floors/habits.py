@@ -1,6 +1,7 @@
 """How the robots of a vendor behave and what they report, and the parameters of a floor."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +33,9 @@ class GridFloor:
     width: int = 26
     """Cells."""
     height: int = 26
+    layout: Literal["racks", "warehouse", "sortation", "scattered"] = "racks"
     aisle_cells: int = 2
+    """Of `racks`."""
     one_way_x: tuple[int, ...] = ()
     """Columns in which nobody drives towards larger y."""
     stalls_per_s: float = 0.015

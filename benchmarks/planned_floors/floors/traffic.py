@@ -10,14 +10,16 @@ from benchmarks.planned_floors.floors.driving.driving import (
     DRIVING,
     GOES,
     NO_PLAN,
+    NO_WAIT,
     TURNS,
     Driving,
     advance,
     next_moves,
 )
-from benchmarks.planned_floors.floors.driving.grid import racks
+from benchmarks.planned_floors.floors.driving.grid import Grid, racks, scattered, sortation, warehouse
 from benchmarks.planned_floors.floors.habits import GridFloor, Habits
 from benchmarks.planned_floors.floors.planning.fleets import Fleets
+from benchmarks.planned_floors.floors.planning.step_fleets import StepFleets
 from benchmarks.planned_floors.floors.protection.protective_stops import Protection
 from benchmarks.planned_floors.floors.protection.scene import Scene
 from benchmarks.planned_floors.truth.motion import STEP_S, Bools
@@ -29,6 +31,17 @@ PLANS_EVERY = 10
 """Steps."""
 
 
+def _grid(made_of: GridFloor, rng: np.random.Generator) -> Grid:
+    size = made_of.width, made_of.height
+    if made_of.layout == "warehouse":
+        return warehouse(*size)
+    if made_of.layout == "sortation":
+        return sortation(*size)
+    if made_of.layout == "scattered":
+        return scattered(*size, rng)
+    return racks(*size, made_of.aisle_cells, rng, made_of.one_way_x)
+
+
 class Traffic:
     """All robots of one floor. Arrays are (n,) unless stated."""
 
@@ -37,13 +50,17 @@ class Traffic:
         self.habits: list[Habits] = [habits for habits in made_of.vendors for _ in range(habits.robots)]
         n = len(self.habits)
         self._made_of = made_of
-        self._grid = racks(made_of.width, made_of.height, made_of.aisle_cells, layout_rng, made_of.one_way_x)
+        self._grid = _grid(made_of, layout_rng)
         fleet_of = [fleet for fleet, habits in enumerate(made_of.vendors) for _ in range(habits.robots)]
         self.fleet_rows: list[Ints] = [
             np.flatnonzero(np.array(fleet_of) == fleet) for fleet in range(max(fleet_of) + 1)
         ]
         self.fleet_of = fleet_of
-        self.fleets = Fleets(self._grid, fleet_of, plan_rng)
+        self.fleets = (
+            Fleets(self._grid, fleet_of, plan_rng)
+            if made_of.layout == "racks"
+            else StepFleets(self._grid, fleet_of, plan_rng, made_of.seconds)
+        )
         self.driving: Driving = np.zeros(n, DRIVING)
         self.poses: Floats = np.zeros((n, 3))
         """(n, 3) x, y, yaw"""
@@ -59,6 +76,7 @@ class Traffic:
         top_mps = NOMINAL_MPS * self._rng.uniform(0.9, 1.1, n)
         patience_s = self._rng.uniform(*made_of.patience_s, n)
         self.protection = Protection([habits.protection for habits in self.habits], top_mps, patience_s)
+        self.driving["waits_before"] = NO_WAIT
         self.driving["yaw_rad"] = self._rng.integers(0, 4, n) * np.pi / 2
         advance(self.driving, self.fleets.visits.count, self.fleets.visits.ways, self.poses)
 

@@ -3,7 +3,7 @@
 `update_records` is long because it is one loop that copies many columns into the fields of a record.
 """
 
-from math import hypot
+from math import hypot, pi
 from typing import Any, NamedTuple
 
 import numba
@@ -17,6 +17,8 @@ from ingest.kernels import copy_rows, inner, kernel
 
 STANDS_M = 0.1
 """A robot that has moved no farther than this stands."""
+RESTS_M, RESTS_RAD = 0.05, 0.05
+"""A robot whose reports differ by no more than this is at rest, wherever it says that it will be."""
 STANDS_S = 3.0
 """A robot that is forecast to move stands only after this long."""
 WAY_M = 0.5
@@ -53,6 +55,10 @@ ROBOT = np.dtype(
         ("south_m", np.float64),
         ("east_m", np.float64),
         ("north_m", np.float64),
+        ("reported_x_m", np.float64),  # centre of its envelope in its newest report
+        ("reported_y_m", np.float64),
+        ("reported_yaw_rad", np.float64),
+        ("rests_s", np.float64),  # since when its reports have it at that pose
         ("known", np.bool_),  # the slot is in use
         ("here", np.bool_),  # it has a resource
         ("waits", np.bool_),  # it has stopped on its path
@@ -156,6 +162,16 @@ def _update_standing(robot: Any, event_s: float) -> None:
 
 
 @inner
+def _update_rest(robot: Any, event_s: float, pose: Floats) -> None:
+    """Update where a robot is by its newest report, and since when it has been there."""
+    x_m, y_m, yaw_rad = pose
+    moved_m = hypot(x_m - robot.reported_x_m, y_m - robot.reported_y_m)
+    turned_rad = abs((yaw_rad - robot.reported_yaw_rad + pi) % (2 * pi) - pi)
+    if not robot.known or moved_m > RESTS_M or turned_rad > RESTS_RAD:
+        robot.rests_s, robot.reported_x_m, robot.reported_y_m, robot.reported_yaw_rad = event_s, x_m, y_m, yaw_rad
+
+
+@inner
 def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Outlines, spare_m: float) -> int:
     """Update whether a robot is near a resource and its path near a zone; bits if it is, or was before."""
     was_beside, passed = robot.beside, robot.passes
@@ -173,6 +189,7 @@ def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Out
         numba.float64[:, :, ::1],
         *[_INTS] * 2,
         _FLOATS,
+        numba.types.Array(numba.float64, 2, "C", readonly=True),
         _BOOLS,
         _INTS,
         LOOKAHEAD,
@@ -190,6 +207,7 @@ def update_records(
     slots: Ints,
     floor_numbers: Ints,
     event_s: Floats,
+    reported: Floats,
     resting: Bools,
     basis: Ints,
     view: Lookahead,
@@ -203,7 +221,8 @@ def update_records(
 ) -> Ints:
     """Update the records of n robots, and the paths of those that move; (n,) bits of what has to be updated with them.
 
-    `floor_numbers` are the table's numbers of the batch's floors. `sizes_m` are length, width, bottom and top. `stops`
+    `floor_numbers` are the table's numbers of the batch's floors. `reported` (n, 3) are the x, y and yaw of the newest
+    reports. `sizes_m` are length, width, bottom and top. `stops`
     are how many stops each robot has, `bound` whether any of them may be in a resource. A zone may be on a robot's way
     if the path comes as near to it as the envelope reaches and `spare_m`.
     """
@@ -225,6 +244,7 @@ def update_records(
             copy_rows(paths.lines_m[row], kept_paths[slots[row]])
         stale[row] |= _update_waiting(robot, was_moving, has_moved, resting[row])
         _update_standing(robot, event_s[row])
+        _update_rest(robot, event_s[row], reported[row])
         stale[row] |= _update_near(robot, paths.boxes_m[row], resources, zones, spare_m)
         if bound[row]:
             stale[row] |= STOPS

@@ -26,7 +26,7 @@ from deconflict.contention.robots.lookahead import (
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from deconflict.contention.robots.record_kernels import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Outlines, update_records
-from deconflict.contention.robots.robot_view import RobotView, first_fields
+from deconflict.contention.robots.robot_view import RobotView, first_fields, reported_poses
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.trailers import rows_of_trains
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
@@ -117,6 +117,7 @@ class RobotTable(Mapping[str, RobotView]):
             slots,
             floor_numbers,
             ready(batch.event_s),
+            reported_poses(f),
             np.array([state in RESTING for state in batch.states], np.bool_),
             ready(batch.basis, np.int64),
             view,
@@ -323,6 +324,13 @@ class RobotTable(Mapping[str, RobotView]):
         columns = (records[name] for name in ("x_m", "y_m", "yaw_rad", "length_m", "width_m"))
         outlines: NDArray[np.object_] = shapely.polygons(corners(*columns))
         return outlines
+
+    def ways_m(self, slots: Ints) -> Floats:
+        """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. Those that do not go stay."""
+        records = self.records[slots]
+        here_m = np.stack([records["x_m"], records["y_m"]], axis=1)[:, None]
+        found: Floats = np.where(records["goes"][:, None, None], self._paths[slots], here_m)
+        return found
 
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""

@@ -3,11 +3,13 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from deconflict.contention.robots.destinations import PlannedStop
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.place_geometry import ZonePassage
 from deconflict.sweep.shapes.trailers import rows_of_trains
-from ingest.batch import Batch
+from ingest.batch import Batch, Floats, Forecasts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +66,12 @@ class RobotView:
     def speed_mps(self) -> float:
         """Along its path; walking pace if it is not forecast to move."""
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
+
+
+def reported_poses(forecasts: Forecasts) -> Floats:
+    """(n, 3) x, y and yaw of each robot in its newest report: its first knot."""
+    first = forecasts.start[:-1]
+    return np.column_stack([forecasts.x_m[first], forecasts.y_m[first], forecasts.yaw_rad[first]])
 
 
 def first_fields(batch: Batch) -> Iterator[tuple[str, str, str, bool, float]]:

@@ -20,13 +20,14 @@ MOSTLY_GONE = 0.7
 """A cell may be entered when the previous robot has driven this share of the way to its next cell."""
 SNAP_M = 0.02
 """A robot that is this near to its stopping point has reached it."""
-TURNS_ASIDE_M = 0.5
+TURNS_ASIDE_M = 0.9
 """A robot whose offset is at most this may turn into its next leg."""
 FACING_RAD = 1e-3
 NOTHING_M = 1e-6
 LEAST_MPS = 1e-3
 """Prevents that a robot stops a millimetre before its stopping point."""
 SAMPLES_PER_S = round(1 / STEP_S)
+NO_WAIT = np.iinfo(np.int64).max
 NO_PLAN, AWAITS_ORDER, TURNS, GOES = range(4)
 """The next action of a robot without obstacles."""
 
@@ -41,6 +42,7 @@ DRIVING = np.dtype(
         ("yaw_rad", np.float64),
         ("aside_m", np.float64),  # to the left of its way
         ("aside_to_m", np.float64),  # where it is going to, to the left of its way
+        ("waits_before", np.int64),  # the first visit that it may not begin, `NO_WAIT` if it need not wait
         ("top_mps", np.float64),  # greatest speed that it is allowed now; 0 to brake and stand
     ],
     align=True,
@@ -66,7 +68,9 @@ _ROWS, _POSES = numba.int64[::1], numba.float64[:, ::1]
 
 @inner
 def _granted(driving: Driving, ways: Ways, robot: int, visit: int) -> bool:
-    """Whether the order of its fleet allows a robot to enter the cell of a visit."""
+    """Whether the order of its fleet, and what it was asked to wait for, allow a robot to enter the cell of a visit."""
+    if visit >= driving[robot].waits_before:
+        return False
     entry = ways[robot, visit]
     if entry.first_robot < 0:
         return True

@@ -12,6 +12,8 @@ from ingest.batch import Ints
 CELL_M = 1.5
 RACK_CELLS = 4
 """Length of a rack, along y."""
+LONG_RACK_CELLS = 38
+"""Length of a rack of a warehouse, along x."""
 Step = tuple[int, int]
 """A cell, and the step at which a robot is in it."""
 UNREACHED = np.iinfo(np.int64).max
@@ -53,6 +55,31 @@ def racks(width: int, height: int, aisle_cells: int, rng: np.random.Generator, o
         for y in range(2, height - 1 - RACK_CELLS, RACK_CELLS + 1):
             blocked[x, y : y + RACK_CELLS] = rng.random() >= 0.2
     return Grid(width, height, blocked.ravel(), one_way_x)
+
+
+def warehouse(width: int, height: int) -> Grid:
+    """Long racks two cells deep along x. Aisles of one cell between them, and ways of three cells around them."""
+    blocked = np.zeros((width, height), bool)
+    for x in range(3, width - LONG_RACK_CELLS, LONG_RACK_CELLS + 3):
+        for y in range(3, height - 4, 3):
+            blocked[x : x + LONG_RACK_CELLS, y : y + 2] = True
+    return Grid(width, height, blocked.ravel())
+
+
+def sortation(width: int, height: int) -> Grid:
+    """Chutes of one cell in rows, with lanes of two cells between them."""
+    blocked = np.zeros((width, height), bool)
+    blocked[2:-2:3, 2:-2:3] = True
+    return Grid(width, height, blocked.ravel())
+
+
+def scattered(width: int, height: int, rng: np.random.Generator) -> Grid:
+    """A fifth of the cells are blocked at random, and those that cannot be reached from the largest free part."""
+    blocked = rng.random(width * height) < 0.2
+    grid = Grid(width, height, blocked)
+    free = np.flatnonzero(~blocked)
+    reached = max((grid.distances(int(cell)) < UNREACHED for cell in free[:: len(free) // 8]), key=np.count_nonzero)
+    return Grid(width, height, blocked | ~reached)
 
 
 @lru_cache(maxsize=16)

@@ -70,6 +70,7 @@ class Protection:
     def __init__(self, kinds: list[str], top_mps: Floats, patience_s: Floats) -> None:
         n = len(kinds)
         self.notes: list[StopNote] = []
+        self.around_aside_m = AROUND_ASIDE_M
         self.stopped: list[StopNote | None] = [None] * n
         """By robot: its present stop."""
         self._kinds, self._top_mps, self._patience_s = kinds, top_mps, patience_s
@@ -102,6 +103,17 @@ class Protection:
         self._ignored[robot] = False
         self._let_go(robot)
         self._end(robot, now_s, 0.0)
+
+    def set_out_around(self, scene: Scene, robot: int, other: int) -> None:
+        """Drive around another robot now, because it is asked to."""
+        note = self.stopped[robot]
+        if note is None:
+            note = StopNote(robot, other, scene.now_s, float(scene.driving["speed_mps"][robot]), self._kinds[robot])
+            self.notes.append(note)
+        self._set_out_around(scene, note, other)
+
+    def goes_around(self, robot: int) -> bool:
+        return robot in self._around
 
     def finish(self, now_s: float) -> None:
         """End every stop at the end of the floor."""
@@ -170,14 +182,14 @@ class Protection:
             self.notes.append(note)
         note.go_on(now_s, speed_mps, float(me["aside_m"]) if swerving else 0.0)
         if note.stood_since_s is not None and now_s - note.stood_since_s >= self._patience_s[robot]:
-            self._set_out_around(scene, note)
+            self._set_out_around(scene, note, note.by)
 
     def _end(self, robot: int, now_s: float, speed_mps: float) -> None:
         if note := self.stopped[robot]:
             note.end(now_s, speed_mps)
             self.stopped[robot] = None
 
-    def _set_out_around(self, scene: Scene, note: StopNote) -> None:
+    def _set_out_around(self, scene: Scene, note: StopNote, other: int) -> None:
         """After standing for long enough, drive around the other robot and all others that stand there."""
         robot, now_s = note.robot, scene.now_s
         self._swerving.pop(robot, None)
@@ -185,8 +197,8 @@ class Protection:
         note.around = True
         standing = np.flatnonzero(scene.present & (scene.driving["speed_mps"] < 0.05)).tolist()
         near = [other for other in standing if np.hypot(*(scene.poses[other] - scene.poses[robot])[:2]) < 3.0]
-        others = ({note.by, *near} | (self._around[robot].others if robot in self._around else set())) - {robot}
-        self._around[robot] = Passing(note, others, -AROUND_ASIDE_M, now_s + LONGEST_PASSING_S)
+        others = ({other, *near} | (self._around[robot].others if robot in self._around else set())) - {robot}
+        self._around[robot] = Passing(note, others, -self.around_aside_m, now_s + LONGEST_PASSING_S)
         self._ignored[robot, list(others)] = True
         self._let_go(robot)
 

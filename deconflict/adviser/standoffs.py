@@ -1,0 +1,74 @@
+"""Robots that stand in each other's way: who waits for whom, and since when."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deconflict.adviser.ways import first_in_way, wanted_ways
+from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.contention.waiting.deadlocks import Want, rings
+from ingest.batch import Ints
+
+HEARD_WITHIN_S = 5.0
+"""Where a robot is that was last heard longer ago is doubted."""
+RESTS_S = 0.8
+"""A robot that rests for so long between two reports stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """A robot that stands because the body of another is in its way."""
+
+    robot: str
+    """UUID."""
+    other: str
+    """UUID of the robot in its way."""
+    since_s: float
+    """Since when it rests, seconds since the epoch."""
+    other_since_s: float
+    """Since when the other rests; inf if it does not."""
+
+    @property
+    def both_since_s(self) -> float:
+        return max(self.since_s, self.other_since_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Who stands for whom at one moment."""
+
+    waiting: dict[str, Waiting]
+    """By robot."""
+    rings: list[tuple[str, ...]]
+    """Robots that stand for each other, each for the next and the last for the first."""
+
+    def behind(self, robot: str) -> int:
+        """How many robots stand for a robot, or for one that stands for it."""
+        before: dict[str, list[str]] = {}
+        for each in self.waiting.values():
+            before.setdefault(each.other, []).append(each.robot)
+        found, to_do = {robot}, [robot]
+        while to_do:
+            new = [name for name in before.get(to_do.pop(), ()) if name not in found]
+            found.update(new)
+            to_do += new
+        return len(found) - 1
+
+
+def standing(robots: RobotTable, now_s: float) -> Standing:
+    """Who stands for whom, by the newest reports."""
+    records = robots.records
+    heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
+    rests = heard & (records["event_s"] - records["rests_s"] >= RESTS_S)
+    ways = wanted_ways(robots, np.flatnonzero(rests))
+    others = first_in_way(robots, ways, np.flatnonzero(heard))
+    waiting = _waiting(robots, ways.slots[others >= 0], others[others >= 0], rests)
+    wants = [Want((each.robot, 0), ((each.other, 0),), "path", each.since_s) for each in waiting.values()]
+    return Standing(waiting, [tuple(link.waiter for link in ring) for ring in rings(wants)])
+
+
+def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Ints) -> dict[str, Waiting]:
+    uuids, rests_s = robots.uuids, robots.records["rests_s"]
+    other_s = np.where(rests[others], rests_s[others], np.inf)
+    rows = zip(slots.tolist(), others.tolist(), rests_s[slots].tolist(), other_s.tolist(), strict=True)
+    return {uuids[slot]: Waiting(uuids[slot], uuids[other], since_s, by_s) for slot, other, since_s, by_s in rows}

@@ -1,0 +1,133 @@
+"""Where robots that stand would be on the next metres of their ways, and whose bodies are there."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from deconflict.contention.robots.bounding_boxes import touching_boxes
+from deconflict.contention.robots.lookahead import STEP_S
+from deconflict.contention.robots.robot_table import RobotTable
+from ingest.batch import Bools, Floats, Ints
+
+REACH_M = 2.2
+"""Length of the way that is looked at: a robot keeps a distance, and stops some way before what it stops for."""
+STRIDE_M = 0.2
+MARGIN_M, BESIDE_M = 0.45, 0.05
+"""Room that a robot keeps free in front of its body and at each side."""
+WITHIN_S = 4.0
+"""A robot that means to go on only later than this waits for something of its own."""
+LEAST_WAY_M = 0.3
+TURNED_RAD = 0.3
+"""A way that begins in another direction needs room for the robot to turn."""
+
+_ALONG_M: Floats = np.arange(0.0, REACH_M + STRIDE_M / 2, STRIDE_M)
+
+
+class Boxes(NamedTuple):
+    """Oriented rectangles. All arrays have one shape."""
+
+    x_m: Floats
+    """Their centres."""
+    y_m: Floats
+    yaw_rad: Floats
+    half_length_m: Floats
+    half_width_m: Floats
+
+
+class Ways(NamedTuple):
+    """The next metres of the ways of n robots, each with k boxes: the bodies with the room that they keep."""
+
+    slots: Ints
+    """(n,)"""
+    boxes: Boxes
+    """(n, k). The first is where a robot turns, the others are along its way. Nan beyond what it will use."""
+
+
+def wanted_ways(robots: RobotTable, slots: Ints) -> Ways:
+    """The ways of those robots of `slots` that mean to move on within `WITHIN_S`."""
+    records = robots.records[slots]
+    here_m = np.stack([records["reported_x_m"], records["reported_y_m"]], axis=1)[:, None]
+    soon = round(WITHIN_S / STEP_S)
+    points_m = np.concatenate([here_m, robots.ways_m(slots)[:, : soon + 1]], axis=1)
+    legs_m = np.hypot(*np.moveaxis(np.diff(points_m, axis=1), -1, 0))
+    gone_m = np.concatenate([np.zeros((len(slots), 1)), legs_m.cumsum(axis=1)], axis=1)
+    goes = gone_m[:, -1] >= LEAST_WAY_M
+    return Ways(slots[goes], _boxes(records[goes], points_m[goes], gone_m[goes]))
+
+
+def _boxes(records: Floats, points_m: Floats, gone_m: Floats) -> Boxes:
+    """(n, k) along the polylines `points_m` (n, p, 2), whose points are `gone_m` (n, p) from their begins."""
+    along_m = np.broadcast_to(_ALONG_M, (len(points_m), len(_ALONG_M)))
+    leg = (gone_m[:, None, 1:-1] <= along_m[:, :, None]).sum(axis=2)
+    row = np.arange(len(points_m))[:, None]
+    length_m = np.maximum(gone_m[row, leg + 1] - gone_m[row, leg], 1e-9)
+    ahead = np.clip((along_m - gone_m[row, leg]) / length_m, 0.0, 1.0)[..., None]
+    places_m = points_m[row, leg] + ahead * (points_m[row, leg + 1] - points_m[row, leg])
+    ways = points_m[row, leg + 1] - points_m[row, leg]
+    yaw_rad = np.arctan2(ways[..., 1], ways[..., 0])
+    places_m[along_m > gone_m[:, -1:] + STRIDE_M] = np.nan
+    half_length_m = np.broadcast_to(records["length_m"][:, None] / 2 + MARGIN_M / 2, yaw_rad.shape)
+    half_width_m = np.broadcast_to(records["width_m"][:, None] / 2 + BESIDE_M, yaw_rad.shape)
+    x_m = places_m[..., 0] + np.cos(yaw_rad) * MARGIN_M / 2
+    y_m = places_m[..., 1] + np.sin(yaw_rad) * MARGIN_M / 2
+    along = Boxes(x_m, y_m, yaw_rad, half_length_m, half_width_m)
+    turning = _turning(records, yaw_rad[:, 0])
+    return Boxes._make(np.concatenate(columns, axis=1) for columns in zip(turning, along, strict=True))
+
+
+def _turning(records: Floats, first_rad: Floats) -> Boxes:
+    """(n, 1) the room in which robots turn before they set out; nan if they need not turn."""
+    off_rad = np.abs(np.remainder(first_rad - records["reported_yaw_rad"] + np.pi, 2 * np.pi) - np.pi)
+    x_m = np.where(off_rad > TURNED_RAD, records["reported_x_m"], np.nan)
+    reach_m = np.hypot(records["length_m"], records["width_m"]) / 2
+    columns = (x_m, records["reported_y_m"], records["reported_yaw_rad"], reach_m, reach_m)
+    return Boxes._make(column[:, None] for column in columns)
+
+
+def bodies(robots: RobotTable, slots: Ints) -> Boxes:
+    """(n,) where robots were last reported."""
+    records = robots.records[slots]
+    halves = records["length_m"] / 2, records["width_m"] / 2
+    return Boxes(records["reported_x_m"], records["reported_y_m"], records["reported_yaw_rad"], *halves)
+
+
+def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
+    """(n,) the slot of `others` (m,) whose body is first on each way; -1 if none is."""
+    body, floors = bodies(robots, others), robots.records["floor"]
+    pairs = touching_boxes(around(ways.boxes), around(Boxes._make(column[:, None] for column in body)))
+    row, other = pairs.T
+    is_other = (ways.slots[row] != others[other]) & (floors[ways.slots[row]] == floors[others[other]])
+    row, other = row[is_other], other[is_other]
+    hit = touch(Boxes._make(c[row] for c in ways.boxes), Boxes._make(c[other][:, None] for c in body))
+    found = np.full(len(ways.slots), -1)
+    first = np.where(hit.any(axis=1), hit.argmax(axis=1), hit.shape[1])
+    away_m = np.hypot(*(body[k][other] - robots.records[name][ways.slots[row]] for k, name in _REPORTED))
+    order = np.lexsort((away_m, first))[::-1]
+    order = order[first[order] < hit.shape[1]]
+    found[row[order]] = others[other[order]]
+    return found
+
+
+_REPORTED = ((0, "reported_x_m"), (1, "reported_y_m"))
+
+
+def around(boxes: Boxes) -> Floats:
+    """(n, 4) west, south, east and north of the k rectangles (n, k) of each row."""
+    reach_m = np.hypot(boxes.half_length_m, boxes.half_width_m)
+    least = (np.nanmin(axis_m - reach_m, axis=1) for axis_m in boxes[:2])
+    most = (np.nanmax(axis_m + reach_m, axis=1) for axis_m in boxes[:2])
+    return np.stack([*least, *most], axis=1)
+
+
+def touch(boxes: Boxes, others: Boxes) -> Bools:
+    """Whether rectangles touch, by their four axes; arrays of shapes that fit. Comparisons with nan are false."""
+    dx_m, dy_m = others.x_m - boxes.x_m, others.y_m - boxes.y_m
+    off_rad = others.yaw_rad - boxes.yaw_rad
+    c, s = np.abs(np.cos(off_rad)), np.abs(np.sin(off_rad))
+    found = np.isfinite(dx_m)
+    for mine, theirs in ((boxes, others), (others, boxes)):
+        cos, sin = np.cos(mine.yaw_rad), np.sin(mine.yaw_rad)
+        along_m, across_m = np.abs(dx_m * cos + dy_m * sin), np.abs(dy_m * cos - dx_m * sin)
+        found &= along_m <= mine.half_length_m + theirs.half_length_m * c + theirs.half_width_m * s
+        found &= across_m <= mine.half_width_m + theirs.half_length_m * s + theirs.half_width_m * c
+    return found
