@@ -25,9 +25,9 @@ class Adviser:
         settings = DEFAULT if site is None else site if isinstance(site, Site) else site_file.load(Path(site))
         self._fleet = fleet_of(settings, Measures())
         self._robots = RobotTable(PlaceGeometry(settings.resources, settings.zones))
-        self._advice = StandoffAdvice()
+        self._advice = StandoffAdvice(vendor.name for vendor in settings.vendors if vendor.participant == "person")
+        self._now_s = 0.0
         self._makers: dict[str, str] = {}
-        self.note=self._advice.note
 
     def hear(self, now_s: float, messages: Iterable[Mapping[str, Any]]) -> list[Request]:
         """Requests that are new, changed or withdrawn since the last call.
@@ -42,8 +42,10 @@ class Adviser:
         batch = self._fleet.next_batch(now_s)
         self._robots.forget(batch.gone)
         self._robots.update(batch)
+        self._advice.receive(batch, self._robots)
+        self._now_s = now_s
         return self._advice.step(self._robots, now_s)
 
     def answer(self, request_id: str, answer: Literal["accepted", "declined", "done"], why: str = "") -> None:
         """What a robot answered to a request."""
-        self._advice.answer(request_id, answer, why)
+        self._advice.answer(request_id, answer, why, self._robots, self._now_s)

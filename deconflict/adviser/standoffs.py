@@ -1,6 +1,7 @@
 """Robots that stand in each other's way: who waits for whom, and since when."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Waiting:
         return max(self.since_s, self.other_since_s)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Standing:
     """Who stands for whom at one moment."""
 
@@ -41,6 +42,10 @@ class Standing:
     """By robot."""
     rings: list[tuple[str, ...]]
     """Robots that stand for each other, each for the next and the last for the first."""
+
+    @cached_property
+    def in_rings(self) -> set[str]:
+        return {robot for ring in self.rings for robot in ring}
 
     def behind(self, robot: str) -> int:
         """How many robots stand for a robot, or for one that stands for it."""

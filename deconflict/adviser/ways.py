@@ -14,9 +14,9 @@ REACH_M = 2.2
 STRIDE_M = 0.2
 MARGIN_M, BESIDE_M = 0.45, 0.05
 """Room that a robot keeps free in front of its body and at each side."""
-WITHIN_S = 4.0
+WITHIN_S = 5.0
 """A robot that means to go on only later than this waits for something of its own."""
-LEAST_WAY_M = 0.3
+LEAST_WAY_M = 0.1
 TURNED_RAD = 0.3
 """A way that begins in another direction needs room for the robot to turn."""
 
