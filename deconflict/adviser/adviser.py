@@ -9,9 +9,9 @@ from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
-from deconflict.settings.site import DEFAULT, Site
-from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings import site_file
+from deconflict.settings.fleet_factory import fleet_of
+from deconflict.settings.site import DEFAULT, Site
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received
@@ -36,7 +36,11 @@ class Adviser:
         """
         for message in messages:
             uuid = str(message.get("uuid", ""))
-            maker = self._makers.setdefault(uuid, message["manufacturerName"]) if "manufacturerName" in message else self._makers.get(uuid)
+            maker = (
+                self._makers.setdefault(uuid, message["manufacturerName"])
+                if "manufacturerName" in message
+                else self._makers.get(uuid)
+            )
             connection = Connection(1, "adviser", f"/{maker or ''}", maker)
             self._fleet.receive_recorded(Received(json.dumps(message).encode(), now_s, connection))
         batch = self._fleet.next_batch(now_s)

@@ -11,6 +11,8 @@ ANSWERS_WITHIN_S = 2.0
 """The same for an answer of robots that answer."""
 USUALLY_FOLLOWS, USUAL_WEIGHT = 0.7, 0.5
 """How likely a robot follows that was never asked, and how many requests that counts for."""
+PAUSE_S, LONGEST_PAUSE_S = 5.0, 60.0
+"""A robot that has not followed is asked again after this time, and after twice as long each further time."""
 DECLINED_S = 60.0
 """What a robot has declined is not asked of it again for so long."""
 UNABLE_AFTER = 2
@@ -28,6 +30,8 @@ class Asked:
     """Where the robot was when it was asked."""
     answer: str = ""
     begun_s: float | None = None
+    waits: Request | None = None
+    """The request of another robot to wait while this one goes first."""
 
 
 class Option(NamedTuple):
@@ -37,11 +41,18 @@ class Option(NamedTuple):
     verb: Verb
     other: str
 
+    @property
+    def yields(self) -> tuple[str, str]:
+        """The robot that loses time for the other, and the other."""
+        return (self.other, self.robot) if self.verb == "go_first" else (self.robot, self.other)
+
 
 @dataclass(slots=True)
 class _OfRobot:
     asked: int = 0
     followed: int = 0
+    ignored: int = 0
+    """The newest requests in a row that it did not follow."""
     asked_s: float = 0.0
     declined_s: dict[tuple[Verb, str], float] = field(default_factory=dict)
     """By verb and other robot."""
@@ -67,10 +78,12 @@ class Following:
         return self._of(robot).asked_s
 
     def may_be_asked(self, option: Option, vendor: str, now_s: float) -> bool:
-        """Whether the robot has not declined it lately and its vendor can do it."""
+        """Whether the robot has not declined or ignored it lately, and its vendor can do it."""
         accepted, unable = self._can.get((vendor, option.verb), (0, 0))
-        declined_s = self._of(option.robot).declined_s.get((option.verb, option.other), 0.0)
-        return now_s - declined_s > DECLINED_S and (accepted > 0 or unable < UNABLE_AFTER)
+        record = self._of(option.robot)
+        pause_s = min(PAUSE_S * 2**record.ignored, LONGEST_PAUSE_S) if record.ignored else 0.0
+        is_rested = now_s - record.declined_s.get((option.verb, option.other), 0.0) > DECLINED_S
+        return is_rested and now_s - record.asked_s >= pause_s and (accepted > 0 or unable < UNABLE_AFTER)
 
     def waits_s(self) -> float:
         """How long a robot has time to answer, or to set out."""
@@ -78,17 +91,17 @@ class Following:
 
     def ask(self, robot: str, now_s: float) -> None:
         record = self._of(robot)
-        record.asked += 1
-        record.asked_s = now_s
+        record.asked, record.ignored, record.asked_s = record.asked + 1, record.ignored + 1, now_s
 
     def follow(self, robot: str) -> None:
-        self._of(robot).followed += 1
+        record = self._of(robot)
+        record.followed, record.ignored = record.followed + 1, 0
 
     def answer(self, option: Option, vendor: str, answer: str, why: str, now_s: float) -> None:
         self._answers = True
         can, record = self._can.setdefault((vendor, option.verb), [0, 0]), self._of(option.robot)
         if answer == "declined":
-            record.asked -= 1
+            record.asked, record.ignored = record.asked - 1, 0
             record.declined_s[option.verb, option.other] = now_s
             can[1] += why.startswith(CANNOT)
         else:

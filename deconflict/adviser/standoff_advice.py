@@ -6,7 +6,7 @@ from math import hypot
 
 from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.request import Request, Verb
-from deconflict.adviser.standoffs import Standing, standing
+from deconflict.adviser.standoffs import Crossing, Standing, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import Worth
@@ -36,6 +36,8 @@ class StandoffAdvice:
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
         self._following, self._worth, self._tracks = Following(), Worth(), Tracks()
+        self._waiting: set[str] = set()
+        """Robots that are asked to wait while another goes first."""
         self._made = 0
         self._standing = Standing({}, [])
 
@@ -56,44 +58,53 @@ class StandoffAdvice:
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
         self._standing = standing(robots, now_s)
-        changed = [withdrawn for robot in list(self._open) if (withdrawn := self._reviewed(robot, robots, now_s))]
+        changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
         for ring in self._standing.rings:
             changed += self._for_ring(ring, robots, now_s)
         for waiting in self._standing.waiting.values():
             is_in_ring = waiting.robot in self._standing.in_rings
             if not is_in_ring and now_s - waiting.both_since_s >= STANDS_S:
                 changed += self._ask_best("stander", [Option(waiting.robot, "go_around", waiting.other)], robots, now_s)
+        for crossing in self._standing.crossings:
+            changed += self._for_crossing(crossing, robots, now_s)
         return changed
 
-    def _reviewed(self, robot: str, robots: RobotTable, now_s: float) -> Request | None:
-        """Update what came of an open request. Returns it if it is withdrawn."""
-        asked = self._open[robot]
+    def _reviewed(self, asked: Asked, robots: RobotTable, now_s: float) -> Iterator[Request]:
+        """Update what came of an open request. Yields what is withdrawn."""
+        robot = asked.request.robot
         if robot not in robots or now_s >= asked.request.latest_s:
-            del self._open[robot]
-            return None
+            self._end(asked)
+            return
         x_m, y_m, _ = robots.reported_pose(robot)
         moved_m = hypot(x_m - asked.from_m[0], y_m - asked.from_m[1])
         if asked.begun_s is None and moved_m > MOVED_M and asked.answer != "declined":
             asked.begun_s = now_s
             self._following.follow(robot)
         if asked.begun_s is not None:
-            self._follow_up(asked, moved_m, robots, now_s)
-            return None
+            yield from self._follow_up(asked, moved_m, robots, now_s)
+            return
         is_late = now_s - asked.asked_s >= (self._following.waits_s() if not asked.answer else 2 * LATEST_S)
-        if asked.answer == "declined" or is_late or robot not in self._standing.waiting:
-            del self._open[robot]
-            return replace(asked.request, withdrawn=True)
-        return None
+        is_over = asked.request.verb != "go_first" and robot not in self._standing.waiting
+        if asked.answer == "declined" or is_late or is_over:
+            yield from self._end(asked, asked.request)
 
-    def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> None:
-        """End a request that is done, or whose robot stands for somebody again."""
+    def _end(self, asked: Asked, *withdrawn: Request) -> list[Request]:
+        """A request is open no longer. Returns what is withdrawn: of a robot that goes first also the other's wait."""
+        del self._open[asked.request.robot]
+        if asked.waits:
+            self._waiting.discard(asked.waits.robot)
+        return [replace(request, withdrawn=True) for request in (*withdrawn, asked.waits) if request]
+
+    def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> list[Request]:
+        """End a request that is done, or whose robot stands for somebody again. Returns what is withdrawn."""
         request, takes_s = asked.request, now_s - asked.asked_s
         is_done = moved_m >= PASSED_M or asked.answer == "done"
         if is_done and request.other in robots:
-            vendors = robots[request.robot].vendor, robots[request.other].vendor
-            self._worth.add_yield(request.verb, *vendors, takes_s)
+            yields = Option(request.robot, request.verb, request.other).yields
+            self._worth.add_yield(request.verb, robots[yields[0]].vendor, robots[yields[1]].vendor, takes_s)
         if is_done or (takes_s >= STANDS_S and request.robot in self._standing.waiting):
-            del self._open[request.robot]
+            return self._end(asked)
+        return []
 
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
         waiting = [self._standing.waiting[robot] for robot in ring]
@@ -101,18 +112,33 @@ class StandoffAdvice:
             options = [Option(each.robot, verb, each.other) for each in waiting for verb in VERBS]
             yield from self._ask_best("ring", options, robots, now_s)
 
+    def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
+        """One of two that wait for each other goes first; the other waits before its way until that has passed."""
+        a, b = crossing.robots
+        if self._waiting & {a, b}:
+            return
+        options: list[Option] = [Option(a, "go_first", b), Option(b, "go_first", a)]
+        for first in self._ask_best("crossing", options, robots, now_s):
+            yield first
+            other = b if first.robot == a else a
+            before_m = crossing.before_m[crossing.robots.index(other)]
+            wait = self._new(Option(other, "wait_before", first.robot), before_m, (first.robot,), first.latest_s)
+            self._open[first.robot].waits = wait
+            self._waiting.add(other)
+            yield wait
+
     def _ask_best(self, kind: str, options: list[Option], robots: RobotTable, now_s: float) -> Iterator[Request]:
         """Ask for the option that saves most, if any saves something."""
         found = []
         for option in options:
-            vendor, other = robots[option.robot].vendor, robots[option.other].vendor
+            vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
             is_asked = option.robot in self._open or option.other in self._open
-            if vendor == other or vendor in self._people or is_asked:
+            if yielding == other or self._people & {vendor, yielding} or is_asked:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
                 behind = self._standing.behind(option.robot), self._standing.behind(option.other)
                 saving_s = self._worth.saving_s(kind, option.verb, *behind) * self._following.likely(option.robot)
-                is_fair = not self._worth.yields_too_much(vendor, other)
+                is_fair = not self._worth.yields_too_much(yielding, other)
                 found.append((is_fair, saving_s, -self._following.asked_s(option.robot), option))
         for _, saving_s, _, option in sorted(found, reverse=True):
             if saving_s > 0 and (request := self._request(option, robots, now_s)):
@@ -124,13 +150,17 @@ class StandoffAdvice:
         at = self._refuge_m(option, robots) if option.verb == "back_out" else None
         if option.verb == "back_out" and at is None:
             return None
-        self._made += 1
-        latest_s = now_s + (LATEST_S if option.verb == "go_around" else 2 * LATEST_S)
-        request = Request(str(self._made), *option[:2], at, option.other, (option.other,), latest_s)
+        latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
+        until = () if option.verb == "go_first" else (option.other,)
+        request = self._new(option, at, until, latest_s)
         x_m, y_m, _ = robots.reported_pose(option.robot)
         self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m))
         self._following.ask(option.robot, now_s)
         return request
+
+    def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
+        self._made += 1
+        return Request(str(self._made), option.robot, option.verb, at, option.other, until, latest_s)
 
     def _refuge_m(self, option: Option, robots: RobotTable) -> tuple[float, float] | None:
         passing = wanted_ways(robots, robots.slots_of([option.other]))

@@ -20,7 +20,8 @@ LEAST_WAY_M = 0.1
 TURNED_RAD = 0.3
 """A way that begins in another direction needs room for the robot to turn."""
 
-_ALONG_M: Floats = np.arange(0.0, REACH_M + STRIDE_M / 2, STRIDE_M)
+FAR_REACH_M = 4.6
+"""The same for ways that cross where nobody is: robots stop before a crossing as large as this."""
 
 
 class Boxes(NamedTuple):
@@ -43,8 +44,8 @@ class Ways(NamedTuple):
     """(n, k). The first is where a robot turns, the others are along its way. Nan beyond what it will use."""
 
 
-def wanted_ways(robots: RobotTable, slots: Ints) -> Ways:
-    """The ways of those robots of `slots` that mean to move on within `WITHIN_S`."""
+def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M) -> Ways:
+    """The ways of those robots of `slots` that mean to move on within `WITHIN_S`, up to `reach_m`."""
     records = robots.records[slots]
     here_m = np.stack([records["reported_x_m"], records["reported_y_m"]], axis=1)[:, None]
     soon = round(WITHIN_S / STEP_S)
@@ -52,12 +53,13 @@ def wanted_ways(robots: RobotTable, slots: Ints) -> Ways:
     legs_m = np.hypot(*np.moveaxis(np.diff(points_m, axis=1), -1, 0))
     gone_m = np.concatenate([np.zeros((len(slots), 1)), legs_m.cumsum(axis=1)], axis=1)
     goes = gone_m[:, -1] >= LEAST_WAY_M
-    return Ways(slots[goes], _boxes(records[goes], points_m[goes], gone_m[goes]))
+    along_m = np.arange(0.0, reach_m + STRIDE_M / 2, STRIDE_M)
+    return Ways(slots[goes], _boxes(records[goes], points_m[goes], gone_m[goes], along_m))
 
 
-def _boxes(records: Floats, points_m: Floats, gone_m: Floats) -> Boxes:
+def _boxes(records: Floats, points_m: Floats, gone_m: Floats, along_m: Floats) -> Boxes:
     """(n, k) along the polylines `points_m` (n, p, 2), whose points are `gone_m` (n, p) from their begins."""
-    along_m = np.broadcast_to(_ALONG_M, (len(points_m), len(_ALONG_M)))
+    along_m = np.broadcast_to(along_m, (len(points_m), len(along_m)))
     leg = (gone_m[:, None, 1:-1] <= along_m[:, :, None]).sum(axis=2)
     row = np.arange(len(points_m))[:, None]
     length_m = np.maximum(gone_m[row, leg + 1] - gone_m[row, leg], 1e-9)
@@ -105,6 +107,27 @@ def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
     order = np.lexsort((away_m, first))[::-1]
     order = order[first[order] < hit.shape[1]]
     found[row[order]] = others[other[order]]
+    return found
+
+
+def crossings(robots: RobotTable, ways: Ways) -> list[tuple[int, int, tuple[float, float], tuple[float, float]]]:
+    """Pairs of slots whose ways meet, and for each robot the first point of its way where it would be in the other's."""
+    outer = around(ways.boxes) if len(ways.slots) else np.empty((0, 4))
+    row, other = touching_boxes(outer, outer).T
+    floors = robots.records["floor"][ways.slots]
+    chosen = (row < other) & (floors[row] == floors[other])
+    row, other = row[chosen], other[chosen]
+    mine = Boxes._make(column[row][:, :, None] for column in ways.boxes)
+    theirs = Boxes._make(column[other][:, None, :] for column in ways.boxes)
+    meet = touch(mine, theirs)
+    found = []
+    for pair in np.flatnonzero(meet.any(axis=(1, 2))).tolist():
+        a, b = int(row[pair]), int(other[pair])
+        first = int(meet[pair].any(axis=1).argmax()), int(meet[pair].any(axis=0).argmax())
+        points = [
+            (float(ways.boxes.x_m[r, k]), float(ways.boxes.y_m[r, k])) for r, k in zip((a, b), first, strict=True)
+        ]
+        found.append((int(ways.slots[a]), int(ways.slots[b]), points[0], points[1]))
     return found
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from deconflict.adviser.request import Verb
 
-STANDS_ON_S = {"ring": 12.0, "stander": 8.0}
+STANDS_ON_S = {"ring": 12.0, "stander": 8.0, "crossing": 30.0}
 """How much longer robots stand without advice, before any were seen."""
 TAKES_S: dict[Verb, float] = {
     "go_around": 8.0,

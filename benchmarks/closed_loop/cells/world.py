@@ -1,7 +1,7 @@
 """A floor of cells whose robots hear an adviser and do what it asks."""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -191,7 +191,14 @@ class CellWorld:
         traffic = self._traffic
         none = np.zeros(len(self._models), bool)
         return Scene(
-            traffic.now_s, traffic._grid, traffic.fleets.visits, traffic.driving, traffic.poses, traffic.present, none, none
+            traffic.now_s,
+            traffic._grid,
+            traffic.fleets.visits,
+            traffic.driving,
+            traffic.poses,
+            traffic.present,
+            none,
+            none,
         )
 
     def _score(self) -> None:
