@@ -16,6 +16,9 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received
 
+PEER = "adviser"
+"""Address that all messages count as coming from: who may send was decided before."""
+
 
 class Adviser:
     """Hears identity and status reports, and asks robots for what helps them all."""
@@ -28,6 +31,7 @@ class Adviser:
         self._advice = StandoffAdvice(vendor.name for vendor in settings.vendors if vendor.participant == "person")
         self._now_s = 0.0
         self._makers: dict[str, str] = {}
+        """By UUID, what its newest identity report says."""
 
     def hear(self, now_s: float, messages: Iterable[Mapping[str, Any]]) -> list[Request]:
         """Requests that are new, changed or withdrawn since the last call.
@@ -36,12 +40,10 @@ class Adviser:
         """
         for message in messages:
             uuid = str(message.get("uuid", ""))
-            maker = (
-                self._makers.setdefault(uuid, message["manufacturerName"])
-                if "manufacturerName" in message
-                else self._makers.get(uuid)
-            )
-            connection = Connection(1, "adviser", f"/{maker or ''}", maker)
+            if "manufacturerName" in message:
+                self._makers[uuid] = str(message["manufacturerName"])
+            maker = self._makers.get(uuid)
+            connection = Connection(1, PEER, f"/{maker or ''}", maker)
             self._fleet.receive_recorded(Received(json.dumps(message).encode(), now_s, connection))
         batch = self._fleet.next_batch(now_s)
         self._robots.forget(batch.gone)

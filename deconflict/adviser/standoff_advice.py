@@ -100,7 +100,7 @@ class StandoffAdvice:
         request, takes_s = asked.request, now_s - asked.asked_s
         is_done = moved_m >= PASSED_M or asked.answer == "done"
         if is_done and request.other in robots:
-            yields = Option(request.robot, request.verb, request.other).yields
+            yields = Option(request.robot, request.verb, request.other or "").yields
             self._worth.add_yield(request.verb, robots[yields[0]].vendor, robots[yields[1]].vendor, takes_s)
         if is_done or (takes_s >= STANDS_S and request.robot in self._standing.waiting):
             return self._end(asked)

@@ -5,10 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from deconflict.adviser.ways import FAR_REACH_M, crossings, first_in_way, wanted_ways
+from deconflict.adviser.ways import FAR_REACH_M, first_in_way, meetings, wanted_ways
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.deadlocks import Want, rings
-from ingest.batch import Ints
+from ingest.batch import Bools, Ints
 
 HEARD_WITHIN_S = 5.0
 """Where a robot is that was last heard longer ago is doubted."""
@@ -94,10 +94,12 @@ def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now
         if robots.uuids[slot] not in waiting
     ]
     ways = wanted_ways(robots, np.array(long, np.int64), FAR_REACH_M)
-    return [Crossing((robots.uuids[a], robots.uuids[b]), (a_m, b_m)) for a, b, a_m, b_m in crossings(robots, ways)]
+    uuids = robots.uuids
+    return [Crossing((uuids[a], uuids[b]), before_m) for (a, b), before_m in meetings(robots, ways)]
 
 
-def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Ints) -> dict[str, Waiting]:
+def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Bools) -> dict[str, Waiting]:
+    """By robot, those of `slots` (n,) whose ways `others` (n,) stand or drive in; `rests` is by slot."""
     uuids, rests_s = robots.uuids, robots.records["rests_s"]
     other_s = np.where(rests[others], rests_s[others], np.inf)
     rows = zip(slots.tolist(), others.tolist(), rests_s[slots].tolist(), other_s.tolist(), strict=True)

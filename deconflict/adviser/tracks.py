@@ -43,7 +43,7 @@ class Tracks:
         size = robots[robot]
         shape = len(poses), 1
         halves = np.full(shape, size.length_m / 2 + ROOM_M), np.full(shape, size.width_m / 2 + ROOM_M)
-        places = Boxes(*(poses[:, k : k + 1] for k in range(3)), *halves)
+        places = Boxes(poses[:, :1], poses[:, 1:2], poses[:, 2:], *halves)
         is_blocked = touch(places, Boxes._make(column[None] for column in others)).any(axis=1)
         ways = Boxes._make(column.reshape(1, -1) for column in passing.boxes)
         is_free = ~touch(places, ways).any(axis=1)

@@ -6,6 +6,7 @@ import numpy as np
 
 from deconflict.contention.robots.bounding_boxes import touching_boxes
 from deconflict.contention.robots.lookahead import STEP_S
+from deconflict.contention.robots.record_kernels import Records
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Bools, Floats, Ints
 
@@ -22,6 +23,10 @@ TURNED_RAD = 0.3
 
 FAR_REACH_M = 4.6
 """The same for ways that cross where nobody is: robots stop before a crossing as large as this."""
+
+
+Point = tuple[float, float]
+"""x and y in metres."""
 
 
 class Boxes(NamedTuple):
@@ -57,7 +62,7 @@ def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M) -> Wa
     return Ways(slots[goes], _boxes(records[goes], points_m[goes], gone_m[goes], along_m))
 
 
-def _boxes(records: Floats, points_m: Floats, gone_m: Floats, along_m: Floats) -> Boxes:
+def _boxes(records: Records, points_m: Floats, gone_m: Floats, along_m: Floats) -> Boxes:
     """(n, k) along the polylines `points_m` (n, p, 2), whose points are `gone_m` (n, p) from their begins."""
     along_m = np.broadcast_to(along_m, (len(points_m), len(along_m)))
     leg = (gone_m[:, None, 1:-1] <= along_m[:, :, None]).sum(axis=2)
@@ -77,7 +82,7 @@ def _boxes(records: Floats, points_m: Floats, gone_m: Floats, along_m: Floats) -
     return Boxes._make(np.concatenate(columns, axis=1) for columns in zip(turning, along, strict=True))
 
 
-def _turning(records: Floats, first_rad: Floats) -> Boxes:
+def _turning(records: Records, first_rad: Floats) -> Boxes:
     """(n, 1) the room in which robots turn before they set out; nan if they need not turn."""
     off_rad = np.abs(np.remainder(first_rad - records["reported_yaw_rad"] + np.pi, 2 * np.pi) - np.pi)
     x_m = np.where(off_rad > TURNED_RAD, records["reported_x_m"], np.nan)
@@ -110,8 +115,15 @@ def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
     return found
 
 
-def crossings(robots: RobotTable, ways: Ways) -> list[tuple[int, int, tuple[float, float], tuple[float, float]]]:
-    """Pairs of slots whose ways meet, and for each robot the first point of its way where it would be in the other's."""
+class Meeting(NamedTuple):
+    """Two ways that meet. Each robot has a slot, and the first point of its way where it would be in the other's."""
+
+    slots: tuple[int, int]
+    before_m: tuple[Point, Point]
+
+
+def meetings(robots: RobotTable, ways: Ways) -> list[Meeting]:
+    """Where ways meet, each pair once."""
     outer = around(ways.boxes) if len(ways.slots) else np.empty((0, 4))
     row, other = touching_boxes(outer, outer).T
     floors = robots.records["floor"][ways.slots]
@@ -124,11 +136,13 @@ def crossings(robots: RobotTable, ways: Ways) -> list[tuple[int, int, tuple[floa
     for pair in np.flatnonzero(meet.any(axis=(1, 2))).tolist():
         a, b = int(row[pair]), int(other[pair])
         first = int(meet[pair].any(axis=1).argmax()), int(meet[pair].any(axis=0).argmax())
-        points = [
-            (float(ways.boxes.x_m[r, k]), float(ways.boxes.y_m[r, k])) for r, k in zip((a, b), first, strict=True)
-        ]
-        found.append((int(ways.slots[a]), int(ways.slots[b]), points[0], points[1]))
+        before_m = _point(ways, a, first[0]), _point(ways, b, first[1])
+        found.append(Meeting((int(ways.slots[a]), int(ways.slots[b])), before_m))
     return found
+
+
+def _point(ways: Ways, row: int, box: int) -> Point:
+    return float(ways.boxes.x_m[row, box]), float(ways.boxes.y_m[row, box])
 
 
 _REPORTED = ((0, "reported_x_m"), (1, "reported_y_m"))

@@ -132,7 +132,7 @@ class CellWorld:
             if self._compliance.declines:
                 self._answers.append((request.id, "declined", "busy"))
             return
-        act = {"wait_before": self._wait_before, "go_first": self._go_first, "go_around": self._go_around}
+        act = {"wait_before": self._wait_before, "go_first": _go_first, "go_around": self._go_around}
         why = act[request.verb](robot, request) if request.verb in act else "cannot"
         self._answers.append((request.id, "declined" if why else "accepted", why))
 
@@ -151,9 +151,6 @@ class CellWorld:
                 others.append((other, visits[0]))
         self._waits.setdefault(robot, {})[request.id] = (visit, request, others)
         self._restrict(robot)
-        return ""
-
-    def _go_first(self, robot: int, request: Request) -> str:
         return ""
 
     def _go_around(self, robot: int, request: Request) -> str:
@@ -213,6 +210,11 @@ class CellWorld:
         near = set(zip(a.tolist(), b.tolist(), strict=True))
         self._encounters += len(near - self._near)
         self._near = near
+
+
+def _go_first(_: int, __: Request) -> str:
+    """A robot goes on by itself as soon as nothing is in its way."""
+    return ""
 
 
 def _arrived(under_way: list[tuple[float, Sent]], now_s: float) -> list[Sent]:
