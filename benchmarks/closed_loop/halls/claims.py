@@ -1,6 +1,7 @@
 """Order within one vendor: its robots claim junctions and lanes before they drive into them."""
 
 from collections import defaultdict
+from math import hypot
 from typing import NamedTuple
 
 from benchmarks.closed_loop.halls.roadmap import Roadmap
@@ -32,6 +33,8 @@ class Claims:
         self._nodes: dict[int, set[int]] = defaultdict(set)
         self._segments: dict[int, dict[int, int]] = defaultdict(dict)
         """By segment and robot: its direction."""
+        self._last: dict[int, tuple[int, Robot]] = {}
+        """By robot: the segment that it claimed last."""
 
     def others_in(self, segment: int, robot: Robot) -> bool:
         return bool(self._segments[segment].keys() - {robot.row})
@@ -47,11 +50,20 @@ class Claims:
         """Claim the next junction and the lane behind it. False if others hold them."""
         if robot.claimed >= len(robot.way.nodes) - 1:
             return False
+        if self._is_behind(robot):
+            return False
         block = self._block(robot, robot.claimed + 1)
         if any(self._nodes[robot.way.nodes[k]] - {robot.row} for k in block.nodes) or not self._has_room(robot, block):
             return False
         self._take(robot, block)
         return True
+
+    def _is_behind(self, robot: Robot) -> bool:
+        """Whether another is before it in the last lane that both have claimed."""
+        segment, end = self._last[robot.row][0], self._roadmap.xy[robot.way.nodes[robot.claimed + 1]]
+        others = [self._last[row] for row in self._segments[segment] if row != robot.row] if segment >= 0 else []
+        away_m = hypot(robot.x_m - end[0], robot.y_m - end[1])
+        return any(last == segment and hypot(r.x_m - end[0], r.y_m - end[1]) < away_m for last, r in others)
 
     def _has_room(self, robot: Robot, block: Block) -> bool:
         if block.segment < 0:
@@ -85,6 +97,7 @@ class Claims:
             ends = block.last + 1
             robot.held_segments[block.segment] = float(way.gone_m[ends]) + beyond_m if ends < len(way.nodes) else 1e9
         robot.claimed = max(robot.claimed, block.last)
+        self._last[robot.row] = block.segment, robot
 
     def release(self, robot: Robot, gone_m: float) -> None:
         """What lies behind a distance on its way."""

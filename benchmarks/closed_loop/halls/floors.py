@@ -104,10 +104,12 @@ def _open(rng: np.random.Generator) -> Hall:
             if rng.random() < 0.4:
                 areas.append((west, south, east, north))
             streets += [_stub(middle_x, south, 0, 1), _stub(west, middle_y, 1, 0)]
-    streets += [_stub(float((a + b) / 2), float(ys[0]), 0, -1) for a, b in zip(xs, xs[1:], strict=False)]
-    streets += [_stub(float((a + b) / 2), float(ys[-1]), 0, 1) for a, b in zip(xs, xs[1:], strict=False)]
-    streets += [_stub(float(xs[0]), float((a + b) / 2), -1, 0) for a, b in zip(ys, ys[1:], strict=False)]
-    streets += [_stub(float(xs[-1]), float((a + b) / 2), 1, 0) for a, b in zip(ys, ys[1:], strict=False)]
+    for a, b in zip(xs, xs[1:], strict=False):
+        at_m = [float(a + share * (b - a)) for share in (0.35, 0.65)]
+        streets += [_stub(x, float(y), 0, side) for x in at_m for y, side in ((ys[0], -1), (ys[-1], 1))]
+    for a, b in zip(ys, ys[1:], strict=False):
+        at_m = [float(a + share * (b - a)) for share in (0.35, 0.65)]
+        streets += [_stub(float(x), y, side, 0) for y in at_m for x, side in ((xs[0], -1), (xs[-1], 1))]
     return Hall("open", streets, areas, 26)
 
 

@@ -83,7 +83,7 @@ class Scores:
         errands = sum(robot.errands for robot in robots) - self._first_errands
         return Figures(
             float(mps.mean()),
-            errands / (self.scored_s / 3600),
+            errands / (max(self.scored_s, STEP_S) / 3600),
             self.standoff_s,
             self.encounters / hours,
             self.wall_s,

@@ -96,6 +96,7 @@ class HallWorld:
         self.scores = Scores()
         for robot in self.robots:
             self._ground.put(robot)
+        self.scores.begin(self.robots, self._roadmap)
 
     @property
     def now_s(self) -> float:
@@ -183,7 +184,9 @@ class HallWorld:
     def _new_goal(self, row: int, start: int, taken: set[int]) -> int:
         away_m = self._roadmap.distance_m[start]
         order = self._errands[row].permutation(self._roadmap.stations).tolist()
-        return next(node for node in order if node not in taken and away_m[node] >= LEAST_ERRAND_M)
+        order = [node for node in order if node != start]
+        far = [node for node in order if away_m[node] >= LEAST_ERRAND_M]
+        return next((node for nodes in (far, order) for node in nodes if node not in taken), far[0])
 
     def _plan_next(self, robot: Robot, taken: set[int]) -> None:
         robot.next_goal = self._new_goal(robot.row, robot.goal, taken)
@@ -204,8 +207,8 @@ class HallWorld:
 
     def _begin_next(self, robot: Robot) -> None:
         mates = {g for r in self.robots if r.planner == robot.planner and r is not robot for g in (r.goal, r.next_goal)}
-        nodes = robot.way.nodes
-        robot.goal = robot.next_goal
+        nodes, goals = robot.way.nodes, {r.goal for r in self.robots if r.planner == robot.planner and r is not robot}
+        robot.goal = robot.next_goal if robot.next_goal not in goals else self._new_goal(robot.row, nodes[-1], goals)
         route = self._route_on(nodes, robot.goal, VENDORS.index(robot.model.vendor))
         trail = nodes[-TRAIL_NODES:-1]
         gone_m = float(way_of(self._roadmap, nodes[-TRAIL_NODES:]).gone_m[-1])
