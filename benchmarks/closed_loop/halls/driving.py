@@ -14,7 +14,8 @@ GAINS_MPS2, BRAKES_MPS2, SLOWS_MPS2 = 0.8, 1.5, 0.8
 TURNS_RADPS = 1.2
 REVERSE_MPS, CREEP_MPS = 0.3, 0.4
 MARGIN_M, CREEP_MARGIN_M = 0.45, 0.12
-BESIDE_M, TURN_M, SWEEP_M = 0.05, 0.02, 0.04
+TURN_M, SWEEP_M = 0.02, 0.04
+WARNED_MPS, WARNS_M, WARNS_BESIDE_M = 0.4, 0.6, 0.5
 FREE_S = 1.0
 """A protective field is free for so long before a robot starts again."""
 NO_WALLS = np.zeros((0, 4))
@@ -36,12 +37,12 @@ class Ground:
         long, wide = robot.long_m + more_m, robot.wide_m + more_m
         return first_hit(self.bodies, self.walls, robot.row, x_m, y_m, yaw, long, wide)
 
-    def ahead(self, robot: Robot, length_m: float, side: int, walls: bool) -> int:
+    def ahead(self, robot: Robot, length_m: float, side: int, walls: bool, beside_m: float = 0.05) -> int:
         """What is in the field before (`side` 1) or behind (-1) its body."""
         out_m = side * (robot.long_m + length_m / 2)
         x_m, y_m = robot.x_m + out_m * cos(robot.yaw), robot.y_m + out_m * sin(robot.yaw)
         of = self.walls if walls else NO_WALLS
-        more_m = BESIDE_M if not walls else SWEEP_M / 2
+        more_m = SWEEP_M / 2 if walls else beside_m
         return first_hit(self.bodies, of, robot.row, x_m, y_m, robot.yaw, length_m / 2, robot.wide_m + more_m)
 
     def is_free(self, robot: Robot, points: list[Point], yaw_after: float | None = None) -> bool:
@@ -86,8 +87,9 @@ class Driver:
         room_m = max(0.0, stop_m - robot.gone_m)
         wants = not stalled and room_m > 1e-6
         if self._may_move(robot, field_m, 1, False, now_s, wants) and wants:
-            allowed_mps = min(robot.model.top_mps, sqrt(2 * SLOWS_MPS2 * room_m) + 1e-3)
-            robot.speed_mps = min(allowed_mps, robot.speed_mps + GAINS_MPS2 * STEP_S)
+            allowed_mps = min(self._top_mps(robot, field_m), sqrt(2 * SLOWS_MPS2 * room_m) + 1e-3)
+            slowed_mps = robot.speed_mps - BRAKES_MPS2 * STEP_S
+            robot.speed_mps = max(min(allowed_mps, robot.speed_mps + GAINS_MPS2 * STEP_S), slowed_mps)
         else:
             self.stand(robot)
         step_m = min(robot.speed_mps * STEP_S, room_m)
@@ -98,6 +100,11 @@ class Driver:
             robot.x_m, robot.y_m = robot.way.at(robot.gone_m)
             robot.moved_s, robot.blocked_since_s = now_s, inf
         self._claims.release(robot, robot.gone_m)
+
+    def _top_mps(self, robot: Robot, field_m: float) -> float:
+        """Slower with a body in its warning field."""
+        warned = self._ground.ahead(robot, field_m + WARNS_M, 1, False, WARNS_BESIDE_M) != NOTHING
+        return WARNED_MPS if warned else robot.model.top_mps
 
     def _stop_m(self, robot: Robot) -> float:
         """Where on its way it must stand next."""

@@ -87,7 +87,7 @@ def _aisles(rng: np.random.Generator) -> Hall:
             x = pitch_m * (k + 1)
             places = tuple(round(float(f) * (high - low), 2) for f in rng.choice([0.3, 0.42, 0.55, 0.7], 2, replace=False))
             streets.append(Street((x, low), (x, high), stations=tuple(sorted(places))))
-    streets += [_stub(pitch_m * (k + 0.5), y, 0, s) for y, s in ((mains_m[0], -1), (mains_m[2], 1)) for k in range(1, 10)]
+    streets += [_stub(pitch_m * (k + 1), y, 0, s) for y, s in ((mains_m[0], -1), (mains_m[2], 1)) for k in range(count)]
     return Hall("aisles", streets, [], 30)
 
 
@@ -100,10 +100,9 @@ def _open(rng: np.random.Generator) -> Hall:
     for i in range(3):
         for k in range(3):
             west, east, south, north = (float(v) for v in (xs[i], xs[i + 1], ys[k], ys[k + 1]))
-            middle_x, middle_y = (west + east) / 2, (south + north) / 2
             if rng.random() < 0.4:
                 areas.append((west, south, east, north))
-            streets += [_stub(middle_x, south, 0, 1), _stub(west, middle_y, 1, 0)]
+            streets += [_stub(west + 0.35 * (east - west), south, 0, 1), _stub(west, south + 0.65 * (north - south), 1, 0)]
     for a, b in zip(xs, xs[1:], strict=False):
         at_m = [float(a + share * (b - a)) for share in (0.35, 0.65)]
         streets += [_stub(x, float(y), 0, side) for x in at_m for y, side in ((ys[0], -1), (ys[-1], 1))]
@@ -115,7 +114,7 @@ def _open(rng: np.random.Generator) -> Hall:
 
 def _doors(rng: np.random.Generator) -> Hall:
     """Six rooms, each with a ring of ways, joined by corridors that have a bay at either end."""
-    size_m = 9.0
+    size_m = 12.0
     streets: list[Street] = []
     gap_m = rng.uniform(6.5, 9.0, 2)
     for i in range(3):
@@ -126,23 +125,22 @@ def _doors(rng: np.random.Generator) -> Hall:
             streets += [Street((a, y), (a, y + size_m), wide=True) for a in (x, x + size_m)]
             streets += _in_room(x, y, size_m, i, k)
             if i < 2:
-                at_m = y + float(rng.choice([3.2, 4.5, 5.8]))
+                at_m = y + float(rng.choice([4.0, 8.0]))
                 streets.append(Street((x + size_m, at_m), (x + size_m + float(gap_m[0]), at_m)))
             if k < 1:
-                at_m = x + float(rng.choice([3.2, 4.5, 5.8]))
+                at_m = x + float(rng.choice([4.0, 8.0]))
                 streets.append(Street((at_m, y + size_m), (at_m, y + size_m + float(gap_m[1]))))
     return Hall("doors", streets, [], 25)
 
 
 def _in_room(x: float, y: float, size_m: float, i: int, k: int) -> list[Street]:
     """Bays of a room: where it has no doors, and inside the ring."""
-    found = [_stub(x + at, y, 0, -1) for at in (3.2, 5.8)] if k == 0 else [_stub(x + at, y + size_m, 0, 1) for at in (3.2, 5.8)]
+    found = [_stub(x + at, y, 0, -1) for at in (4.0, 8.0)] if k == 0 else [_stub(x + at, y + size_m, 0, 1) for at in (4.0, 8.0)]
     if i == 0:
-        found += [_stub(x, y + at, -1, 0) for at in (3.2, 5.8)]
+        found += [_stub(x, y + at, -1, 0) for at in (4.0, 8.0)]
     if i == 2:
-        found += [_stub(x + size_m, y + at, 1, 0) for at in (3.2, 5.8)]
-    inner_m = size_m / 2
-    return [*found, _stub(x, y + inner_m, 1, 0), _stub(x + size_m, y + inner_m, -1, 0)]
+        found += [_stub(x + size_m, y + at, 1, 0) for at in (4.0, 8.0)]
+    return [*found, _stub(x, y + 4.0, 1, 0), _stub(x + size_m, y + 8.0, -1, 0)]
 
 
 KINDS: dict[str, Callable[[np.random.Generator], Hall]] = {"aisles": _aisles, "open": _open, "doors": _doors}
