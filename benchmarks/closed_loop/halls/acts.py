@@ -132,8 +132,18 @@ class Acts:
         ahead_m = np.arange(robot.gone_m, min(robot.gone_m + 3.0, last_m) + 0.01, 0.5)
         return np.array([robot.way.at(float(m)) for m in ahead_m])
 
+    def other_order(self, robot: Robot) -> str:
+        """Another way than through the lane that others of its planner do not leave."""
+        edge = self._claims.wanted(robot)
+        if edge is None:
+            return "no lane"
+        a, b = robot.way.nodes[robot.leg], robot.way.nodes[robot.leg + 1]
+        return self._take_best(robot, {edge, edge[::-1], (b, a)})
+
     def other_way(self, robot: Robot, at: XY) -> str:
-        closed = self._edges_near(at)
+        return self._take_best(robot, self._edges_near(at))
+
+    def _take_best(self, robot: Robot, closed: set[tuple[int, int]]) -> str:
         best: tuple[float, list[int], float] | None = None
         for nodes, gone_m in self._starts(robot, closed):
             more = self._roadmap.route(nodes[-1], robot.goal, closed)

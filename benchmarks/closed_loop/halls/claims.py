@@ -58,6 +58,15 @@ class Claims:
         self._take(robot, block)
         return True
 
+    def wanted(self, robot: Robot) -> tuple[int, int] | None:
+        """The first edge of the lane that it would claim next, if it stands for that."""
+        nodes = robot.way.nodes
+        if robot.claimed >= len(nodes) - 1 or self.limit_m(robot) > robot.gone_m + 0.3 or self._is_behind(robot):
+            return None
+        block = self._block(robot, robot.claimed + 1)
+        first = block.nodes[-1] if block.nodes else robot.claimed
+        return (nodes[first], nodes[first + 1]) if first + 1 < len(nodes) else None
+
     def _is_behind(self, robot: Robot) -> bool:
         """Whether another is before it in the last lane that both have claimed."""
         segment, end = self._last[robot.row][0], self._roadmap.xy[robot.way.nodes[robot.claimed + 1]]

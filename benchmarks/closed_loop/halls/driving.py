@@ -16,6 +16,8 @@ REVERSE_MPS, CREEP_MPS = 0.3, 0.4
 MARGIN_M, CREEP_MARGIN_M = 0.45, 0.12
 TURN_M, SWEEP_M = 0.02, 0.04
 WARNED_MPS, WARNS_M, WARNS_BESIDE_M = 0.4, 0.6, 0.5
+TURNS_WITHIN_M = 0.12
+"""Beyond the point where a robot stops to turn, its protective field ends."""
 FREE_S = 1.0
 """A protective field is free for so long before a robot starts again."""
 NO_WALLS = np.zeros((0, 4))
@@ -85,6 +87,7 @@ class Driver:
         stop_m = self._stop_m(robot)
         field_m = MARGIN_M + 0.65 * robot.speed_mps**2 / BRAKES_MPS2 + robot.speed_mps * STEP_S
         room_m = max(0.0, stop_m - robot.gone_m)
+        field_m = min(field_m, float(robot.way.corner_m[robot.leg]) - robot.gone_m + TURNS_WITHIN_M)
         wants = not stalled and room_m > 1e-6
         if self._may_move(robot, field_m, 1, False, now_s, wants) and wants:
             allowed_mps = min(self._top_mps(robot, field_m), sqrt(2 * SLOWS_MPS2 * room_m) + 1e-3)

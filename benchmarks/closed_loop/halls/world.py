@@ -23,6 +23,8 @@ from deconflict.adviser import Request
 SCORED_FROM_S = 180.0
 STALLS_PER_S, STALL_S = 0.015, (2.0, 10.0)
 RESCUED_AFTER_S, QUEUED_RESCUED_AFTER_S, RESCUE_S = 120.0, 240.0, 10.0
+ORDER_PATIENCE_S = 10.0
+"""A robot that waits for so long for those of its own planner looks for another way."""
 RETRY_S, PAUSE_S, ASIDE_S = 5.0, 2.0, 6.0
 PASSED_M, CLEAR_M, LOOKED_AHEAD_M = 1.2, 1.1, 15.0
 IDENTITY_S = 60.0
@@ -236,6 +238,10 @@ class HallWorld:
             self._at_end(robot)
         else:
             driver.follow_way(robot, now_s, stalled)
+            patience_s = ORDER_PATIENCE_S + robot.row % 7
+            if robot.blocker < 0 and not stalled and now_s - robot.moved_s >= patience_s and now_s >= robot.tries_s:
+                robot.tries_s = now_s + RETRY_S
+                self._acts[robot.planner].other_order(robot)
         if robot.blocker >= 0 and now_s - robot.blocked_since_s >= robot.patience_s and now_s >= robot.tries_s:
             self._lose_patience(robot)
 
