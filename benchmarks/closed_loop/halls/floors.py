@@ -88,7 +88,7 @@ def _aisles(rng: np.random.Generator) -> Hall:
             places = tuple(round(float(f) * (high - low), 2) for f in rng.choice([0.3, 0.42, 0.55, 0.7], 2, replace=False))
             streets.append(Street((x, low), (x, high), stations=tuple(sorted(places))))
     streets += [_stub(pitch_m * (k + 1), y, 0, s) for y, s in ((mains_m[0], -1), (mains_m[2], 1)) for k in range(count)]
-    return Hall("aisles", streets, [], 30)
+    return Hall("aisles", streets, [], 27)
 
 
 def _open(rng: np.random.Generator) -> Hall:
