@@ -1,6 +1,7 @@
 """Requests that were made: which robots follow them, and how long that takes."""
 
 from dataclasses import dataclass, field
+from math import floor
 from typing import NamedTuple
 
 from deconflict.adviser.request import Request, Verb
@@ -17,7 +18,12 @@ DECLINED_S = 60.0
 """What a robot has declined is not asked of it again for so long."""
 UNABLE_AFTER = 2
 """A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
-CANNOT = "cannot"
+CANNOT, BUSY = "cannot", "busy"
+"""Reasons to decline: a vendor that never can, and a robot that cannot now. Any other is about the place."""
+PLACE_M = 3.0
+"""Side of the squares by which it is learned where a verb can be done."""
+USUALLY_DONE, PLACE_WEIGHT = 0.8, 1.0
+"""How likely a verb can be done where it was never asked, and how many answers that counts for."""
 
 
 @dataclass(slots=True)
@@ -65,6 +71,8 @@ class Following:
         self._robots: dict[str, _OfRobot] = {}
         self._can: dict[tuple[str, Verb], list[int]] = {}
         """By vendor and verb: how many requests were accepted, and how many could not be done."""
+        self._at: dict[tuple[Verb, int, int], list[int]] = {}
+        """By verb and square: how many requests were accepted, and how many declined."""
         self._answers = False
         """Whether any robot has ever answered."""
 
@@ -72,6 +80,11 @@ class Following:
         """The probability that a robot follows the next request."""
         record = self._of(robot)
         return (record.followed + USUALLY_FOLLOWS * USUAL_WEIGHT) / (record.asked + USUAL_WEIGHT)
+
+    def possible(self, verb: Verb, at_m: tuple[float, float]) -> float:
+        """The probability that a verb can be done at a place."""
+        accepted, declined = self._at.get(_square(verb, at_m), (0, 0))
+        return (accepted + USUALLY_DONE * PLACE_WEIGHT) / (accepted + declined + PLACE_WEIGHT)
 
     def asked_s(self, robot: str) -> float:
         """When a robot was last asked; 0 if never."""
@@ -97,15 +110,23 @@ class Following:
         record = self._of(robot)
         record.followed, record.ignored = record.followed + 1, 0
 
-    def answer(self, option: Option, vendor: str, answer: str, why: str, now_s: float) -> None:
-        self._answers = True
-        can, record = self._can.setdefault((vendor, option.verb), [0, 0]), self._of(option.robot)
+    def answer(self, asked: Asked, vendor: str, answer: str, why: str, now_s: float) -> None:
+        """A robot has answered."""
+        self._answers, request = True, asked.request
+        can, record = self._can.setdefault((vendor, request.verb), [0, 0]), self._of(request.robot)
+        place = self._at.setdefault(_square(request.verb, asked.from_m), [0, 0])
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
-            record.declined_s[option.verb, option.other] = now_s
+            record.declined_s[request.verb, request.other or ""] = now_s
             can[1] += why.startswith(CANNOT)
-        else:
+            place[1] += why != BUSY
+        elif answer == "accepted":
             can[0] += 1
+            place[0] += 1
 
     def _of(self, robot: str) -> _OfRobot:
         return self._robots.setdefault(robot, _OfRobot())
+
+
+def _square(verb: Verb, at_m: tuple[float, float]) -> tuple[Verb, int, int]:
+    return verb, floor(at_m[0] / PLACE_M), floor(at_m[1] / PLACE_M)

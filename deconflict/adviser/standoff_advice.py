@@ -10,6 +10,7 @@ from deconflict.adviser.standoffs import Crossing, Standing, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import Worth
+from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Batch
 
@@ -22,7 +23,13 @@ MOVED_M = 0.15
 PASSED_M = 3.0
 """A robot that is so far from where it was asked has passed the other, or has backed out."""
 LATEST_S = 20.0
-VERBS: tuple[Verb, ...] = ("go_around", "back_out")
+VERBS: tuple[Verb, ...] = ("go_around", "go_first", "back_out")
+"""Those that are asked of a robot that yields, or goes first; the cheapest first."""
+WHOLE_WAY_M = 20.0
+"""A robot backs out to where the other, which passes, will not come on the next metres of its way."""
+LIKELY = 0.3
+"""What robots do less likely is asked last. Of the others the robot is asked that was not asked for longest: the same
+robot asked again and again would never arrive."""
 
 
 class StandoffAdvice:
@@ -51,13 +58,13 @@ class StandoffAdvice:
         asked = self._asked.get(request_id)
         if asked is None or asked.request.robot not in robots:
             return
-        asked.answer, request = answer, asked.request
-        option = Option(request.robot, request.verb, request.other or "")
-        self._following.answer(option, robots[request.robot].vendor, answer, why, now_s)
+        asked.answer = answer
+        self._following.answer(asked, robots[asked.request.robot].vendor, answer, why, now_s)
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
         self._standing = standing(robots, now_s)
+        self._observe_standing(now_s)
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
         for ring in self._standing.rings:
             changed += self._for_ring(ring, robots, now_s)
@@ -68,6 +75,26 @@ class StandoffAdvice:
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
         return changed
+
+    def _observe_standing(self, now_s: float) -> None:
+        """Learn how long robots stand for each other if nobody follows advice, once they have stood for long."""
+        open_requests = (asked.request for asked in self._open.values() if asked.answer != "declined")
+        followed = {uuid for request in open_requests for uuid in _both(request)}
+        standing = self._standing
+        since_s = {
+            "ring": {
+                frozenset(ring): max(standing.waiting[robot].since_s for robot in ring) for ring in standing.rings
+            },
+            "stander": {
+                frozenset((each.robot, each.other)): each.both_since_s
+                for each in standing.waiting.values()
+                if each.robot not in standing.in_rings
+            },
+            "crossing": {frozenset(crossing.robots): crossing.since_s for crossing in standing.crossings},
+        }
+        for kind, groups in since_s.items():
+            long = {group for group, begun_s in groups.items() if begun_s <= now_s - STANDS_S}
+            self._worth.observe(kind, long, followed, now_s)
 
     def _reviewed(self, asked: Asked, robots: RobotTable, now_s: float) -> Iterator[Request]:
         """Update what came of an open request. Yields what is withdrawn."""
@@ -109,7 +136,7 @@ class StandoffAdvice:
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
         waiting = [self._standing.waiting[robot] for robot in ring]
         if now_s - max(each.since_s for each in waiting) >= RING_S and not self._open.keys() & set(ring):
-            options = [Option(each.robot, verb, each.other) for each in waiting for verb in VERBS]
+            options = [Option(each.robot, verb, each.other) for each in waiting for verb in ("go_around", "back_out")]
             yield from self._ask_best("ring", options, robots, now_s)
 
     def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
@@ -128,7 +155,7 @@ class StandoffAdvice:
             yield wait
 
     def _ask_best(self, kind: str, options: list[Option], robots: RobotTable, now_s: float) -> Iterator[Request]:
-        """Ask for the option that saves most, if any saves something."""
+        """Ask for the first option that saves something."""
         found = []
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
@@ -137,10 +164,13 @@ class StandoffAdvice:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
                 behind = self._standing.behind(option.robot), self._standing.behind(option.other)
-                saving_s = self._worth.saving_s(kind, option.verb, *behind) * self._following.likely(option.robot)
+                works = self._following.likely(option.robot)
+                works *= self._following.possible(option.verb, robots.reported_pose(option.robot)[:2])
+                saving_s = self._worth.saving_s(kind, option.verb, works, *behind)
                 is_fair = not self._worth.yields_too_much(yielding, other)
-                found.append((is_fair, saving_s, -self._following.asked_s(option.robot), option))
-        for _, saving_s, _, option in sorted(found, reverse=True):
+                rank = is_fair, works >= LIKELY, -VERBS.index(option.verb), -self._following.asked_s(option.robot)
+                found.append((rank, saving_s, option))
+        for _, saving_s, option in sorted(found, reverse=True):
             if saving_s > 0 and (request := self._request(option, robots, now_s)):
                 yield request
                 return
@@ -163,5 +193,9 @@ class StandoffAdvice:
         return Request(str(self._made), option.robot, option.verb, at, option.other, until, latest_s)
 
     def _refuge_m(self, option: Option, robots: RobotTable) -> tuple[float, float] | None:
-        passing = wanted_ways(robots, robots.slots_of([option.other]))
+        passing = wanted_ways(robots, robots.slots_of([option.other]), WHOLE_WAY_M, STEPS * STEP_S)
         return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, option[::2]))
+
+
+def _both(request: Request) -> tuple[str, ...]:
+    return (request.robot, request.other) if request.other else (request.robot,)

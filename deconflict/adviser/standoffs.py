@@ -41,6 +41,8 @@ class Crossing:
     """Two robots that stand before the place where their ways cross, with nobody in it."""
 
     robots: tuple[str, str]
+    since_s: float
+    """Since when both rest, seconds since the epoch."""
     before_m: tuple[tuple[float, float], tuple[float, float]]
     """Of each, the first point of its way where it would be in the other's."""
 
@@ -94,8 +96,11 @@ def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now
         if robots.uuids[slot] not in waiting
     ]
     ways = wanted_ways(robots, np.array(long, np.int64), FAR_REACH_M)
-    uuids = robots.uuids
-    return [Crossing((uuids[a], uuids[b]), before_m) for (a, b), before_m in meetings(robots, ways)]
+    uuids, rests_s = robots.uuids, robots.records["rests_s"]
+    return [
+        Crossing((uuids[a], uuids[b]), float(rests_s[[a, b]].max()), before_m)
+        for (a, b), before_m in meetings(robots, ways)
+    ]
 
 
 def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Bools) -> dict[str, Waiting]:

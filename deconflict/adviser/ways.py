@@ -49,11 +49,11 @@ class Ways(NamedTuple):
     """(n, k). The first is where a robot turns, the others are along its way. Nan beyond what it will use."""
 
 
-def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M) -> Ways:
-    """The ways of those robots of `slots` that mean to move on within `WITHIN_S`, up to `reach_m`."""
+def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M, within_s: float = WITHIN_S) -> Ways:
+    """The ways of those robots of `slots` that mean to move on, as far as they come within `within_s` and `reach_m`."""
     records = robots.records[slots]
     here_m = np.stack([records["reported_x_m"], records["reported_y_m"]], axis=1)[:, None]
-    soon = round(WITHIN_S / STEP_S)
+    soon = round(within_s / STEP_S)
     points_m = np.concatenate([here_m, robots.ways_m(slots)[:, : soon + 1]], axis=1)
     legs_m = np.hypot(*np.moveaxis(np.diff(points_m, axis=1), -1, 0))
     gone_m = np.concatenate([np.zeros((len(slots), 1)), legs_m.cumsum(axis=1)], axis=1)

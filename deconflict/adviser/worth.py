@@ -15,6 +15,10 @@ TAKES_S: dict[Verb, float] = {
     "other_way": 25.0,
 }
 """How long a robot needs for what it is asked, before any were seen. Those that it lets through wait half of that."""
+ASKING_S = 2.0
+"""What asking in vain takes."""
+LOOKED_AHEAD_S = 60.0
+"""What robots lose later than this is not counted."""
 WEIGHT = 5
 """How many observations the values above count for."""
 UNFAIR_SHARE, FAIR_AFTER_S = 0.55, 60.0
@@ -40,14 +44,23 @@ class Worth:
 
     stands_on: dict[str, Mean] = field(default_factory=lambda: {kind: Mean(s) for kind, s in STANDS_ON_S.items()})
     takes: dict[Verb, Mean] = field(default_factory=lambda: {verb: Mean(s) for verb, s in TAKES_S.items()})
+    _standing: dict[str, dict[frozenset[str], float]] = field(default_factory=dict)
+    """By kind: the robots that stood for each other at the last look, and when that was."""
     yielded_s: dict[tuple[str, str], float] = field(default_factory=dict)
     """By the vendor that yielded and the vendor that it let through."""
 
-    def saving_s(self, kind: str, verb: Verb, behind: int, behind_other: int) -> float:
-        """What one request saves if it is followed. Robots behind either of the two lose as much as it does."""
-        without_s = self.stands_on[kind].value_s * (2 + behind + behind_other)
-        takes_s = self.takes[verb].value_s
-        return without_s - takes_s * (1 + behind) - takes_s / 2 * (1 + behind_other)
+    def saving_s(self, kind: str, verb: Verb, works: float, behind: int, behind_other: int) -> float:
+        """What a request saves that is followed with the probability `works`; if it is not, another is asked later.
+
+        Robots behind either of the two lose as much as it does. Of robots that stand for each other one has to go
+        around in the end, also without advice; a robot that stands only in the way moves on at no cost.
+        """
+        stand = 2 + behind + behind_other
+        stands_on_s, takes_s = min(self.stands_on[kind].value_s, LOOKED_AHEAD_S), self.takes[verb].value_s
+        if kind != "stander":
+            takes_s -= min(takes_s, self.takes["go_around"].value_s)
+        followed_s = stands_on_s * stand - takes_s * (1 + behind) - takes_s / 2 * (1 + behind_other)
+        return works * followed_s - (1 - works) * ASKING_S * stand
 
     def yields_too_much(self, vendor: str, other: str) -> bool:
         """Whether a vendor has yielded more than its share to another."""
@@ -60,7 +73,11 @@ class Worth:
         mean.seconds, mean.ends = mean.seconds + seconds, mean.ends + 1
         self.yielded_s[vendor, other] = self.yielded_s.get((vendor, other), 0.0) + seconds
 
-    def add_standing(self, kind: str, seconds: float, ended: int) -> None:
-        """Robots stood for each other without advice that was followed; `ended` standoffs ended by themselves."""
-        mean = self.stands_on[kind]
-        mean.seconds, mean.ends = mean.seconds + seconds, mean.ends + ended
+    def observe(self, kind: str, groups: set[frozenset[str]], followed: set[str], now_s: float) -> None:
+        """Robots stand for each other at `now_s`. What `followed` advice ended says nothing of standing without."""
+        mean, before = self.stands_on[kind], self._standing.get(kind, {})
+        alone = {group for group in groups if not group & followed}
+        self._standing[kind] = dict.fromkeys(alone, now_s)
+        for group, since_s in before.items():
+            mean.seconds += now_s - since_s
+            mean.ends += group not in groups and not group & followed
