@@ -76,6 +76,19 @@ class Acts:
         hold.watched_m = np.array([way.at(float(m)) for m in np.arange(place_m, robot.gone_m + 1.0, 0.5)])
         return ""
 
+    def give_up(self, robot: Robot) -> bool:
+        """Leave a detour that is blocked: on from where it has backed out to, or straight to its way."""
+        way, last = robot.way, robot.detour[-1]
+        if last.backward:
+            here_m = way.near(robot.x_m, robot.y_m, robot.rejoins_m, robot.gone_m, 0.15)
+            robot.rejoins_m = robot.gone_m if here_m is None else here_m
+        for gone_m, backward in ((robot.rejoins_m, False), (robot.gone_m, True), (robot.gone_m, False)):
+            point = Point(*way.at(gone_m), backward)
+            if (point.x_m - robot.x_m) ** 2 + (point.y_m - robot.y_m) ** 2 < 0.05 or self._ground.is_free(robot, [point]):
+                robot.detour, robot.rejoins_m, robot.hold = [point], gone_m, None
+                return True
+        return False
+
     def _place_behind(self, robot: Robot) -> float | None:
         """Before the last junction that it has passed."""
         junction, way = self._roadmap.junction, robot.way

@@ -25,7 +25,9 @@ STALLS_PER_S, STALL_S = 0.015, (2.0, 10.0)
 RESCUED_AFTER_S, QUEUED_RESCUED_AFTER_S, RESCUE_S = 120.0, 240.0, 10.0
 ORDER_PATIENCE_S = 10.0
 """A robot that waits for so long for those of its own planner looks for another way."""
-RETRY_S, PAUSE_S, ASIDE_S = 5.0, 2.0, 6.0
+RETRY_S, PAUSE_S, GIVES_UP_S = 5.0, 2.0, 8.0
+ASIDE_S = 15.0
+"""How long a robot stands aside that has backed out on its own."""
 PASSED_M, CLEAR_M, LOOKED_AHEAD_M = 1.2, 1.1, 15.0
 IDENTITY_S = 60.0
 LEAST_ERRAND_M = 8.0
@@ -230,6 +232,8 @@ class HallWorld:
         elif robot.detour:
             if driver.follow_detour(robot, now_s, stalled):
                 self._end_detour(robot)
+            elif now_s - robot.moved_s >= GIVES_UP_S and not stalled and now_s >= robot.tries_s:
+                self._give_up(robot)
         elif robot.hold is not None and robot.aside < 0:
             self._has_reason(robot)
             if self._is_over(robot, robot.hold):
@@ -257,6 +261,16 @@ class HallWorld:
         elif robot.hold is not None and not robot.hold.request:
             robot.hold.latest_s = self.time_s + ASIDE_S
         robot.detour_for = ""
+
+    def _give_up(self, robot: Robot) -> None:
+        """A detour is blocked for so long that the robot leaves it."""
+        robot.tries_s = self.time_s + RETRY_S
+        name = robot.hold.request if robot.hold is not None else robot.detour_for
+        if self._acts[robot.planner].give_up(robot):
+            robot.detour_for = ""
+            if name:
+                self._answers.append((name, "declined", "blocked"))
+                self.scores.answers["declined: blocked"] += 1
 
     def _at_end(self, robot: Robot) -> None:
         if robot.aside >= 0:
