@@ -9,12 +9,15 @@ from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
-from deconflict.settings.site import DEFAULT, Site
-from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings import site_file
+from deconflict.settings.fleet_factory import fleet_of
+from deconflict.settings.site import DEFAULT, Site
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received
+
+PEER = "adviser"
+"""Address that all messages count as coming from: who may send was decided before."""
 
 
 class Adviser:
@@ -25,9 +28,10 @@ class Adviser:
         settings = DEFAULT if site is None else site if isinstance(site, Site) else site_file.load(Path(site))
         self._fleet = fleet_of(settings, Measures())
         self._robots = RobotTable(PlaceGeometry(settings.resources, settings.zones))
-        self._advice = StandoffAdvice()
+        self._advice = StandoffAdvice(vendor.name for vendor in settings.vendors if vendor.participant == "person")
+        self._now_s = 0.0
         self._makers: dict[str, str] = {}
-        self.note=self._advice.note
+        """By UUID, what its newest identity report says."""
 
     def hear(self, now_s: float, messages: Iterable[Mapping[str, Any]]) -> list[Request]:
         """Requests that are new, changed or withdrawn since the last call.
@@ -36,14 +40,18 @@ class Adviser:
         """
         for message in messages:
             uuid = str(message.get("uuid", ""))
-            maker = self._makers.setdefault(uuid, message["manufacturerName"]) if "manufacturerName" in message else self._makers.get(uuid)
-            connection = Connection(1, "adviser", f"/{maker or ''}", maker)
+            if "manufacturerName" in message:
+                self._makers[uuid] = str(message["manufacturerName"])
+            maker = self._makers.get(uuid)
+            connection = Connection(1, PEER, f"/{maker or ''}", maker)
             self._fleet.receive_recorded(Received(json.dumps(message).encode(), now_s, connection))
         batch = self._fleet.next_batch(now_s)
         self._robots.forget(batch.gone)
         self._robots.update(batch)
+        self._advice.receive(batch, self._robots)
+        self._now_s = now_s
         return self._advice.step(self._robots, now_s)
 
     def answer(self, request_id: str, answer: Literal["accepted", "declined", "done"], why: str = "") -> None:
         """What a robot answered to a request."""
-        self._advice.answer(request_id, answer, why)
+        self._advice.answer(request_id, answer, why, self._robots, self._now_s)

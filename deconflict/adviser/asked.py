@@ -1,41 +1,111 @@
 """Requests that were made: which robots follow them, and how long that takes."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from deconflict.adviser.request import Request
+from deconflict.adviser.request import Request, Verb
 
-Answer = str
 BEGINS_WITHIN_S = 3.0
 """A robot that follows has set out by then. Else another is asked."""
-MOVED_M = 0.15
-USUALLY_FOLLOWS, USUAL_WEIGHT = 0.7, 2.0
+ANSWERS_WITHIN_S = 2.0
+"""The same for an answer of robots that answer."""
+USUALLY_FOLLOWS, USUAL_WEIGHT = 0.7, 0.5
 """How likely a robot follows that was never asked, and how many requests that counts for."""
+PAUSE_S, LONGEST_PAUSE_S = 5.0, 60.0
+"""A robot that has not followed is asked again after this time, and after twice as long each further time."""
+DECLINED_S = 60.0
+"""What a robot has declined is not asked of it again for so long."""
+UNABLE_AFTER = 2
+"""A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
+CANNOT = "cannot"
 
 
 @dataclass(slots=True)
 class Asked:
-    """One request and what came of it."""
+    """One request and what came of it. Times are seconds since the epoch."""
 
     request: Request
     asked_s: float
     from_m: tuple[float, float]
     """Where the robot was when it was asked."""
     answer: str = ""
-    why: str = ""
     begun_s: float | None = None
-    ended: bool = False
+    waits: Request | None = None
+    """The request of another robot to wait while this one goes first."""
+
+
+class Option(NamedTuple):
+    """Something that a robot could be asked for."""
+
+    robot: str
+    verb: Verb
+    other: str
+
+    @property
+    def yields(self) -> tuple[str, str]:
+        """The robot that loses time for the other, and the other."""
+        return (self.other, self.robot) if self.verb == "go_first" else (self.robot, self.other)
 
 
 @dataclass(slots=True)
-class Following:
-    """How often a robot was asked, and how often it followed."""
-
+class _OfRobot:
     asked: int = 0
     followed: int = 0
-    declined_s: dict[tuple[str, str | None], float] = field(default_factory=dict)
-    """By verb and other robot: when it last declined."""
+    ignored: int = 0
+    """The newest requests in a row that it did not follow."""
+    asked_s: float = 0.0
+    declined_s: dict[tuple[Verb, str], float] = field(default_factory=dict)
+    """By verb and other robot."""
 
-    @property
-    def likely(self) -> float:
-        """The probability that it follows the next request."""
-        return (self.followed + USUALLY_FOLLOWS * USUAL_WEIGHT) / (self.asked + USUAL_WEIGHT)
+
+class Following:
+    """Which robots follow requests, and which verbs their vendors can do."""
+
+    def __init__(self) -> None:
+        self._robots: dict[str, _OfRobot] = {}
+        self._can: dict[tuple[str, Verb], list[int]] = {}
+        """By vendor and verb: how many requests were accepted, and how many could not be done."""
+        self._answers = False
+        """Whether any robot has ever answered."""
+
+    def likely(self, robot: str) -> float:
+        """The probability that a robot follows the next request."""
+        record = self._of(robot)
+        return (record.followed + USUALLY_FOLLOWS * USUAL_WEIGHT) / (record.asked + USUAL_WEIGHT)
+
+    def asked_s(self, robot: str) -> float:
+        """When a robot was last asked; 0 if never."""
+        return self._of(robot).asked_s
+
+    def may_be_asked(self, option: Option, vendor: str, now_s: float) -> bool:
+        """Whether the robot has not declined or ignored it lately, and its vendor can do it."""
+        accepted, unable = self._can.get((vendor, option.verb), (0, 0))
+        record = self._of(option.robot)
+        pause_s = min(PAUSE_S * 2**record.ignored, LONGEST_PAUSE_S) if record.ignored else 0.0
+        is_rested = now_s - record.declined_s.get((option.verb, option.other), 0.0) > DECLINED_S
+        return is_rested and now_s - record.asked_s >= pause_s and (accepted > 0 or unable < UNABLE_AFTER)
+
+    def waits_s(self) -> float:
+        """How long a robot has time to answer, or to set out."""
+        return ANSWERS_WITHIN_S if self._answers else BEGINS_WITHIN_S
+
+    def ask(self, robot: str, now_s: float) -> None:
+        record = self._of(robot)
+        record.asked, record.ignored, record.asked_s = record.asked + 1, record.ignored + 1, now_s
+
+    def follow(self, robot: str) -> None:
+        record = self._of(robot)
+        record.followed, record.ignored = record.followed + 1, 0
+
+    def answer(self, option: Option, vendor: str, answer: str, why: str, now_s: float) -> None:
+        self._answers = True
+        can, record = self._can.setdefault((vendor, option.verb), [0, 0]), self._of(option.robot)
+        if answer == "declined":
+            record.asked, record.ignored = record.asked - 1, 0
+            record.declined_s[option.verb, option.other] = now_s
+            can[1] += why.startswith(CANNOT)
+        else:
+            can[0] += 1
+
+    def _of(self, robot: str) -> _OfRobot:
+        return self._robots.setdefault(robot, _OfRobot())

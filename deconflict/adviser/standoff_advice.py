@@ -1,108 +1,167 @@
-"""Advice that ends standoffs: one of the robots goes around the other."""
+"""Advice that ends standoffs: who yields to whom, and how."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from math import hypot
 
-from deconflict.adviser.asked import BEGINS_WITHIN_S, MOVED_M, Asked, Following
-from deconflict.adviser.request import Request
-from deconflict.adviser.standoffs import Standing, Waiting, standing
+from deconflict.adviser.asked import Asked, Following, Option
+from deconflict.adviser.request import Request, Verb
+from deconflict.adviser.standoffs import Crossing, Standing, standing
+from deconflict.adviser.tracks import Tracks, other_bodies
+from deconflict.adviser.ways import wanted_ways
+from deconflict.adviser.worth import Worth
 from deconflict.contention.robots.robot_table import RobotTable
+from ingest.batch import Batch
 
 RING_S = 0.8
 """Robots that have stood for each other for so long rarely move on by themselves."""
 STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
+MOVED_M = 0.15
+"""A robot that is so far from where it was asked has set out."""
+PASSED_M = 3.0
+"""A robot that is so far from where it was asked has passed the other, or has backed out."""
 LATEST_S = 20.0
-PAUSE_S = 4.0
+VERBS: tuple[Verb, ...] = ("go_around", "back_out")
 
 
 class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, people: Iterable[str] = ()) -> None:
+        """`people` are vendors whose participants are people. Nothing is asked of them."""
+        self._people = frozenset(people)
         self._open: dict[str, Asked] = {}
         """By robot."""
-        self._by_id: dict[str, Asked] = {}
-        self._following: dict[str, Following] = {}
+        self._asked: dict[str, Asked] = {}
+        """By id of the request."""
+        self._following, self._worth, self._tracks = Following(), Worth(), Tracks()
+        self._waiting: set[str] = set()
+        """Robots that are asked to wait while another goes first."""
         self._made = 0
-        self.standing = Standing({}, [])
-        self.note = {}
+        self._standing = Standing({}, [])
 
-    def answer(self, request_id: str, answer: str, why: str) -> None:
-        asked = self._by_id.get(request_id)
-        if asked is None:
+    def receive(self, batch: Batch, robots: RobotTable) -> None:
+        """Robots were updated."""
+        self._tracks.forget(batch.gone)
+        self._tracks.observe(robots, batch.robots)
+
+    def answer(self, request_id: str, answer: str, why: str, robots: RobotTable, now_s: float) -> None:
+        """What a robot answered to a request. An unknown id is ignored: the request has ended."""
+        asked = self._asked.get(request_id)
+        if asked is None or asked.request.robot not in robots:
             return
-        asked.answer, asked.why = answer, why
-        following = self._follows(asked.request.robot)
-        if answer == "declined":
-            following.declined_s[asked.request.verb, asked.request.other] = asked.asked_s
+        asked.answer, request = answer, asked.request
+        option = Option(request.robot, request.verb, request.other or "")
+        self._following.answer(option, robots[request.robot].vendor, answer, why, now_s)
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
-        self.standing = standing(robots, now_s)
-        changed = list(self._reviewed(robots, now_s))
-        for ring in self.standing.rings:
+        self._standing = standing(robots, now_s)
+        changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
+        for ring in self._standing.rings:
             changed += self._for_ring(ring, robots, now_s)
-        for waiting in self.standing.waiting.values():
-            changed += self._for_stander(waiting, robots, now_s)
+        for waiting in self._standing.waiting.values():
+            is_in_ring = waiting.robot in self._standing.in_rings
+            if not is_in_ring and now_s - waiting.both_since_s >= STANDS_S:
+                changed += self._ask_best("stander", [Option(waiting.robot, "go_around", waiting.other)], robots, now_s)
+        for crossing in self._standing.crossings:
+            changed += self._for_crossing(crossing, robots, now_s)
         return changed
 
-    def _follows(self, robot: str) -> Following:
-        return self._following.setdefault(robot, Following())
+    def _reviewed(self, asked: Asked, robots: RobotTable, now_s: float) -> Iterator[Request]:
+        """Update what came of an open request. Yields what is withdrawn."""
+        robot = asked.request.robot
+        if robot not in robots or now_s >= asked.request.latest_s:
+            self._end(asked)
+            return
+        x_m, y_m, _ = robots.reported_pose(robot)
+        moved_m = hypot(x_m - asked.from_m[0], y_m - asked.from_m[1])
+        if asked.begun_s is None and moved_m > MOVED_M and asked.answer != "declined":
+            asked.begun_s = now_s
+            self._following.follow(robot)
+        if asked.begun_s is not None:
+            yield from self._follow_up(asked, moved_m, robots, now_s)
+            return
+        is_late = now_s - asked.asked_s >= (self._following.waits_s() if not asked.answer else 2 * LATEST_S)
+        is_over = asked.request.verb != "go_first" and robot not in self._standing.waiting
+        if asked.answer == "declined" or is_late or is_over:
+            yield from self._end(asked, asked.request)
 
-    def _reviewed(self, robots: RobotTable, now_s: float) -> Iterator[Request]:
-        """Update the open requests. Yields those that are withdrawn."""
-        for robot, asked in list(self._open.items()):
-            if robot not in robots or now_s >= asked.request.latest_s or asked.answer == "done":
-                self._end(robot)
-                continue
-            if asked.begun_s is None:
-                view = robots[robot]
-                if hypot(view.x_m - asked.from_m[0], view.y_m - asked.from_m[1]) > MOVED_M and robot not in self.standing.waiting:
-                    asked.begun_s = now_s
-                    self._follows(robot).followed += 1
-                elif asked.answer == "declined" or now_s - asked.asked_s >= BEGINS_WITHIN_S:
-                    yield self._withdrawn(robot)
-            elif robot not in self.standing.waiting and now_s - asked.begun_s > PAUSE_S:
-                self._end(robot)
-            elif robot in self.standing.waiting and now_s-asked.begun_s>2:
-                self._end(robot)
+    def _end(self, asked: Asked, *withdrawn: Request) -> list[Request]:
+        """A request is open no longer. Returns what is withdrawn: of a robot that goes first also the other's wait."""
+        del self._open[asked.request.robot]
+        if asked.waits:
+            self._waiting.discard(asked.waits.robot)
+        return [replace(request, withdrawn=True) for request in (*withdrawn, asked.waits) if request]
 
-    def _withdrawn(self, robot: str) -> Request:
-        request = self._end(robot).request
-        return Request(request.id, request.robot, request.verb, request.at, request.other, request.until, request.latest_s, True)
-
-    def _end(self, robot: str) -> Asked:
-        asked = self._open.pop(robot)
-        asked.ended = True
-        return asked
+    def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> list[Request]:
+        """End a request that is done, or whose robot stands for somebody again. Returns what is withdrawn."""
+        request, takes_s = asked.request, now_s - asked.asked_s
+        is_done = moved_m >= PASSED_M or asked.answer == "done"
+        if is_done and request.other in robots:
+            yields = Option(request.robot, request.verb, request.other or "").yields
+            self._worth.add_yield(request.verb, robots[yields[0]].vendor, robots[yields[1]].vendor, takes_s)
+        if is_done or (takes_s >= STANDS_S and request.robot in self._standing.waiting):
+            return self._end(asked)
+        return []
 
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
-        waiting = [self.standing.waiting[robot] for robot in ring]
-        if len({robots[robot].vendor for robot in ring}) == 1:
-            return
-        if now_s - max(each.since_s for each in waiting) < RING_S or self._open.keys() & set(ring):
-            return
-        able = [each for each in waiting if robots[each.robot].vendor != robots[each.other].vendor]
-        if able:
-            yield self._ask(min(able, key=lambda each: (-self._follows(each.robot).likely, each.since_s)), robots, now_s)
-            self.note['ring'] = self.note.get('ring',0)+1
+        waiting = [self._standing.waiting[robot] for robot in ring]
+        if now_s - max(each.since_s for each in waiting) >= RING_S and not self._open.keys() & set(ring):
+            options = [Option(each.robot, verb, each.other) for each in waiting for verb in VERBS]
+            yield from self._ask_best("ring", options, robots, now_s)
 
-    def _for_stander(self, waiting: Waiting, robots: RobotTable, now_s: float) -> Iterator[Request]:
-        both = {waiting.robot, waiting.other}
-        if robots[waiting.robot].vendor == robots[waiting.other].vendor or self._open.keys() & both:
+    def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
+        """One of two that wait for each other goes first; the other waits before its way until that has passed."""
+        a, b = crossing.robots
+        if self._waiting & {a, b}:
             return
-        if now_s - waiting.both_since_s >= STANDS_S:
-            self.note['stander'] = self.note.get('stander',0)+1
-            yield self._ask(waiting, robots, now_s)
+        options: list[Option] = [Option(a, "go_first", b), Option(b, "go_first", a)]
+        for first in self._ask_best("crossing", options, robots, now_s):
+            yield first
+            other = b if first.robot == a else a
+            before_m = crossing.before_m[crossing.robots.index(other)]
+            wait = self._new(Option(other, "wait_before", first.robot), before_m, (first.robot,), first.latest_s)
+            self._open[first.robot].waits = wait
+            self._waiting.add(other)
+            yield wait
 
-    def _ask(self, waiting: Waiting, robots: RobotTable, now_s: float) -> Request:
-        self._made += 1
-        request = Request(
-            str(self._made), waiting.robot, "go_around", None, waiting.other, (waiting.other,), now_s + LATEST_S
-        )
-        view = robots[waiting.robot]
-        asked = Asked(request, now_s, (view.x_m, view.y_m))
-        self._open[waiting.robot] = self._by_id[request.id] = asked
-        self._follows(waiting.robot).asked += 1
+    def _ask_best(self, kind: str, options: list[Option], robots: RobotTable, now_s: float) -> Iterator[Request]:
+        """Ask for the option that saves most, if any saves something."""
+        found = []
+        for option in options:
+            vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
+            is_asked = option.robot in self._open or option.other in self._open
+            if yielding == other or self._people & {vendor, yielding} or is_asked:
+                continue
+            if self._following.may_be_asked(option, vendor, now_s):
+                behind = self._standing.behind(option.robot), self._standing.behind(option.other)
+                saving_s = self._worth.saving_s(kind, option.verb, *behind) * self._following.likely(option.robot)
+                is_fair = not self._worth.yields_too_much(yielding, other)
+                found.append((is_fair, saving_s, -self._following.asked_s(option.robot), option))
+        for _, saving_s, _, option in sorted(found, reverse=True):
+            if saving_s > 0 and (request := self._request(option, robots, now_s)):
+                yield request
+                return
+
+    def _request(self, option: Option, robots: RobotTable, now_s: float) -> Request | None:
+        """Ask for an option. None if there is no place for it."""
+        at = self._refuge_m(option, robots) if option.verb == "back_out" else None
+        if option.verb == "back_out" and at is None:
+            return None
+        latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
+        until = () if option.verb == "go_first" else (option.other,)
+        request = self._new(option, at, until, latest_s)
+        x_m, y_m, _ = robots.reported_pose(option.robot)
+        self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m))
+        self._following.ask(option.robot, now_s)
         return request
+
+    def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
+        self._made += 1
+        return Request(str(self._made), option.robot, option.verb, at, option.other, until, latest_s)
+
+    def _refuge_m(self, option: Option, robots: RobotTable) -> tuple[float, float] | None:
+        passing = wanted_ways(robots, robots.slots_of([option.other]))
+        return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, option[::2]))

@@ -1,16 +1,19 @@
 """Robots that stand in each other's way: who waits for whom, and since when."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from deconflict.adviser.ways import first_in_way, wanted_ways
+from deconflict.adviser.ways import FAR_REACH_M, first_in_way, meetings, wanted_ways
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.deadlocks import Want, rings
-from ingest.batch import Ints
+from ingest.batch import Bools, Ints
 
 HEARD_WITHIN_S = 5.0
 """Where a robot is that was last heard longer ago is doubted."""
+CROSSING_S = 8.0
+"""Robots that have stood for so long before a free crossing wait for each other, whatever they say."""
 RESTS_S = 0.8
 """A robot that rests for so long between two reports stands."""
 
@@ -34,6 +37,15 @@ class Waiting:
 
 
 @dataclass(frozen=True, slots=True)
+class Crossing:
+    """Two robots that stand before the place where their ways cross, with nobody in it."""
+
+    robots: tuple[str, str]
+    before_m: tuple[tuple[float, float], tuple[float, float]]
+    """Of each, the first point of its way where it would be in the other's."""
+
+
+@dataclass(frozen=True)
 class Standing:
     """Who stands for whom at one moment."""
 
@@ -41,6 +53,12 @@ class Standing:
     """By robot."""
     rings: list[tuple[str, ...]]
     """Robots that stand for each other, each for the next and the last for the first."""
+
+    crossings: list[Crossing] = field(default_factory=list)
+
+    @cached_property
+    def in_rings(self) -> set[str]:
+        return {robot for ring in self.rings for robot in ring}
 
     def behind(self, robot: str) -> int:
         """How many robots stand for a robot, or for one that stands for it."""
@@ -64,10 +82,24 @@ def standing(robots: RobotTable, now_s: float) -> Standing:
     others = first_in_way(robots, ways, np.flatnonzero(heard))
     waiting = _waiting(robots, ways.slots[others >= 0], others[others >= 0], rests)
     wants = [Want((each.robot, 0), ((each.other, 0),), "path", each.since_s) for each in waiting.values()]
-    return Standing(waiting, [tuple(link.waiter for link in ring) for ring in rings(wants)])
+    found = [tuple(link.waiter for link in ring) for ring in rings(wants)]
+    return Standing(waiting, found, _crossings(robots, np.flatnonzero(rests), waiting, now_s))
 
 
-def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Ints) -> dict[str, Waiting]:
+def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now_s: float) -> list[Crossing]:
+    """Robots among `slots` that have long stood before a crossing for no body."""
+    long = [
+        slot
+        for slot in slots[now_s - robots.records["rests_s"][slots] >= CROSSING_S].tolist()
+        if robots.uuids[slot] not in waiting
+    ]
+    ways = wanted_ways(robots, np.array(long, np.int64), FAR_REACH_M)
+    uuids = robots.uuids
+    return [Crossing((uuids[a], uuids[b]), before_m) for (a, b), before_m in meetings(robots, ways)]
+
+
+def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Bools) -> dict[str, Waiting]:
+    """By robot, those of `slots` (n,) whose ways `others` (n,) stand or drive in; `rests` is by slot."""
     uuids, rests_s = robots.uuids, robots.records["rests_s"]
     other_s = np.where(rests[others], rests_s[others], np.inf)
     rows = zip(slots.tolist(), others.tolist(), rests_s[slots].tolist(), other_s.tolist(), strict=True)

@@ -6,6 +6,7 @@ import numpy as np
 
 from deconflict.contention.robots.bounding_boxes import touching_boxes
 from deconflict.contention.robots.lookahead import STEP_S
+from deconflict.contention.robots.record_kernels import Records
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Bools, Floats, Ints
 
@@ -14,13 +15,18 @@ REACH_M = 2.2
 STRIDE_M = 0.2
 MARGIN_M, BESIDE_M = 0.45, 0.05
 """Room that a robot keeps free in front of its body and at each side."""
-WITHIN_S = 4.0
+WITHIN_S = 5.0
 """A robot that means to go on only later than this waits for something of its own."""
-LEAST_WAY_M = 0.3
+LEAST_WAY_M = 0.1
 TURNED_RAD = 0.3
 """A way that begins in another direction needs room for the robot to turn."""
 
-_ALONG_M: Floats = np.arange(0.0, REACH_M + STRIDE_M / 2, STRIDE_M)
+FAR_REACH_M = 4.6
+"""The same for ways that cross where nobody is: robots stop before a crossing as large as this."""
+
+
+Point = tuple[float, float]
+"""x and y in metres."""
 
 
 class Boxes(NamedTuple):
@@ -43,8 +49,8 @@ class Ways(NamedTuple):
     """(n, k). The first is where a robot turns, the others are along its way. Nan beyond what it will use."""
 
 
-def wanted_ways(robots: RobotTable, slots: Ints) -> Ways:
-    """The ways of those robots of `slots` that mean to move on within `WITHIN_S`."""
+def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M) -> Ways:
+    """The ways of those robots of `slots` that mean to move on within `WITHIN_S`, up to `reach_m`."""
     records = robots.records[slots]
     here_m = np.stack([records["reported_x_m"], records["reported_y_m"]], axis=1)[:, None]
     soon = round(WITHIN_S / STEP_S)
@@ -52,12 +58,13 @@ def wanted_ways(robots: RobotTable, slots: Ints) -> Ways:
     legs_m = np.hypot(*np.moveaxis(np.diff(points_m, axis=1), -1, 0))
     gone_m = np.concatenate([np.zeros((len(slots), 1)), legs_m.cumsum(axis=1)], axis=1)
     goes = gone_m[:, -1] >= LEAST_WAY_M
-    return Ways(slots[goes], _boxes(records[goes], points_m[goes], gone_m[goes]))
+    along_m = np.arange(0.0, reach_m + STRIDE_M / 2, STRIDE_M)
+    return Ways(slots[goes], _boxes(records[goes], points_m[goes], gone_m[goes], along_m))
 
 
-def _boxes(records: Floats, points_m: Floats, gone_m: Floats) -> Boxes:
+def _boxes(records: Records, points_m: Floats, gone_m: Floats, along_m: Floats) -> Boxes:
     """(n, k) along the polylines `points_m` (n, p, 2), whose points are `gone_m` (n, p) from their begins."""
-    along_m = np.broadcast_to(_ALONG_M, (len(points_m), len(_ALONG_M)))
+    along_m = np.broadcast_to(along_m, (len(points_m), len(along_m)))
     leg = (gone_m[:, None, 1:-1] <= along_m[:, :, None]).sum(axis=2)
     row = np.arange(len(points_m))[:, None]
     length_m = np.maximum(gone_m[row, leg + 1] - gone_m[row, leg], 1e-9)
@@ -75,7 +82,7 @@ def _boxes(records: Floats, points_m: Floats, gone_m: Floats) -> Boxes:
     return Boxes._make(np.concatenate(columns, axis=1) for columns in zip(turning, along, strict=True))
 
 
-def _turning(records: Floats, first_rad: Floats) -> Boxes:
+def _turning(records: Records, first_rad: Floats) -> Boxes:
     """(n, 1) the room in which robots turn before they set out; nan if they need not turn."""
     off_rad = np.abs(np.remainder(first_rad - records["reported_yaw_rad"] + np.pi, 2 * np.pi) - np.pi)
     x_m = np.where(off_rad > TURNED_RAD, records["reported_x_m"], np.nan)
@@ -106,6 +113,36 @@ def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
     order = order[first[order] < hit.shape[1]]
     found[row[order]] = others[other[order]]
     return found
+
+
+class Meeting(NamedTuple):
+    """Two ways that meet. Each robot has a slot, and the first point of its way where it would be in the other's."""
+
+    slots: tuple[int, int]
+    before_m: tuple[Point, Point]
+
+
+def meetings(robots: RobotTable, ways: Ways) -> list[Meeting]:
+    """Where ways meet, each pair once."""
+    outer = around(ways.boxes) if len(ways.slots) else np.empty((0, 4))
+    row, other = touching_boxes(outer, outer).T
+    floors = robots.records["floor"][ways.slots]
+    chosen = (row < other) & (floors[row] == floors[other])
+    row, other = row[chosen], other[chosen]
+    mine = Boxes._make(column[row][:, :, None] for column in ways.boxes)
+    theirs = Boxes._make(column[other][:, None, :] for column in ways.boxes)
+    meet = touch(mine, theirs)
+    found = []
+    for pair in np.flatnonzero(meet.any(axis=(1, 2))).tolist():
+        a, b = int(row[pair]), int(other[pair])
+        first = int(meet[pair].any(axis=1).argmax()), int(meet[pair].any(axis=0).argmax())
+        before_m = _point(ways, a, first[0]), _point(ways, b, first[1])
+        found.append(Meeting((int(ways.slots[a]), int(ways.slots[b])), before_m))
+    return found
+
+
+def _point(ways: Ways, row: int, box: int) -> Point:
+    return float(ways.boxes.x_m[row, box]), float(ways.boxes.y_m[row, box])
 
 
 _REPORTED = ((0, "reported_x_m"), (1, "reported_y_m"))

@@ -1,9 +1,8 @@
 """A floor of cells whose robots hear an adviser and do what it asks."""
 
-import heapq
 import json
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from benchmarks.planned_floors.truth.motion import STEP_S
 from deconflict.adviser import Request
 from ingest.batch import Floats
 
+Sent = TypeVar("Sent")
 SCORED_FROM_S = 120.0
 LOOKED_AHEAD = 60
 """Visits in which the cell of a request is looked for."""
@@ -60,9 +60,10 @@ class CellWorld:
         self._due = due_reports(self._traffic, round(made_of.seconds / STEP_S) + 1, self._rng)
         obeys = np.random.default_rng([made_of.seed, 10]).random(len(self._models)) < compliance.share
         self._obeys = [bool(o) and m.vendor != compliance.unwilling for o, m in zip(obeys, self._models, strict=True)]
-        self._coming: list[tuple[float, int, Any]] = []
-        """Messages and requests under way: when they arrive, a number, and what."""
-        self._sent = 0
+        self._messages: list[tuple[float, dict[str, Any]]] = []
+        """Under way to the adviser: when they arrive, and what."""
+        self._requests: list[tuple[float, Request]] = []
+        """The same to robots."""
         self._answers: list[tuple[str, str, str]] = []
         self._waits: dict[int, dict[str, tuple[int, Request, list[tuple[int, int]]]]] = {}
         """By robot and request: the first visit that it may not begin, and by other robot its last visit there."""
@@ -73,7 +74,7 @@ class CellWorld:
         self._near: set[tuple[int, int]] = set()
         self._encounters = 0
         for model in self._models:
-            self._send(0.0, json.loads(identity(model).message))
+            self._messages.append((0.0, json.loads(identity(model).message)))
         self._traffic.begin_step()
 
     @property
@@ -85,9 +86,9 @@ class CellWorld:
         traffic = self._traffic
         lines = reports(traffic, self._models, self._due[traffic.sample], self._rng)
         for line in lines:
-            self._send(line.received_s - START_S, json.loads(line.message))
-        while self._coming and self._coming[0][0] <= traffic.now_s and isinstance(self._coming[0][2], Request):
-            self._reach(heapq.heappop(self._coming)[2])
+            self._messages.append((line.received_s - START_S, json.loads(line.message)))
+        for request in _arrived(self._requests, traffic.now_s):
+            self._reach(request)
         self._end_waits()
         traffic.step()
         traffic.begin_step()
@@ -95,20 +96,14 @@ class CellWorld:
 
     def heard(self) -> list[dict[str, Any]]:
         """Messages that have arrived since the last call."""
-        now_s, found, left = self._traffic.now_s, [], []
-        for entry in sorted(self._coming, key=lambda entry: entry[:2]):
-            is_here = entry[0] <= now_s and not isinstance(entry[2], Request)
-            (found if is_here else left).append(entry)
-        self._coming = left
-        heapq.heapify(self._coming)
-        return [entry[2] for entry in found]
+        return _arrived(self._messages, self._traffic.now_s)
 
     def ask(self, request: Request) -> None:
         if not request.withdrawn:
             asked = (request.robot, request.verb, request.at, request.other)
             self._verbs[request.verb] = self._verbs.get(request.verb, 0) + (asked not in self._asked)
             self._asked.add(asked)
-        self._send(self._traffic.now_s + self._compliance.delay_s, request)
+        self._requests.append((self._traffic.now_s + self._compliance.delay_s, request))
 
     def answers(self) -> list[tuple[str, str, str]]:
         found, self._answers = self._answers, []
@@ -126,10 +121,6 @@ class CellWorld:
         encounters = self._encounters / (robots * minutes / 60)
         return Figures(float(speeds.mean()), float(cells / minutes), requests, encounters, by_vendor, self._verbs)
 
-    def _send(self, at_s: float, thing: Any) -> None:
-        self._sent += 1
-        heapq.heappush(self._coming, (at_s, self._sent, thing))
-
     def _reach(self, request: Request) -> None:
         """A request reaches its robot."""
         robot = self._row[request.robot]
@@ -141,7 +132,7 @@ class CellWorld:
             if self._compliance.declines:
                 self._answers.append((request.id, "declined", "busy"))
             return
-        act = {"wait_before": self._wait_before, "go_first": self._go_first, "go_around": self._go_around}
+        act = {"wait_before": self._wait_before, "go_first": _go_first, "go_around": self._go_around}
         why = act[request.verb](robot, request) if request.verb in act else "cannot"
         self._answers.append((request.id, "declined" if why else "accepted", why))
 
@@ -162,14 +153,10 @@ class CellWorld:
         self._restrict(robot)
         return ""
 
-    def _go_first(self, robot: int, request: Request) -> str:
-        return ""
-
     def _go_around(self, robot: int, request: Request) -> str:
         if request.other is None:
             return "cannot: past whom"
-        if not self._traffic.protection.goes_around(robot):
-            self._traffic.protection.set_out_around(self._scene(), robot, self._row[request.other])
+        self._traffic.protection.set_out_around(self._scene(), robot, self._row[request.other])
         return ""
 
     def _visits_at(self, robot: int, at: tuple[float, float], least: int = 0) -> list[int]:
@@ -201,7 +188,14 @@ class CellWorld:
         traffic = self._traffic
         none = np.zeros(len(self._models), bool)
         return Scene(
-            traffic.now_s, traffic._grid, traffic.fleets.visits, traffic.driving, traffic.poses, traffic.present, none, none
+            traffic.now_s,
+            traffic._grid,
+            traffic.fleets.visits,
+            traffic.driving,
+            traffic.poses,
+            traffic.present,
+            none,
+            none,
         )
 
     def _score(self) -> None:
@@ -216,3 +210,15 @@ class CellWorld:
         near = set(zip(a.tolist(), b.tolist(), strict=True))
         self._encounters += len(near - self._near)
         self._near = near
+
+
+def _go_first(_: int, __: Request) -> str:
+    """A robot goes on by itself as soon as nothing is in its way."""
+    return ""
+
+
+def _arrived(under_way: list[tuple[float, Sent]], now_s: float) -> list[Sent]:
+    """Take out what has arrived, in the order of arrival."""
+    here = sorted((entry for entry in under_way if entry[0] <= now_s), key=lambda entry: entry[0])
+    under_way[:] = [entry for entry in under_way if entry[0] > now_s]
+    return [sent for _, sent in here]

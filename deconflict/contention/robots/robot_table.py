@@ -325,6 +325,15 @@ class RobotTable(Mapping[str, RobotView]):
         outlines: NDArray[np.object_] = shapely.polygons(corners(*columns))
         return outlines
 
+    def reported_pose(self, uuid: str) -> tuple[float, float, float]:
+        """x, y and yaw of a robot in its newest report."""
+        record = self.records[self._slots.by_uuid[uuid]]
+        return float(record["reported_x_m"]), float(record["reported_y_m"]), float(record["reported_yaw_rad"])
+
+    def slots_of(self, uuids: Sequence[str]) -> Ints:
+        """(n,) the slots of robots; -1 for one that is not known."""
+        return self._slots.find(uuids)
+
     def ways_m(self, slots: Ints) -> Floats:
         """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. Those that do not go stay."""
         records = self.records[slots]

@@ -1,5 +1,7 @@
 """Fleets whose plans for all steps are made before the floor begins, all robots of a vendor at once."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from benchmarks.planned_floors.floors.driving.driving import Driving
@@ -27,7 +29,7 @@ class StepFleets:
             planner = StepPlanner(grid, [cells[robot] for robot in robots], rng)
             planner.plan(round(seconds * STEPS_PER_S) + 20)
             for robot, steps, ends in zip(robots, planner.steps, planner.ends, strict=True):
-                visit_of_step = np.cumsum([0, *(a[0] != b[0] for a, b in zip(steps, steps[1:], strict=False))])
+                visit_of_step = np.cumsum([0, *(a[0] != b[0] for a, b in pairwise(steps))])
                 self.visits.extend(robot, steps)
                 self.goals[robot] = [(int(visit_of_step[step]), cell) for step, cell in ends]
 

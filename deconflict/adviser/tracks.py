@@ -1,0 +1,59 @@
+"""Where robots came from: the ground on which a robot can back out, because its own body was there."""
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+
+from deconflict.adviser.ways import Boxes, Ways, bodies, touch
+from deconflict.contention.robots.robot_table import RobotTable
+from ingest.batch import Floats
+
+STEP_M = 0.5
+"""Distance between two kept poses."""
+KEPT = 60
+ROOM_M = 0.3
+"""Room that is left between a robot that has backed out and what passes."""
+
+
+class Tracks:
+    """The last metres that each robot drove."""
+
+    def __init__(self) -> None:
+        self._poses: dict[str, deque[tuple[float, float, float]]] = {}
+        """By robot x, y and yaw, newest last."""
+
+    def observe(self, robots: RobotTable, updated: Iterable[str]) -> None:
+        for uuid in updated:
+            pose = robots.reported_pose(uuid)
+            poses = self._poses.setdefault(uuid, deque(maxlen=KEPT))
+            if not poses or np.hypot(pose[0] - poses[-1][0], pose[1] - poses[-1][1]) >= STEP_M:
+                poses.append(pose)
+
+    def forget(self, uuids: Iterable[str]) -> None:
+        for uuid in uuids:
+            self._poses.pop(uuid, None)
+
+    def refuge_m(self, robots: RobotTable, robot: str, passing: Ways, others: Boxes) -> tuple[float, float] | None:
+        """The nearest place on a robot's own track where it is in nobody's way: neither on the ways of those that are
+        to pass, nor where bodies `others` (m,) are. None if there is none, or if another is on the track before it."""
+        poses: Floats = np.array(self._poses.get(robot, ()))[::-1]
+        if not len(poses):
+            return None
+        size = robots[robot]
+        shape = len(poses), 1
+        halves = np.full(shape, size.length_m / 2 + ROOM_M), np.full(shape, size.width_m / 2 + ROOM_M)
+        places = Boxes(poses[:, :1], poses[:, 1:2], poses[:, 2:], *halves)
+        is_blocked = touch(places, Boxes._make(column[None] for column in others)).any(axis=1)
+        ways = Boxes._make(column.reshape(1, -1) for column in passing.boxes)
+        is_free = ~touch(places, ways).any(axis=1)
+        reachable = np.logical_and.accumulate(~is_blocked)
+        found = np.flatnonzero(is_free & reachable)
+        return (float(poses[found[0], 0]), float(poses[found[0], 1])) if len(found) else None
+
+
+def other_bodies(robots: RobotTable, but: Iterable[str]) -> Boxes:
+    """The bodies of all robots but some."""
+    left_out = set(but)
+    known = np.flatnonzero(robots.records["known"] & (robots.records["floor"] >= 0))
+    return bodies(robots, np.array([slot for slot in known.tolist() if robots.uuids[slot] not in left_out], np.int64))
