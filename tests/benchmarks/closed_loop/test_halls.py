@@ -153,6 +153,22 @@ def test_backing_out_is_done_to_a_place_and_lasts_until_the_other_has_passed() -
     )
 
 
+def test_stepping_aside_is_done_to_a_bay_and_the_errand_goes_on() -> None:
+    world = quiet_world()
+    put(world, 0, [(35.2, 24.8), (0.8, 24.8)], 26.0)
+    bay = 6.0, 27.3
+    robot = world.robots[0]
+    asked(world, 0, "step_aside", bay, 1, within_s=20.0)
+    robot.dwells_until_s = 0.3
+    away_m: list[float] = []
+    for _ in range(40):
+        drive(world, 1.0)
+        away_m.append(hypot(robot.x_m - bay[0], robot.y_m - bay[1]))
+    assert [answer for _, answer, _ in world.answers()] == ["accepted", "done"]
+    assert min(away_m) < 0.1
+    assert robot.errands == 1
+
+
 def test_waiting_is_kept_until_the_other_has_passed() -> None:
     world = quiet_world()
     put(world, 0, [(0.8, -0.8), (35.2, -0.8)], 2.0)
