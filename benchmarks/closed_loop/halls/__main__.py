@@ -3,9 +3,9 @@
 import argparse
 from collections.abc import Sequence
 
-from benchmarks.closed_loop.halls.floors import KINDS
+from benchmarks.closed_loop.halls.ground.floors import KINDS
+from benchmarks.closed_loop.halls.motion.vendors import HABITS, VENDORS, Compliance
 from benchmarks.closed_loop.halls.runs import ADVISERS, ALONE, NONE, ONE_PLAN, Run, side_by_side, table
-from benchmarks.closed_loop.halls.world import HABITS, VENDORS, Compliance
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -27,7 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for floor in args.floor:
         for habit in args.habit:
             runs = [Run(floor, habit, s, a, compliance, args.minutes) for a in advisers for s in args.seeds]
-            print(f"\n{floor}, {habit}, seeds {args.seeds}, obey {args.obey:g}\n{table(side_by_side(runs, args.jobs))}", flush=True)
+            print(
+                f"\n{floor}, {habit}, seeds {args.seeds}, obey {args.obey:g}\n{table(side_by_side(runs, args.jobs))}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

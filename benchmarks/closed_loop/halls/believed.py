@@ -1,4 +1,4 @@
-"""A simple adviser, the least that advice must beat: it believes paths, and asks one of two that stand for each other."""
+"""A simple adviser, the least that advice must beat: it asks one of two that stand for each other."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -64,7 +64,7 @@ class Believed:
     def hear(self, now_s: float, messages: Iterable[Mapping[str, Any]]) -> list[Request]:
         for message in messages:
             self._take(message)
-        found = [request for key, pair in self._pairs.items() for request in self._lapses(key, pair, now_s)]
+        found = [request for pair in self._pairs.values() for request in self._lapses(pair, now_s)]
         busy = {robot for key, pair in self._pairs.items() if pair.open for robot in key}
         for key in self._standing(now_s):
             pair = self._pairs.setdefault(key, Pair())
@@ -136,7 +136,7 @@ class Believed:
         self._made += 1
         return Request(str(self._made), robot, verb, at, other, (other,), now_s + LATEST_S)
 
-    def _lapses(self, key: tuple[str, str], pair: Pair, now_s: float) -> list[Request]:
+    def _lapses(self, pair: Pair, now_s: float) -> list[Request]:
         """Take back what nobody has begun, and forget what is over."""
         if pair.open is None:
             return []

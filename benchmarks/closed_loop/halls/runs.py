@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.closed_loop.halls.believed import Believed
-from benchmarks.closed_loop.halls.floors import hall_of
+from benchmarks.closed_loop.halls.ground.floors import hall_of
+from benchmarks.closed_loop.halls.motion.vendors import ALL_FOLLOW, VENDORS, Compliance
 from benchmarks.closed_loop.halls.scores import Figures
-from benchmarks.closed_loop.halls.world import VENDORS, Compliance, HallWorld
+from benchmarks.closed_loop.halls.world import HallWorld
 from deconflict.adviser import Adviser
 
 NONE, ALONE, ONE_PLAN = "none", "alone", "one_plan"
@@ -29,7 +30,7 @@ class Run:
     habit: str
     seed: int
     adviser: str = NONE
-    compliance: Compliance = Compliance()
+    compliance: Compliance = ALL_FOLLOW
     minutes: float = 7.0
 
 
@@ -68,7 +69,9 @@ class _Nobody:
 
 def _mean(figures: Sequence[Figures]) -> Figures:
     rows = [asdict(each) for each in figures]
-    found: dict[str, Any] = {k: float(np.mean([row[k] for row in rows])) for k, v in rows[0].items() if not isinstance(v, dict)}
+    found: dict[str, Any] = {
+        k: float(np.mean([row[k] for row in rows])) for k, v in rows[0].items() if not isinstance(v, dict)
+    }
     for name in ("verbs", "answers"):
         counts: Counter[str] = Counter()
         for row in rows:
@@ -94,7 +97,8 @@ def side_by_side(runs: Sequence[Run], jobs: int) -> dict[str, list[Figures]]:
 
 def table(found: dict[str, list[Figures]]) -> str:
     """Means over seeds, with the paired difference in m/s to no advice and its 95 % interval."""
-    head = "| adviser | m/s | to none | gap | errands/h | standoff s | enc/rh | wall s | body s | rescues | req/rh | by vendor |"
+    head = "| adviser | m/s | to none | gap | errands/h | standoff s | encounters/robot-h | wall s | body s "
+    head += "| rescues | requests/robot-h | by vendor |"
     lines = [head, "|" + " --- |" * (head.count("|") - 1)]
     none = np.array([each.mps for each in found.get(NONE, [])])
     one_mps = np.mean([each.mps for each in found[ONE_PLAN]]) if ONE_PLAN in found else np.nan
@@ -103,14 +107,17 @@ def table(found: dict[str, list[Figures]]) -> str:
         gap = (mps.mean() - none.mean()) / (one_mps - none.mean()) if len(none) and name != NONE else np.nan
         difference = _difference(mps - none) if len(none) == len(mps) and name != NONE else ""
         vendors = ", ".join(f"{vendor} {value:.2f}" for vendor, value in mean.mps_by_vendor.items())
+        share = "" if np.isnan(gap) else f"{gap:.0%}"
         lines.append(
-            f"| {name} | {mean.mps:.3f} | {difference} | {'' if np.isnan(gap) else f'{gap:.0%}'} | {mean.errands_per_hour:.0f} "
+            f"| {name} | {mean.mps:.3f} | {difference} | {share} | {mean.errands_per_hour:.0f} "
             f"| {mean.standoff_s:.0f} | {mean.encounters_per_robot_hour:.1f} | {mean.wall_s:.1f} | {mean.body_s:.1f} "
             f"| {mean.rescues:.1f} | {mean.requests_per_robot_hour:.1f} | {vendors} |"
         )
     for name, figures in found.items():
         if mean_answers := _mean(figures).answers:
-            lines.append(f"{name}: verbs {json.dumps(_mean(figures).verbs)}; answers {json.dumps(mean_answers, sort_keys=True)}")
+            lines.append(
+                f"{name}: verbs {json.dumps(_mean(figures).verbs)}; answers {json.dumps(mean_answers, sort_keys=True)}"
+            )
     return "\n".join(lines)
 
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.closed_loop.halls.bodies import NOTHING, WALL, first_hit, near_pairs
-from benchmarks.closed_loop.halls.driving import NO_WALLS, Ground
-from benchmarks.closed_loop.halls.robots import Robot
-from benchmarks.closed_loop.halls.roadmap import Roadmap
+from benchmarks.closed_loop.halls.ground.bodies import WALL, first_hit, near_pairs
+from benchmarks.closed_loop.halls.ground.roadmap import Roadmap
+from benchmarks.closed_loop.halls.motion.driving import Ground
+from benchmarks.closed_loop.halls.motion.robots import Robot
 from benchmarks.planned_floors.truth.motion import STEP_S
-from ingest.batch import Floats
 from deconflict.adviser import Request
+from ingest.batch import Floats
 
 NEAR_M = 0.3
 """Bodies nearer than this have an encounter."""
@@ -67,9 +67,7 @@ class Scores:
         near = set(zip(a.tolist(), b.tolist(), strict=True))
         self.encounters += len(near - self._near)
         self._near = near
-        for robot, _ in ((robots[pair[0]], 0) for pair in near):
-            body = robot.x_m, robot.y_m, robot.yaw, robot.long_m, robot.wide_m
-            self.body_s += STEP_S * (first_hit(ground.bodies, NO_WALLS, robot.row, *body) != NOTHING)
+        self.body_s += STEP_S * np.count_nonzero(near_pairs(ground.bodies, 0.0)) if near else 0.0
         for robot in robots:
             alone = ground.bodies[robot.row : robot.row + 1]
             body = robot.x_m, robot.y_m, robot.yaw, robot.long_m, robot.wide_m
@@ -100,8 +98,8 @@ def in_rings(robots: Sequence[Robot]) -> set[int]:
     """Rows of the robots that stand, each for the next and the last for the first."""
     wants = {r.row: r.blocker for r in robots if r.blocker >= 0 and r.speed_mps <= 0.0}
     found: set[int] = set()
-    for row in wants:
-        seen, at = [row], wants[row]
+    for row, first in wants.items():
+        seen, at = [row], first
         while at in wants and at not in seen:
             seen.append(at)
             at = wants[at]

@@ -3,18 +3,28 @@
 import heapq
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import hypot, inf
 from typing import Any
 
 import numpy as np
 
-from benchmarks.closed_loop.halls.acts import Acts
-from benchmarks.closed_loop.halls.claims import Claims
-from benchmarks.closed_loop.halls.driving import Driver, Ground
-from benchmarks.closed_loop.halls.floors import Hall
-from benchmarks.closed_loop.halls.reports import DWELL_S, report
-from benchmarks.closed_loop.halls.robots import TRAIL_NODES, Hold, Robot, way_of
+from benchmarks.closed_loop.halls.ground.floors import Hall
+from benchmarks.closed_loop.halls.motion.acts import Acts
+from benchmarks.closed_loop.halls.motion.claims import Claims
+from benchmarks.closed_loop.halls.motion.driving import Driver, Ground
+from benchmarks.closed_loop.halls.motion.errands import Errands
+from benchmarks.closed_loop.halls.motion.reports import DWELL_S, report
+from benchmarks.closed_loop.halls.motion.requests import Requests
+from benchmarks.closed_loop.halls.motion.robots import TRAIL_NODES, Hold, Robot, way_of
+from benchmarks.closed_loop.halls.motion.vendors import (
+    ALL_FOLLOW,
+    HABITS,
+    LENGTHS_M,
+    TOPS_MPS,
+    VENDORS,
+    WIDTHS_M,
+    Compliance,
+)
 from benchmarks.closed_loop.halls.scores import Figures, Scores, in_rings
 from benchmarks.planned_floors.logs.messages import START_S, Model, identity, latency_s
 from benchmarks.planned_floors.truth.motion import STEP_S
@@ -25,44 +35,11 @@ STALLS_PER_S, STALL_S = 0.015, (2.0, 10.0)
 RESCUED_AFTER_S, QUEUED_RESCUED_AFTER_S, RESCUE_S = 120.0, 240.0, 10.0
 ORDER_PATIENCE_S = 10.0
 """A robot that waits for so long for those of its own planner looks for another way."""
-RETRY_S, PAUSE_S, ASIDE_S = 5.0, 2.0, 6.0
+RETRY_S, GIVES_UP_S = 5.0, 8.0
+ASIDE_S = 15.0
+"""How long a robot stands aside that has backed out on its own."""
 PASSED_M, CLEAR_M, LOOKED_AHEAD_M = 1.2, 1.1, 15.0
 IDENTITY_S = 60.0
-LEAST_ERRAND_M = 8.0
-VENDORS = ("Amber", "Birch", "Cedar")
-LENGTHS_M, WIDTHS_M, TOPS_MPS = ((0.7, 0.8), (0.95, 1.05), (1.2, 1.3)), ((0.5, 0.55), (0.6, 0.7), (0.7, 0.75)), (1.4, 1.2, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Habit:
-    """What a vendor's robot does when a body of another vendor has blocked it for a while."""
-
-    patience_s: float
-    tries: tuple[str, ...] = ()
-
-
-PATIENT = Habit(inf)
-HABITS: dict[str, tuple[Habit, Habit, Habit]] = {
-    "replan_5s": (Habit(5.0, ("other_way",)),) * 3,
-    "wait_15s": (Habit(15.0, ("go_around", "back_out")),) * 3,
-    "around_15s": (Habit(15.0, ("go_around",)),) * 3,
-    "for_ever": (PATIENT,) * 3,
-    "mixed": (Habit(5.0, ("other_way",)), Habit(15.0, ("go_around", "back_out")), PATIENT),
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Compliance:
-    """How requests reach robots, and which robots follow them."""
-
-    share: float = 1.0
-    """Of the robots, drawn."""
-    delay_s: tuple[float, float] = (0.3, 0.3)
-    """Least and greatest."""
-    unwilling: str = ""
-    """A vendor whose robots never follow."""
-    declines: bool = False
-    """Whether robots that do not follow say so."""
 
 
 class HallWorld:
@@ -72,7 +49,14 @@ class HallWorld:
     """
 
     def __init__(
-        self, hall: Hall, seed: int, habit: str, compliance: Compliance = Compliance(), *, only: int = -1, one_plan: bool = False
+        self,
+        hall: Hall,
+        seed: int,
+        habit: str,
+        compliance: Compliance = ALL_FOLLOW,
+        *,
+        only: int = -1,
+        one_plan: bool = False,
     ) -> None:
         self.hall, self._seed, self._habits, self._compliance = hall, seed, HABITS[habit], compliance
         self._roadmap = hall.roadmap()
@@ -84,12 +68,13 @@ class HallWorld:
         self._acts = [Acts(self._roadmap, self._ground, claims) for claims in self._claims]
         self._stalls = np.random.default_rng([seed, 1])
         self._sending = np.random.default_rng([seed, 2])
+        self._delays = np.random.default_rng([seed, 11])
         draws = np.random.default_rng([seed, 3]).random(hall.robots)
-        self._costs = [np.random.default_rng([seed, 4, v]).uniform(1.0, 1.15, len(self._roadmap.segments)) for v in range(3)]
-        self._errands = [np.random.default_rng([seed, 5, k]) for k in rows]
+        self._errands = Errands(self._roadmap, seed, rows)
         self.robots = [self._robot(row, k, one_plan) for row, k in enumerate(rows)]
         self._obeys = [bool(draws[k] < compliance.share) and VENDORS[k % 3] != compliance.unwilling for k in rows]
         self._row = {robot.model.uuid: robot.row for robot in self.robots}
+        self._requests = Requests(self.robots, self._acts, self._drivers)
         self._reports_s = [float(s) for s in np.random.default_rng([seed, 6]).uniform(0, 1, len(rows))]
         self._coming: list[tuple[float, int, Any]] = []
         self._asked: list[tuple[float, int, Request]] = []
@@ -145,7 +130,7 @@ class HallWorld:
         if not request.withdrawn:
             self.scores.asked(request)
         self._sent += 1
-        delay_s = float(self._sending.uniform(*self._compliance.delay_s))
+        delay_s = float(self._delays.uniform(*self._compliance.delay_s))
         heapq.heappush(self._asked, (self.time_s + delay_s, self._sent, request))
 
     def answers(self) -> list[tuple[str, str, str]]:
@@ -161,62 +146,25 @@ class HallWorld:
         vendor, rng = k % 3, np.random.default_rng([self._seed, 8, k])
         length_m, width_m = (round(float(rng.uniform(*sizes[vendor])), 2) for sizes in (LENGTHS_M, WIDTHS_M))
         model = Model(f"{VENDORS[vendor]}-{k}-{self._seed}", VENDORS[vendor], length_m, width_m, TOPS_MPS[vendor])
-        start = self._start(k)
+        start = self._errands.start(k)
         planner = 0 if one_plan else vendor
         patience_s = self._habits[vendor].patience_s * float(rng.uniform(0.8, 1.2))
-        goal = self._new_goal(row, start, {start})
-        nodes = self._roadmap.route(start, goal, (), self._costs[vendor])
+        goal = self._errands.new_goal(row, start, {start})
+        nodes = self._errands.first_nodes(vendor, start, goal)
         x_m, y_m = self._roadmap.xy[start]
         way = way_of(self._roadmap, nodes)
         robot = Robot(row, model, planner, patience_s, x_m, y_m, way, goal, goal, nodes, yaw=float(way.yaw_rad[0]))
         robot.errand_m = robot.left_m(self._roadmap)
-        self._plan_next(robot, {start, goal})
+        self._errands.plan_next(robot, {start, goal})
         robot.dwells_until_s = float(rng.uniform(0.0, 8.0))
         self._claims[planner].anew(robot)
         return robot
 
-    def _start(self, k: int) -> int:
-        """Of robot k of all: bays first, then one station in each aisle."""
-        by_segment: dict[int, int] = {}
-        for node in self._roadmap.stations:
-            by_segment.setdefault(min(edge.segment for edge in self._roadmap.edges[node].values()), node)
-        starts = list(by_segment.values())
-        return int(np.random.default_rng([self._seed, 9]).permutation(starts)[k])
-
-    def _new_goal(self, row: int, start: int, taken: set[int]) -> int:
-        away_m = self._roadmap.distance_m[start]
-        order = self._errands[row].permutation(self._roadmap.stations).tolist()
-        order = [node for node in order if node != start]
-        far = [node for node in order if away_m[node] >= LEAST_ERRAND_M]
-        return next((node for nodes in (far, order) for node in nodes if node not in taken), far[0])
-
-    def _plan_next(self, robot: Robot, taken: set[int]) -> None:
-        robot.next_goal = self._new_goal(robot.row, robot.goal, taken)
-        robot.next_nodes = self._route_on(robot.way.nodes, robot.next_goal, VENDORS.index(robot.model.vendor))
-
-    def _route_on(self, nodes: list[int], goal: int, vendor: int) -> list[int]:
-        """From the end of a way, without turning around in a lane."""
-        here, before = nodes[-1], nodes[-2] if len(nodes) > 1 else -1
-        is_bay = here in self._roadmap.bays
-        found = self._roadmap.route(here, goal, () if is_bay else {(here, before)}, self._costs[vendor])
-        return found or self._roadmap.route(here, goal, (), self._costs[vendor])
-
     def _arrive(self, robot: Robot) -> None:
         robot.done_m += robot.errand_m - robot.left_m(self._roadmap)
         robot.errands += 1
-        robot.dwells_until_s = self.time_s + float(self._errands[robot.row].uniform(*DWELL_S))
-        self._begin_next(robot)
-
-    def _begin_next(self, robot: Robot) -> None:
-        mates = {g for r in self.robots if r.planner == robot.planner and r is not robot for g in (r.goal, r.next_goal)}
-        nodes, goals = robot.way.nodes, {r.goal for r in self.robots if r.planner == robot.planner and r is not robot}
-        robot.goal = robot.next_goal if robot.next_goal not in goals else self._new_goal(robot.row, nodes[-1], goals)
-        route = self._route_on(nodes, robot.goal, VENDORS.index(robot.model.vendor))
-        trail = nodes[-TRAIL_NODES:-1]
-        gone_m = float(way_of(self._roadmap, nodes[-TRAIL_NODES:]).gone_m[-1])
-        self._acts[robot.planner].take_way(robot, [*trail, *route], gone_m)
-        robot.errand_m = robot.left_m(self._roadmap)
-        self._plan_next(robot, mates | {robot.goal})
+        robot.dwells_until_s = self.time_s + float(self._errands.draws[robot.row].uniform(*DWELL_S))
+        self._errands.begin_next(robot, self.robots, self._acts[robot.planner])
 
     # Motion
 
@@ -230,9 +178,11 @@ class HallWorld:
         elif robot.detour:
             if driver.follow_detour(robot, now_s, stalled):
                 self._end_detour(robot)
+            elif now_s - robot.moved_s >= GIVES_UP_S and not stalled and now_s >= robot.tries_s:
+                self._give_up(robot)
         elif robot.hold is not None and robot.aside < 0:
             self._has_reason(robot)
-            if self._is_over(robot, robot.hold):
+            if self._is_over(robot.hold):
                 self._end_hold(robot)
         elif robot.ended:
             self._at_end(robot)
@@ -258,6 +208,16 @@ class HallWorld:
             robot.hold.latest_s = self.time_s + ASIDE_S
         robot.detour_for = ""
 
+    def _give_up(self, robot: Robot) -> None:
+        """A detour is blocked for so long that the robot leaves it."""
+        robot.tries_s = self.time_s + RETRY_S
+        name = robot.hold.request if robot.hold is not None else robot.detour_for
+        if self._acts[robot.planner].give_up(robot):
+            robot.detour_for = ""
+            if name:
+                self._answers.append((name, "declined", "blocked"))
+                self.scores.answers["declined: blocked"] += 1
+
     def _at_end(self, robot: Robot) -> None:
         if robot.aside >= 0:
             robot.aside = -1
@@ -270,11 +230,11 @@ class HallWorld:
             self._answers.append((hold.request, "done", ""))
         if robot.ended and robot.way.nodes[-1] != robot.goal:
             nodes = robot.way.nodes
-            route = self._route_on(nodes, robot.goal, VENDORS.index(robot.model.vendor))
+            route = self._errands.route_on(nodes, robot.goal, VENDORS.index(robot.model.vendor))
             gone_m = float(way_of(self._roadmap, nodes[-TRAIL_NODES:]).gone_m[-1])
             self._acts[robot.planner].take_way(robot, [*nodes[-TRAIL_NODES:-1], *route], gone_m)
 
-    def _is_over(self, robot: Robot, hold: Hold) -> bool:
+    def _is_over(self, hold: Hold) -> bool:
         if self.time_s >= hold.latest_s:
             return True
         return bool(hold.others) and all(self._has_passed(self.robots[other], hold) for other in hold.others)
@@ -294,7 +254,7 @@ class HallWorld:
     def _end_waits(self, robot: Robot) -> None:
         for name, (_, hold) in list(robot.waits.items()):
             self._has_reason(robot)
-            if self._is_over(robot, hold):
+            if self._is_over(hold):
                 del robot.waits[name]
                 self._answers.append((name, "done", ""))
 
@@ -318,7 +278,9 @@ class HallWorld:
         rings = in_rings(self.robots)
         for robot in self.robots:
             stood_s = self.time_s - robot.moved_s
-            is_blocked = robot.row in rings or (robot.blocker >= 0 and self.robots[robot.blocker].planner != robot.planner)
+            is_blocked = robot.row in rings or (
+                robot.blocker >= 0 and self.robots[robot.blocker].planner != robot.planner
+            )
             if stood_s > (RESCUED_AFTER_S if is_blocked else QUEUED_RESCUED_AFTER_S):
                 free = self._free_station(robot)
                 if free is not None:
@@ -327,7 +289,7 @@ class HallWorld:
 
     def _free_station(self, robot: Robot) -> int | None:
         taken = {r.goal for r in self.robots if r is not robot}
-        for node in self._errands[robot.row].permutation(self._roadmap.bays).tolist():
+        for node in self._errands.draws[robot.row].permutation(self._roadmap.bays).tolist():
             x_m, y_m = self._roadmap.xy[node]
             if node not in taken and all(hypot(r.x_m - x_m, r.y_m - y_m) > 2.5 for r in self.robots):
                 return int(node)
@@ -342,7 +304,7 @@ class HallWorld:
         robot.gone_m, robot.goal = float(robot.way.gone_m[-1]), node
         (robot.x_m, robot.y_m), robot.yaw = self._roadmap.xy[node], float(robot.way.yaw_rad[-1])
         robot.dwells_until_s = self.time_s + RESCUE_S
-        self._begin_next(robot)
+        self._errands.begin_next(robot, self.robots, self._acts[robot.planner])
         self._has_reason(robot)
         self._ground.put(robot)
 
@@ -369,60 +331,15 @@ class HallWorld:
         """A request reaches its robot."""
         robot = self.robots[self._row[request.robot]]
         if request.withdrawn:
-            self._withdraw(robot, request.id)
+            self._requests.withdraw(robot, request.id, self.time_s)
             return
         if not self._obeys[robot.row]:
             if self._compliance.declines:
                 self._answer(request, "busy")
             return
-        self._answer(request, self._do(robot, request))
+        self._answer(request, self._requests.do(robot, request, self.time_s))
 
     def _answer(self, request: Request, why: str) -> None:
         answer = "declined" if why else "accepted"
         self._answers.append((request.id, answer, why))
         self.scores.answers[f"{request.verb} {answer}{why and ': '}{why}"] += 1
-
-    def _withdraw(self, robot: Robot, name: str) -> None:
-        robot.waits.pop(name, None)
-        if robot.hold is not None and robot.hold.request == name:
-            robot.hold.latest_s = self.time_s
-
-    def _do(self, robot: Robot, request: Request) -> str:
-        acts = self._acts[robot.planner]
-        others = [self._row[uuid] for uuid in request.until or (request.other,) if uuid in self._row]
-        hold = Hold(request.id, others, np.zeros((0, 2)), request.latest_s - START_S)
-        if request.verb == "go_first":
-            robot.waits, robot.hit_s, robot.tries_s = {}, -inf, self.time_s + PAUSE_S
-            return ""
-        if request.verb == "wait_before":
-            return self._wait_before(robot, request, hold)
-        if robot.detour or robot.hold is not None or robot.ended:
-            return "busy"
-        if robot.dwells_until_s > self.time_s or robot.stalls_until_s > self.time_s or robot.speed_mps > 0.05:
-            return "busy"
-        if request.verb == "go_around":
-            why = acts.go_around(robot, others[0]) if others else "past whom"
-            robot.detour_for = robot.detour_for if why else request.id
-            return why
-        if request.verb == "other_way":
-            return self._other_way(robot, request)
-        return (acts.step_aside if request.verb == "step_aside" else acts.back_out)(robot, request.at, hold)
-
-    def _other_way(self, robot: Robot, request: Request) -> str:
-        at = request.at
-        if at is None and request.other in self._row:
-            other = self.robots[self._row[request.other]]
-            at = other.x_m, other.y_m
-        return "no place" if at is None else self._acts[robot.planner].other_way(robot, at)
-
-    def _wait_before(self, robot: Robot, request: Request, hold: Hold) -> str:
-        if request.at is None:
-            return "no place"
-        wait_m = self._drivers[robot.planner].wait_m(robot, request.at)
-        if wait_m == inf:
-            return "not on its way"
-        if robot.gone_m + robot.speed_mps**2 / 1.6 > wait_m + 0.05:
-            return "too late"
-        hold.watched_m = np.array([request.at])
-        robot.waits[request.id] = (request.at, hold)
-        return ""

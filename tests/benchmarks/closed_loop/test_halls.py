@@ -2,16 +2,18 @@
 
 import copy
 import json
+from itertools import pairwise
 from math import hypot
 
 import pytest
 
 from benchmarks.closed_loop.halls.believed import Believed
-from benchmarks.closed_loop.halls.bodies import WALL, first_hit
-from benchmarks.closed_loop.halls.floors import KINDS, Hall, hall_of
-from benchmarks.closed_loop.halls.roadmap import Street
+from benchmarks.closed_loop.halls.ground.bodies import WALL, first_hit
+from benchmarks.closed_loop.halls.ground.floors import KINDS, Hall, hall_of
+from benchmarks.closed_loop.halls.ground.roadmap import Street
+from benchmarks.closed_loop.halls.motion.vendors import Compliance
 from benchmarks.closed_loop.halls.runs import Run, advise, driven
-from benchmarks.closed_loop.halls.world import Compliance, HallWorld
+from benchmarks.closed_loop.halls.world import HallWorld
 from deconflict.adviser import Request
 from deconflict.adviser.request import Verb
 from deconflict.settings.fleet_factory import fleet_of
@@ -38,9 +40,11 @@ def quiet_world(habit: str = "for_ever") -> HallWorld:
 def put(world: HallWorld, row: int, places: list[tuple[float, float]], gone_m: float) -> None:
     """A robot on a way over nodes of the roadmap, which ends its errand; it will not stall."""
     robot, roadmap = world.robots[row], world._roadmap
-    nodes = [min(range(len(roadmap.xy)), key=lambda k: hypot(roadmap.xy[k][0] - x, roadmap.xy[k][1] - y)) for x, y in places]
+    nodes = [
+        min(range(len(roadmap.xy)), key=lambda k: hypot(roadmap.xy[k][0] - x, roadmap.xy[k][1] - y)) for x, y in places
+    ]
     way = nodes[:1]
-    for a, b in zip(nodes, nodes[1:], strict=False):
+    for a, b in pairwise(nodes):
         way += roadmap.route(a, b)[1:]
     robot.goal = way[-1]
     world._acts[robot.planner].take_way(robot, way, gone_m)
@@ -142,7 +146,24 @@ def test_backing_out_is_done_to_a_place_and_lasts_until_the_other_has_passed() -
             break
     assert answers == [("r1", "done", "")]
     assert min(reached) < 0.3
-    assert world.robots[1].ended or world.robots[1].y_m < 0.0 or hypot(world.robots[1].x_m - 12.0, world.robots[1].y_m) > 1.5
+    assert hypot(world.robots[1].x_m - 12.0, world.robots[1].y_m + 0.8) > 1.5
+    assert world.robots[1].y_m < 0.0
+
+
+def test_stepping_aside_is_done_to_a_bay_and_the_errand_goes_on() -> None:
+    world = quiet_world()
+    put(world, 0, [(35.2, 24.8), (0.8, 24.8)], 26.0)
+    bay = 6.0, 27.3
+    robot = world.robots[0]
+    asked(world, 0, "step_aside", bay, 1, within_s=20.0)
+    robot.dwells_until_s = 0.3
+    away_m: list[float] = []
+    for _ in range(40):
+        drive(world, 1.0)
+        away_m.append(hypot(robot.x_m - bay[0], robot.y_m - bay[1]))
+    assert [answer for _, answer, _ in world.answers()] == ["accepted", "done"]
+    assert min(away_m) < 0.1
+    assert robot.errands == 1
 
 
 def test_waiting_is_kept_until_the_other_has_passed() -> None:

@@ -6,10 +6,10 @@ from math import cos, hypot, sin
 
 import numpy as np
 
-from benchmarks.closed_loop.halls.claims import BEFORE_M, Claims
-from benchmarks.closed_loop.halls.driving import Ground
-from benchmarks.closed_loop.halls.roadmap import Roadmap
-from benchmarks.closed_loop.halls.robots import TRAIL_NODES, Hold, Point, Robot, way_of
+from benchmarks.closed_loop.halls.ground.roadmap import Roadmap
+from benchmarks.closed_loop.halls.motion.claims import BEFORE_M, Claims
+from benchmarks.closed_loop.halls.motion.driving import Ground
+from benchmarks.closed_loop.halls.motion.robots import TRAIL_NODES, Hold, Point, Robot, way_of
 from ingest.batch import Floats
 
 ASIDE_M = (0.7, 0.6, 0.8, -0.7, -0.6, -0.8)
@@ -68,13 +68,28 @@ class Acts:
         way = robot.way
         corners = [k for k in range(1, len(way.nodes) - 1) if place_m < way.gone_m[k] < robot.gone_m - 1e-6]
         turning = [k for k in corners if abs(way.yaw_rad[k] - way.yaw_rad[k - 1]) > 1e-6]
-        detour = [Point(*map(float, way.points_m[k]), True) for k in turning[::-1]]
+        detour = [Point(float(way.points_m[k, 0]), float(way.points_m[k, 1]), True) for k in turning[::-1]]
         detour.append(Point(*way.at(place_m), True))
         if not self._ground.is_free(robot, detour):
             return "not free behind"
         robot.detour, robot.rejoins_m, robot.hold = detour, place_m, hold
         hold.watched_m = np.array([way.at(float(m)) for m in np.arange(place_m, robot.gone_m + 1.0, 0.5)])
         return ""
+
+    def give_up(self, robot: Robot) -> bool:
+        """Leave a detour that is blocked: on from where it has backed out to, or straight to its way."""
+        way, last = robot.way, robot.detour[-1]
+        if last.backward:
+            here_m = way.near(robot.x_m, robot.y_m, robot.rejoins_m, robot.gone_m, 0.15)
+            robot.rejoins_m = robot.gone_m if here_m is None else here_m
+        for gone_m, backward in ((robot.rejoins_m, False), (robot.gone_m, True), (robot.gone_m, False)):
+            point = Point(*way.at(gone_m), backward)
+            if (point.x_m - robot.x_m) ** 2 + (point.y_m - robot.y_m) ** 2 < 0.05 or self._ground.is_free(
+                robot, [point]
+            ):
+                robot.detour, robot.rejoins_m, robot.hold = [point], gone_m, None
+                return True
+        return False
 
     def _place_behind(self, robot: Robot) -> float | None:
         """Before the last junction that it has passed."""
@@ -119,7 +134,7 @@ class Acts:
         first = way.leg(gone_m)
         if way.gone_m[-1] - gone_m > 20.0:
             return False
-        points = [Point(*map(float, point)) for point in way.points_m[first + 1 :]]
+        points = [Point(x_m, y_m) for x_m, y_m in way.points_m[first + 1 :].tolist()]
         if not self._ground.is_free(robot, points):
             return False
         here = self._watched(robot)

@@ -4,7 +4,7 @@ from math import cos, sin
 
 import numpy as np
 
-from ingest.batch import Floats
+from ingest.batch import Bools, Floats
 from ingest.kernels import inner, kernel
 
 NOTHING, WALL = -1, -2
@@ -58,14 +58,12 @@ def first_hit(
 
 
 @kernel("b1[:,::1](f8[:,::1],f8)")
-def near_pairs(bodies: Floats, gap_m: float) -> Floats:
+def near_pairs(bodies: Floats, gap_m: float) -> Bools:
     """(n, n) whether two bodies (n, 5) are nearer than `gap_m`; above the diagonal only."""
     count, more = len(bodies), gap_m / 2
     found = np.zeros((count, count), np.bool_)
     for a in range(count):
         for b in range(a + 1, count):
             p, q = bodies[a], bodies[b]
-            found[a, b] = _touch(
-                p[0], p[1], p[2], p[3] + more, p[4] + more, q[0], q[1], q[2], q[3] + more, q[4] + more
-            )
+            found[a, b] = _touch(p[0], p[1], p[2], p[3] + more, p[4] + more, q[0], q[1], q[2], q[3] + more, q[4] + more)
     return found

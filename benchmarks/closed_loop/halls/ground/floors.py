@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.closed_loop.halls.roadmap import NARROW_HALF_M, WIDE_HALF_M, Roadmap, Street, roadmap_of
+from benchmarks.closed_loop.halls.ground.roadmap import NARROW_HALF_M, WIDE_HALF_M, Roadmap, Street, roadmap_of
 from ingest.batch import Floats
 
 STUB_M = 3.3
@@ -85,7 +86,9 @@ def _aisles(rng: np.random.Generator) -> Hall:
         low, high = mains_m[block], mains_m[block + 1]
         for k in range(count):
             x = pitch_m * (k + 1)
-            places = tuple(round(float(f) * (high - low), 2) for f in rng.choice([0.3, 0.42, 0.55, 0.7], 2, replace=False))
+            places = tuple(
+                round(float(f) * (high - low), 2) for f in rng.choice([0.3, 0.42, 0.55, 0.7], 2, replace=False)
+            )
             streets.append(Street((x, low), (x, high), stations=tuple(sorted(places))))
     streets += [_stub(pitch_m * (k + 1), y, 0, s) for y, s in ((mains_m[0], -1), (mains_m[2], 1)) for k in range(count)]
     return Hall("aisles", streets, [], 27)
@@ -102,11 +105,14 @@ def _open(rng: np.random.Generator) -> Hall:
             west, east, south, north = (float(v) for v in (xs[i], xs[i + 1], ys[k], ys[k + 1]))
             if rng.random() < 0.4:
                 areas.append((west, south, east, north))
-            streets += [_stub(west + 0.35 * (east - west), south, 0, 1), _stub(west, south + 0.65 * (north - south), 1, 0)]
-    for a, b in zip(xs, xs[1:], strict=False):
+            streets += [
+                _stub(west + 0.35 * (east - west), south, 0, 1),
+                _stub(west, south + 0.65 * (north - south), 1, 0),
+            ]
+    for a, b in pairwise(xs):
         at_m = [float(a + share * (b - a)) for share in (0.35, 0.65)]
         streets += [_stub(x, float(y), 0, side) for x in at_m for y, side in ((ys[0], -1), (ys[-1], 1))]
-    for a, b in zip(ys, ys[1:], strict=False):
+    for a, b in pairwise(ys):
         at_m = [float(a + share * (b - a)) for share in (0.35, 0.65)]
         streets += [_stub(float(x), y, side, 0) for y in at_m for x, side in ((xs[0], -1), (xs[-1], 1))]
     return Hall("open", streets, areas, 26)
@@ -135,7 +141,11 @@ def _doors(rng: np.random.Generator) -> Hall:
 
 def _in_room(x: float, y: float, size_m: float, i: int, k: int) -> list[Street]:
     """Bays of a room: where it has no doors, and inside the ring."""
-    found = [_stub(x + at, y, 0, -1) for at in (4.0, 8.0)] if k == 0 else [_stub(x + at, y + size_m, 0, 1) for at in (4.0, 8.0)]
+    found = (
+        [_stub(x + at, y, 0, -1) for at in (4.0, 8.0)]
+        if k == 0
+        else [_stub(x + at, y + size_m, 0, 1) for at in (4.0, 8.0)]
+    )
     if i == 0:
         found += [_stub(x, y + at, -1, 0) for at in (4.0, 8.0)]
     if i == 2:

@@ -4,8 +4,8 @@ from collections import defaultdict
 from math import hypot
 from typing import NamedTuple
 
-from benchmarks.closed_loop.halls.roadmap import Roadmap
-from benchmarks.closed_loop.halls.robots import Robot
+from benchmarks.closed_loop.halls.ground.roadmap import Roadmap
+from benchmarks.closed_loop.halls.motion.robots import Robot
 
 BEFORE_M = 0.9
 """From the front of a robot to the junction before which it waits."""

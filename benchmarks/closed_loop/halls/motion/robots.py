@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.closed_loop.halls.roadmap import Roadmap
+from benchmarks.closed_loop.halls.ground.roadmap import Roadmap
 from benchmarks.planned_floors.logs.messages import Model
 from ingest.batch import Floats
 

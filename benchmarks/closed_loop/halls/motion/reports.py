@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.closed_loop.halls.driving import CREEP_MPS, REVERSE_MPS, TURNS_RADPS, Driver
-from benchmarks.closed_loop.halls.robots import Robot, way_of, wrapped
-from benchmarks.closed_loop.halls.roadmap import Roadmap
+from benchmarks.closed_loop.halls.ground.roadmap import Roadmap
+from benchmarks.closed_loop.halls.motion.driving import CREEP_MPS, REVERSE_MPS, TURNS_RADPS, Driver
+from benchmarks.closed_loop.halls.motion.robots import Robot, way_of, wrapped
 from benchmarks.planned_floors.logs.messages import START_S, ahead, status
 from ingest.batch import Floats
 
@@ -47,22 +47,22 @@ def _plan(robot: Robot, driver: Driver, roadmap: Roadmap, now_s: float) -> tuple
         if robot.way.gone_m[k] > waits_m:
             _drive(rows, *robot.way.at(waits_m), robot.model.top_mps)
             _wait(rows, 60.0)
-        _drive(rows, *map(float, robot.way.points_m[k]), robot.model.top_mps)
+        _drive(rows, float(robot.way.points_m[k, 0]), float(robot.way.points_m[k, 1]), robot.model.top_mps)
         if rows[-1][0] > PATH_S + 2.0:
             break
     arrives_s = rows[-1][0] + float(roadmap.distance_m[robot.way.nodes[k], robot.goal]) / robot.model.top_mps
     if rows[-1][0] < PATH_S:
         _wait(rows, 60.0 if robot.aside >= 0 else sum(DWELL_S) / 2)
-        for point in way_of(roadmap, robot.next_nodes).points_m[1:]:
-            _drive(rows, *map(float, point), robot.model.top_mps)
+        for point in way_of(roadmap, robot.next_nodes).points_m[1:].tolist():
+            _drive(rows, point[0], point[1], robot.model.top_mps)
     plan = np.array(rows)
     return plan[:, 0], plan[:, 1:3], plan[:, 3], arrives_s
 
 
 def _wait(rows: list[tuple[float, float, float, float]], seconds: float) -> None:
-    t_s, *pose = rows[-1]
+    t_s, x_m, y_m, yaw = rows[-1]
     if seconds > 0:
-        rows.append((t_s + seconds, *pose))
+        rows.append((t_s + seconds, x_m, y_m, yaw))
 
 
 def _drive(

@@ -4,9 +4,9 @@ from math import cos, hypot, inf, pi, sin, sqrt
 
 import numpy as np
 
-from benchmarks.closed_loop.halls.bodies import NOTHING, first_hit
-from benchmarks.closed_loop.halls.claims import Claims
-from benchmarks.closed_loop.halls.robots import Point, Robot, wrapped
+from benchmarks.closed_loop.halls.ground.bodies import NOTHING, first_hit
+from benchmarks.closed_loop.halls.motion.claims import Claims
+from benchmarks.closed_loop.halls.motion.robots import Point, Robot, wrapped
 from benchmarks.planned_floors.truth.motion import STEP_S
 from ingest.batch import Floats
 
@@ -58,7 +58,10 @@ class Ground:
                 return False
             yaw = to
             for share in np.linspace(0, 1, max(2, int(away_m / 0.12) + 1))[1:]:
-                if self.hit(robot, x_m + share * (point.x_m - x_m), y_m + share * (point.y_m - y_m), yaw, SWEEP_M) != NOTHING:
+                if (
+                    self.hit(robot, x_m + share * (point.x_m - x_m), y_m + share * (point.y_m - y_m), yaw, SWEEP_M)
+                    != NOTHING
+                ):
                     return False
             x_m, y_m = point.x_m, point.y_m
         return yaw_after is None or self._turns_free(robot, x_m, y_m, yaw, yaw_after)
@@ -115,7 +118,11 @@ class Driver:
         limit_m = self._claims.limit_m(robot)
         braking_m = robot.speed_mps**2 / (2 * SLOWS_MPS2) + 0.5
         tries = 0
-        while limit_m < min(corner_m, robot.gone_m + braking_m) + robot.long_m + 1.0 and tries < 3 and self._claims.extend(robot):
+        while (
+            limit_m < min(corner_m, robot.gone_m + braking_m) + robot.long_m + 1.0
+            and tries < 3
+            and self._claims.extend(robot)
+        ):
             limit_m = self._claims.limit_m(robot)
             tries += 1
         waits_m = min((self.wait_m(robot, point) for point, _ in robot.waits.values()), default=inf)

@@ -3,6 +3,7 @@
 import heapq
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -76,7 +77,9 @@ class Roadmap:
     """Nodes at the ends of stubs."""
     distance_m: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def route(self, start: int, goal: int, closed: Collection[tuple[int, int]] = (), cost: Floats | None = None) -> list[int]:
+    def route(
+        self, start: int, goal: int, closed: Collection[tuple[int, int]] = (), cost: Floats | None = None
+    ) -> list[int]:
         """The nodes of the way of least cost; empty if there is none. `closed` edges are not used."""
         best, before, done = {start: 0.0}, {start: -1}, set()
         queue = [(0.0, start)]
@@ -98,7 +101,9 @@ class Roadmap:
 
     def _straight(self, a: int, b: int, c: int) -> bool:
         (x, y), (x2, y2), (x3, y3) = self.xy[a], self.xy[b], self.xy[c]
-        return abs((x2 - x) * (y3 - y2) - (y2 - y) * (x3 - x2)) < 1e-9 and (x2 - x) * (x3 - x2) + (y2 - y) * (y3 - y2) > 0
+        return (
+            abs((x2 - x) * (y3 - y2) - (y2 - y) * (x3 - x2)) < 1e-9 and (x2 - x) * (x3 - x2) + (y2 - y) * (y3 - y2) > 0
+        )
 
     @staticmethod
     def _back(before: dict[int, int], node: int) -> list[int]:
@@ -119,7 +124,11 @@ def roadmap_of(streets: Sequence[Street]) -> Roadmap:
         cuts: dict[float, int] = {}
         for other, c, d, _ in lanes:
             across = 1 - along
-            if streets[other].along_x != street.along_x and _between(a[along], c[along], b[along]) and _between(c[across], a[across], d[across]):
+            if (
+                streets[other].along_x != street.along_x
+                and _between(a[along], c[along], b[along])
+                and _between(c[across], a[across], d[across])
+            ):
                 cuts[c[along]] = junctions.setdefault((min(k, other), max(k, other)), len(junctions))
         for away_m in street.stations:
             cuts.setdefault(street.start[along] + away_m, -1)
@@ -163,7 +172,7 @@ def _add_lane(
             made.edges.append({})
         row.append(nodes[key])
     inside: list[tuple[int, int]] = []
-    for a, b in zip(row, row[1:], strict=False):
+    for a, b in pairwise(row):
         if made.junction[a] >= 0 and made.junction[a] == made.junction[b]:
             _join(made, a, b, -1, sign)
             continue
