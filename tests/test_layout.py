@@ -34,6 +34,7 @@ LEVELS = {
         "advice foresight",
         "advisories",
         "contention operator",
+        "adviser",
         "client engine",
         "cluster",
         "roles",
@@ -50,7 +51,7 @@ LEVELS = {
     "benchmarks/planned_floors": ["truth", "logs", "floors scoring", "comparison"],
 }
 """By folder, its entries from the ground up. An entry may import entries of earlier levels and of its own level."""
-MOST_ENTRIES = {"deconflict": 15, "ingest": 14, "metrics": 12}
+MOST_ENTRIES = {"deconflict": 16, "ingest": 14, "metrics": 12}
 """Without `__init__.py` and `py.typed`; of any other folder a dozen."""
 MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 350, 40
 MOST_PARAMETERS = 16

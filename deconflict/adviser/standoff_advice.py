@@ -4,6 +4,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import hypot
 
+import numpy as np
+
 from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Crossing, Standing, standing
@@ -193,7 +195,7 @@ class StandoffAdvice:
         return Request(str(self._made), option.robot, option.verb, at, option.other, until, latest_s)
 
     def _refuge_m(self, option: Option, robots: RobotTable) -> tuple[float, float] | None:
-        passing = wanted_ways(robots, robots.slots_of([option.other]), WHOLE_WAY_M, STEPS * STEP_S)
+        passing = wanted_ways(robots, np.flatnonzero(robots.column({option.other: 1})), WHOLE_WAY_M, STEPS * STEP_S)
         return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, option[::2]))
 
 

@@ -51,9 +51,8 @@ class CellWorld:
     """One floor. Its time is `now_s`, seconds since the epoch."""
 
     def __init__(self, made_of: GridFloor, compliance: Compliance = Compliance()) -> None:
-        self._made_of, self._compliance = made_of, compliance
+        self._compliance = compliance
         self._traffic = Traffic(made_of)
-        self._traffic.protection.around_aside_m = 0.8
         self._models = models_of(made_of)
         self._row = {model.uuid: row for row, model in enumerate(self._models)}
         self._rng = np.random.default_rng([made_of.seed, 9])
@@ -80,6 +79,11 @@ class CellWorld:
     @property
     def now_s(self) -> float:
         return float(START_S + self._traffic.now_s)
+
+    @property
+    def since_s(self) -> float:
+        """Seconds since the start of the floor."""
+        return self._traffic.now_s
 
     def step(self) -> None:
         """A tenth of a second."""
@@ -189,7 +193,7 @@ class CellWorld:
         none = np.zeros(len(self._models), bool)
         return Scene(
             traffic.now_s,
-            traffic._grid,
+            traffic.grid,
             traffic.fleets.visits,
             traffic.driving,
             traffic.poses,

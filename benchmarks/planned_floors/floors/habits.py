@@ -50,4 +50,8 @@ class GridFloor:
     """Share of silences in which it drives on. In the rest it stands until it reports again."""
     patience_s: tuple[float, float] = (13.0, 17.0)
     """Least and greatest time for which a robot stands for another before it drives around it."""
+    around_aside_m: float = 0.4
+    """How far to the right of its way a robot drives around another."""
+    turns_aside_m: float = 0.5
+    """With at most this offset a robot may turn into its next leg."""
     seed: int = 1

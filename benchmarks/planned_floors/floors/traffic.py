@@ -50,16 +50,16 @@ class Traffic:
         self.habits: list[Habits] = [habits for habits in made_of.vendors for _ in range(habits.robots)]
         n = len(self.habits)
         self._made_of = made_of
-        self._grid = _grid(made_of, layout_rng)
+        self.grid = _grid(made_of, layout_rng)
         fleet_of = [fleet for fleet, habits in enumerate(made_of.vendors) for _ in range(habits.robots)]
         self.fleet_rows: list[Ints] = [
             np.flatnonzero(np.array(fleet_of) == fleet) for fleet in range(max(fleet_of) + 1)
         ]
         self.fleet_of = fleet_of
         self.fleets = (
-            Fleets(self._grid, fleet_of, plan_rng)
+            Fleets(self.grid, fleet_of, plan_rng)
             if made_of.layout == "racks"
-            else StepFleets(self._grid, fleet_of, plan_rng, made_of.seconds)
+            else StepFleets(self.grid, fleet_of, plan_rng, made_of.seconds)
         )
         self.driving: Driving = np.zeros(n, DRIVING)
         self.poses: Floats = np.zeros((n, 3))
@@ -75,8 +75,9 @@ class Traffic:
         self._stalled_until_s: Floats = np.zeros(n)
         top_mps = NOMINAL_MPS * self._rng.uniform(0.9, 1.1, n)
         patience_s = self._rng.uniform(*made_of.patience_s, n)
-        self.protection = Protection([habits.protection for habits in self.habits], top_mps, patience_s)
-        self.driving["waits_before"] = NO_WAIT
+        kinds = [habits.protection for habits in self.habits]
+        self.protection = Protection(kinds, top_mps, patience_s, made_of.around_aside_m)
+        self.driving["waits_before"], self.driving["turns_aside_m"] = NO_WAIT, made_of.turns_aside_m
         self.driving["yaw_rad"] = self._rng.integers(0, 4, n) * np.pi / 2
         advance(self.driving, self.fleets.visits.count, self.fleets.visits.ways, self.poses)
 
@@ -96,7 +97,7 @@ class Traffic:
         self.moves = next_moves(self.driving, visits.count, visits.ways)
         wanting = self.present & ~stands & ((self.moves == GOES) | (self.moves == TURNS))
         turning = wanting & (self.moves == TURNS)
-        scene = Scene(self.now_s, self._grid, visits, self.driving, self.poses, self.present, wanting, turning)
+        scene = Scene(self.now_s, self.grid, visits, self.driving, self.poses, self.present, wanting, turning)
         self.driving["top_mps"] = np.where(stands | ~self.present, 0.0, self.protection.react(scene))
         advance(self.driving, self.fleets.visits.count, self.fleets.visits.ways, self.poses)
         self.sample += 1

@@ -165,3 +165,9 @@ def _postpone(
             stop, before = stops[slots[row], k], stops[slots[row], k - 1]
             stop.expected_s = max(stop.t_s, before.expected_s + stop.announced_s - before.announced_s)
             stop.spread_s = max(stop.spread_s, before.spread_s)
+
+
+def is_at(robot: np.void, stop: np.void) -> bool:
+    """Whether a robot of the table is at a stop."""
+    away_m = np.hypot(stop["x_m"] - robot["x_m"], stop["y_m"] - robot["y_m"])
+    return bool(stop["floor"] == robot["floor"] and away_m <= ARRIVED_M)

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.ops import substring
 
 from deconflict.contention.robots.bounding_boxes import write_box
 from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, Lookahead, PathsAhead
@@ -300,3 +302,11 @@ def collect_boxes(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats
                 end[ends, 0], end[ends, 1] = slot, k
                 ends += 1
     return ends_m, standing_m, going_m, end, stander, goer
+
+
+def rest_of(path: shapely.LineString, here: shapely.Point, length_m: float) -> shapely.LineString | None:
+    """What is left of the path of a robot that stands `here`; None if it has reached its end, or is off it."""
+    done_m = float(shapely.line_locate_point(path, here))
+    if path.length - done_m < WAY_M or shapely.distance(path, here) > length_m:
+        return None
+    return path if done_m == 0 else substring(path, done_m, path.length)

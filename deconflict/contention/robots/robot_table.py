@@ -6,15 +6,13 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.ops import substring
 
 from deconflict.contention.robots import record_kernels
-from deconflict.contention.robots.announced_arrivals import ARRIVED_M
 from deconflict.contention.robots.arrival_forecast import ArrivalCorrections, ArrivalForecast
 from deconflict.contention.robots.battery_use import BatteryUse
 from deconflict.contention.robots.bodies_ahead import bodies_ahead
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
-from deconflict.contention.robots.destinations import PlannedStop, postpone_overdue, write_stops
+from deconflict.contention.robots.destinations import PlannedStop, is_at, postpone_overdue, write_stops
 from deconflict.contention.robots.lookahead import (
     STEP_S,
     STEPS,
@@ -25,7 +23,15 @@ from deconflict.contention.robots.lookahead import (
     paths_ahead,
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
-from deconflict.contention.robots.record_kernels import ROBOT, STANDS_M, STOP, STRAIGHT, WAY_M, Outlines, update_records
+from deconflict.contention.robots.record_kernels import (
+    ROBOT,
+    STANDS_M,
+    STOP,
+    STRAIGHT,
+    Outlines,
+    rest_of,
+    update_records,
+)
 from deconflict.contention.robots.robot_view import RobotView, first_fields, reported_poses
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.trailers import rows_of_trains
@@ -207,7 +213,7 @@ class RobotTable(Mapping[str, RobotView]):
                 path = shapely.linestrings(self._paths[slot])
             if path is not None and not stale[row] & ends:
                 here = shapely.Point(view.x_m[row, 0], view.y_m[row, 0])
-                path = _rest_of(path, here, batch.forecasts.length_m[row])
+                path = rest_of(path, here, batch.forecasts.length_m[row])
             if path is not None and not stale[row] & ends:
                 self._paths_left[slot] = path
             self.records["waits"][slot] = slot in self._paths_left
@@ -231,7 +237,7 @@ class RobotTable(Mapping[str, RobotView]):
         """Drop the first stops that a robot is at already, as it has the resource with the number `here`."""
         record, stops = self.records[slot], self.stops[slot]
         reached, count = 0, int(record["stops"])
-        while reached < count and (stops["resource"][reached] == here or _is_at(record, stops[reached])):
+        while reached < count and (stops["resource"][reached] == here or is_at(record, stops[reached])):
             reached += 1
         stops[: count - reached] = stops[reached:count].copy()
         record["stops"] = count - reached
@@ -330,10 +336,6 @@ class RobotTable(Mapping[str, RobotView]):
         record = self.records[self._slots.by_uuid[uuid]]
         return float(record["reported_x_m"]), float(record["reported_y_m"]), float(record["reported_yaw_rad"])
 
-    def slots_of(self, uuids: Sequence[str]) -> Ints:
-        """(n,) the slots of robots; -1 for one that is not known."""
-        return self._slots.find(uuids)
-
     def ways_m(self, slots: Ints) -> Floats:
         """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. Those that do not go stay."""
         records = self.records[slots]
@@ -347,16 +349,3 @@ class RobotTable(Mapping[str, RobotView]):
         moving = [slot for slot, path in zip(slots, left, strict=True) if path is None]
         lines = iter(shapely.linestrings(self._paths[moving]))
         return [next(lines) if path is None else path for path in left]
-
-
-def _is_at(robot: np.void, stop: np.void) -> bool:
-    away_m = np.hypot(stop["x_m"] - robot["x_m"], stop["y_m"] - robot["y_m"])
-    return bool(stop["floor"] == robot["floor"] and away_m <= ARRIVED_M)
-
-
-def _rest_of(path: shapely.LineString, here: shapely.Point, length_m: float) -> shapely.LineString | None:
-    """What is left of the path of a robot that stands `here`; None if it has reached its end, or is off it."""
-    done_m = float(shapely.line_locate_point(path, here))
-    if path.length - done_m < WAY_M or shapely.distance(path, here) > length_m:
-        return None
-    return path if done_m == 0 else substring(path, done_m, path.length)

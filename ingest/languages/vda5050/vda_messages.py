@@ -146,7 +146,7 @@ class SafetyState(VdaObject, frozen=True):
     field_violation: bool | None = None
 
 
-class Request(VdaObject, frozen=True):
+class AccessRequest(VdaObject, frozen=True):
     request_status: RequestStatus | None = None
 
 
@@ -190,8 +190,8 @@ class StateMessage(VdaMotion, frozen=True):
     driving: bool | None = None
     paused: bool | None = None
     new_base_request: bool | None = None
-    zone_requests: list[Request] | None = None
-    edge_requests: list[Request] | None = None
+    zone_requests: list[AccessRequest] | None = None
+    edge_requests: list[AccessRequest] | None = None
     action_states: list[ActionState] | None = None
     battery_state: Power | None = None
     power_supply: Power | None = None

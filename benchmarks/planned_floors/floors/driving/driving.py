@@ -20,8 +20,6 @@ MOSTLY_GONE = 0.7
 """A cell may be entered when the previous robot has driven this share of the way to its next cell."""
 SNAP_M = 0.02
 """A robot that is this near to its stopping point has reached it."""
-TURNS_ASIDE_M = 0.9
-"""A robot whose offset is at most this may turn into its next leg."""
 FACING_RAD = 1e-3
 NOTHING_M = 1e-6
 LEAST_MPS = 1e-3
@@ -42,6 +40,7 @@ DRIVING = np.dtype(
         ("yaw_rad", np.float64),
         ("aside_m", np.float64),  # to the left of its way
         ("aside_to_m", np.float64),  # where it is going to, to the left of its way
+        ("turns_aside_m", np.float64),  # it may turn into its next leg with at most this offset
         ("waits_before", np.int64),  # the first visit that it may not begin, `NO_WAIT` if it need not wait
         ("top_mps", np.float64),  # greatest speed that it is allowed now; 0 to brake and stand
     ],
@@ -120,7 +119,7 @@ def _free_m(driving: Driving, count: Ints, ways: Ways, robot: int, in_order: boo
 def _turn(me: Any, heading_rad: float) -> None:
     """Turn in place towards a heading, for one step."""
     me.speed_mps = 0.0
-    if me.top_mps > 0.0 and abs(me.aside_m) <= TURNS_ASIDE_M:
+    if me.top_mps > 0.0 and abs(me.aside_m) <= me.turns_aside_m:
         most_rad, off_rad = TURNING_RADPS * STEP_S, _turned(heading_rad - me.yaw_rad)
         me.yaw_rad = _turned(me.yaw_rad + min(max(off_rad, -most_rad), most_rad))
 

@@ -25,7 +25,6 @@ WIDER_M, WIDER_BESIDE_M = 1.5, 0.15
 SWERVING_M = 2.0
 """Additional distance ahead in which a robot looks for others to swerve around."""
 SLOW_MPS, SWERVING_MPS, AROUND_MPS = 0.5, 0.7, 0.5
-AROUND_ASIDE_M = 0.4
 LONGEST_PASSING_S = 20.0
 HELD_S = 1.0
 """A field must be free for this long before a robot continues."""
@@ -67,13 +66,13 @@ class Held:
 class Protection:
     """The reactions of n robots to each other, and the stops that they have made."""
 
-    def __init__(self, kinds: list[str], top_mps: Floats, patience_s: Floats) -> None:
+    def __init__(self, kinds: list[str], top_mps: Floats, patience_s: Floats, around_aside_m: float) -> None:
         n = len(kinds)
         self.notes: list[StopNote] = []
-        self.around_aside_m = AROUND_ASIDE_M
         self.stopped: list[StopNote | None] = [None] * n
         """By robot: its present stop."""
         self._kinds, self._top_mps, self._patience_s = kinds, top_mps, patience_s
+        self._around_aside_m = around_aside_m
         self._swerving: dict[int, Passing] = {}
         self._around: dict[int, Passing] = {}
         self._ignored: Bools = np.zeros((n, n), bool)
@@ -111,9 +110,6 @@ class Protection:
             note = StopNote(robot, other, scene.now_s, float(scene.driving["speed_mps"][robot]), self._kinds[robot])
             self.notes.append(note)
         self._set_out_around(scene, note, other)
-
-    def goes_around(self, robot: int) -> bool:
-        return robot in self._around
 
     def finish(self, now_s: float) -> None:
         """End every stop at the end of the floor."""
@@ -198,7 +194,7 @@ class Protection:
         standing = np.flatnonzero(scene.present & (scene.driving["speed_mps"] < 0.05)).tolist()
         near = [other for other in standing if np.hypot(*(scene.poses[other] - scene.poses[robot])[:2]) < 3.0]
         others = ({other, *near} | (self._around[robot].others if robot in self._around else set())) - {robot}
-        self._around[robot] = Passing(note, others, -self.around_aside_m, now_s + LONGEST_PASSING_S)
+        self._around[robot] = Passing(note, others, -self._around_aside_m, now_s + LONGEST_PASSING_S)
         self._ignored[robot, list(others)] = True
         self._let_go(robot)
 

@@ -1,0 +1,1 @@
+"""Floors that hear an adviser: what its advice is worth."""

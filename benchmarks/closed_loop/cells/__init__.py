@@ -1,0 +1,1 @@
+"""Floors of cells with an adviser in the loop."""
