@@ -52,13 +52,13 @@ class CellWorld:
 
     def __init__(self, made_of: GridFloor, compliance: Compliance = Compliance()) -> None:
         self._compliance = compliance
-        self._traffic = Traffic(made_of)
-        self._models = models_of(made_of)
-        self._row = {model.uuid: row for row, model in enumerate(self._models)}
+        self.traffic = Traffic(made_of)
+        self.models = models_of(made_of)
+        self._row = {model.uuid: row for row, model in enumerate(self.models)}
         self._rng = np.random.default_rng([made_of.seed, 9])
-        self._due = due_reports(self._traffic, round(made_of.seconds / STEP_S) + 1, self._rng)
-        obeys = np.random.default_rng([made_of.seed, 10]).random(len(self._models)) < compliance.share
-        self._obeys = [bool(o) and m.vendor != compliance.unwilling for o, m in zip(obeys, self._models, strict=True)]
+        self._due = due_reports(self.traffic, round(made_of.seconds / STEP_S) + 1, self._rng)
+        obeys = np.random.default_rng([made_of.seed, 10]).random(len(self.models)) < compliance.share
+        self._obeys = [bool(o) and m.vendor != compliance.unwilling for o, m in zip(obeys, self.models, strict=True)]
         self._messages: list[tuple[float, dict[str, Any]]] = []
         """Under way to the adviser: when they arrive, and what."""
         self._requests: list[tuple[float, Request]] = []
@@ -69,26 +69,26 @@ class CellWorld:
         self._asked: set[tuple[str, str, tuple[float, float] | None, str | None]] = set()
         self._verbs: dict[str, int] = {}
         self._speeds: list[Floats] = []
-        self._first_visits = self._traffic.driving["visit"].copy()
+        self._first_visits = self.traffic.driving["visit"].copy()
         self._near: set[tuple[int, int]] = set()
         self._encounters = 0
-        for model in self._models:
+        for model in self.models:
             self._messages.append((0.0, json.loads(identity(model).message)))
-        self._traffic.begin_step()
+        self.traffic.begin_step()
 
     @property
     def now_s(self) -> float:
-        return float(START_S + self._traffic.now_s)
+        return float(START_S + self.traffic.now_s)
 
     @property
     def since_s(self) -> float:
         """Seconds since the start of the floor."""
-        return self._traffic.now_s
+        return self.traffic.now_s
 
     def step(self) -> None:
         """A tenth of a second."""
-        traffic = self._traffic
-        lines = reports(traffic, self._models, self._due[traffic.sample], self._rng)
+        traffic = self.traffic
+        lines = reports(traffic, self.models, self._due[traffic.sample], self._rng)
         for line in lines:
             self._messages.append((line.received_s - START_S, json.loads(line.message)))
         for request in _arrived(self._requests, traffic.now_s):
@@ -100,14 +100,14 @@ class CellWorld:
 
     def heard(self) -> list[dict[str, Any]]:
         """Messages that have arrived since the last call."""
-        return _arrived(self._messages, self._traffic.now_s)
+        return _arrived(self._messages, self.traffic.now_s)
 
     def ask(self, request: Request) -> None:
         if not request.withdrawn:
             asked = (request.robot, request.verb, request.at, request.other)
             self._verbs[request.verb] = self._verbs.get(request.verb, 0) + (asked not in self._asked)
             self._asked.add(asked)
-        self._requests.append((self._traffic.now_s + self._compliance.delay_s, request))
+        self._requests.append((self.traffic.now_s + self._compliance.delay_s, request))
 
     def answers(self) -> list[tuple[str, str, str]]:
         found, self._answers = self._answers, []
@@ -116,10 +116,10 @@ class CellWorld:
     def figures(self) -> Figures:
         speeds = np.array(self._speeds)
         minutes = len(speeds) * STEP_S / 60
-        robots = len(self._models)
-        cells = (self._traffic.driving["visit"] - self._first_visits).sum()
-        hours = robots * self._traffic.now_s / 3600
-        vendors = np.array([model.vendor for model in self._models])
+        robots = len(self.models)
+        cells = (self.traffic.driving["visit"] - self._first_visits).sum()
+        hours = robots * self.traffic.now_s / 3600
+        vendors = np.array([model.vendor for model in self.models])
         by_vendor = {str(vendor): float(speeds[:, vendors == vendor].mean()) for vendor in np.unique(vendors)}
         requests = sum(self._verbs.values()) / hours
         encounters = self._encounters / (robots * minutes / 60)
@@ -143,7 +143,7 @@ class CellWorld:
     def _wait_before(self, robot: int, request: Request) -> str:
         if request.at is None:
             return "cannot: no place"
-        begun = int(self._traffic.driving["visit"][robot]) + 1
+        begun = int(self.traffic.driving["visit"][robot]) + 1
         visit = self._visit_at(robot, request.at, begun)
         if visit is None:
             return "not on its way"
@@ -160,12 +160,12 @@ class CellWorld:
     def _go_around(self, robot: int, request: Request) -> str:
         if request.other is None:
             return "cannot: past whom"
-        self._traffic.protection.set_out_around(self._scene(), robot, self._row[request.other])
+        self.traffic.protection.set_out_around(self._scene(), robot, self._row[request.other])
         return ""
 
     def _visits_at(self, robot: int, at: tuple[float, float], least: int = 0) -> list[int]:
-        visits, visit = self._traffic.fleets.visits, int(self._traffic.driving["visit"][robot])
-        way = self._traffic.fleets.visits.ways[robot]
+        visits, visit = self.traffic.fleets.visits, int(self.traffic.driving["visit"][robot])
+        way = self.traffic.fleets.visits.ways[robot]
         last = min(visit + LOOKED_AHEAD, int(visits.count[robot]))
         span = slice(max(visit, least), last)
         near = (abs(way["x_m"][span] - at[0]) <= CELL_M / 2) & (abs(way["y_m"][span] - at[1]) <= CELL_M / 2)
@@ -176,10 +176,10 @@ class CellWorld:
 
     def _restrict(self, robot: int) -> None:
         waits = self._waits.get(robot, {})
-        self._traffic.driving["waits_before"][robot] = min((wait[0] for wait in waits.values()), default=NO_WAIT)
+        self.traffic.driving["waits_before"][robot] = min((wait[0] for wait in waits.values()), default=NO_WAIT)
 
     def _end_waits(self) -> None:
-        visit = self._traffic.driving["visit"]
+        visit = self.traffic.driving["visit"]
         for robot, waits in self._waits.items():
             for name, (_, request, others) in list(waits.items()):
                 has_passed = bool(others) and all(visit[other] > last for other, last in others)
@@ -189,8 +189,8 @@ class CellWorld:
                     self._restrict(robot)
 
     def _scene(self) -> Scene:
-        traffic = self._traffic
-        none = np.zeros(len(self._models), bool)
+        traffic = self.traffic
+        none = np.zeros(len(self.models), bool)
         return Scene(
             traffic.now_s,
             traffic.grid,
@@ -203,7 +203,7 @@ class CellWorld:
         )
 
     def _score(self) -> None:
-        traffic = self._traffic
+        traffic = self.traffic
         if traffic.now_s < SCORED_FROM_S:
             self._first_visits = traffic.driving["visit"].copy()
             return
