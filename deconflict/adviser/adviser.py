@@ -2,8 +2,9 @@
 
 import json
 from collections.abc import Iterable, Mapping
+from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
@@ -19,6 +20,8 @@ from ingest.recording.log_reader import Received
 PEER = "adviser"
 """Address that all messages count as coming from: who may send was decided before."""
 
+Answer = Literal["accepted", "declined", "done"]
+
 
 class Adviser:
     """Hears identity and status reports, and asks robots for what helps them all."""
@@ -28,30 +31,54 @@ class Adviser:
         settings = DEFAULT if site is None else site if isinstance(site, Site) else site_file.load(Path(site))
         self._fleet = fleet_of(settings, Measures())
         self._robots = RobotTable(PlaceGeometry(settings.resources, settings.zones))
-        self._advice = StandoffAdvice(vendor.name for vendor in settings.vendors if vendor.participant == "person")
-        self._now_s = 0.0
+        self._people = [vendor.name for vendor in settings.vendors if vendor.participant == "person"]
+        self._advice, self._now_s = self._begun(), 0.0
+        self.refused = 0
+        """Messages that were no reports, or not accepted."""
         self._makers: dict[str, str] = {}
         """By UUID, what its newest identity report says."""
 
     def hear(self, now_s: float, messages: Iterable[Mapping[str, Any]]) -> list[Request]:
         """Requests that are new, changed or withdrawn since the last call.
 
-        `messages` are reports of the MassRobotics standard that arrived by `now_s`, seconds since the epoch.
+        `messages` are reports of the MassRobotics standard that arrived by `now_s`, seconds since the epoch. What is
+        no report is counted in `refused`. If the time goes back, what was asked and learned is forgotten. Raises
+        ValueError if `now_s` is not finite.
         """
+        if not isfinite(now_s):
+            raise ValueError(f"now_s is {now_s}: give the time in seconds since the epoch")
+        if now_s < self._now_s:
+            self._advice = self._begun()
         for message in messages:
-            uuid = str(message.get("uuid", ""))
-            if "manufacturerName" in message:
-                self._makers[uuid] = str(message["manufacturerName"])
-            maker = self._makers.get(uuid)
-            connection = Connection(1, PEER, f"/{maker or ''}", maker)
-            self._fleet.receive_recorded(Received(json.dumps(message).encode(), now_s, connection))
+            self._receive(message, now_s)
         batch = self._fleet.next_batch(now_s)
         self._robots.forget(batch.gone)
+        for uuid in batch.gone:
+            self._makers.pop(uuid, None)
         self._robots.update(batch)
         self._advice.receive(batch, self._robots)
         self._now_s = now_s
         return self._advice.step(self._robots, now_s)
 
-    def answer(self, request_id: str, answer: Literal["accepted", "declined", "done"], why: str = "") -> None:
-        """What a robot answered to a request."""
-        self._advice.answer(request_id, answer, why, self._robots, self._now_s)
+    def answer(self, request_id: str, answer: Answer, why: str = "") -> None:
+        """What a robot answered to a request. Raises ValueError for another word."""
+        if answer not in get_args(Answer):
+            raise ValueError(f"a robot answers accepted, declined or done, and not {answer!r}")
+        self._advice.answer(str(request_id), answer, str(why or ""), self._robots, self._now_s)
+
+    def _begun(self) -> StandoffAdvice:
+        return StandoffAdvice(self._people)
+
+    def _receive(self, message: Mapping[str, Any], now_s: float) -> None:
+        try:
+            raw, uuid = json.dumps(message).encode(), str(message.get("uuid", ""))
+        except (AttributeError, TypeError, ValueError, RecursionError):
+            self.refused += 1
+            return
+        named = message.get("manufacturerName")
+        maker = named if isinstance(named, str) else self._makers.get(uuid)
+        connection = Connection(1, PEER, f"/{maker or ''}", maker)
+        if self._fleet.receive_recorded(Received(raw, now_s, connection)):
+            self.refused += 1
+        elif isinstance(named, str):
+            self._makers[uuid] = named

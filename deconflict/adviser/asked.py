@@ -1,5 +1,6 @@
 """Requests that were made: which robots follow them, and how long that takes."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import floor
 from typing import NamedTuple
@@ -14,8 +15,8 @@ USUALLY_FOLLOWS, USUAL_WEIGHT = 0.7, 0.5
 """How likely a robot follows that was never asked, and how many requests that counts for."""
 PAUSE_S, LONGEST_PAUSE_S = 5.0, 60.0
 """A robot that has not followed is asked again after this time, and after twice as long each further time."""
-DECLINED_S = 60.0
-"""What a robot has declined is not asked of it again for so long."""
+DECLINED_S, CANNOT_S = 60.0, 600.0
+"""What a robot has declined is not asked of it again for so long; the second if it said that it cannot."""
 UNABLE_AFTER = 2
 """A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
 CANNOT, BUSY = "cannot", "busy"
@@ -34,6 +35,8 @@ class Asked:
     asked_s: float
     from_m: tuple[float, float]
     """Where the robot was when it was asked."""
+    from_rad: float
+    """Its heading then."""
     answer: str = ""
     begun_s: float | None = None
     waits: Request | None = None
@@ -60,8 +63,8 @@ class _OfRobot:
     ignored: int = 0
     """The newest requests in a row that it did not follow."""
     asked_s: float = 0.0
-    declined_s: dict[tuple[Verb, str], float] = field(default_factory=dict)
-    """By verb and other robot."""
+    declined_until_s: dict[tuple[Verb, str], float] = field(default_factory=dict)
+    """By verb and other robot: until when it is not asked again."""
 
 
 class Following:
@@ -69,8 +72,8 @@ class Following:
 
     def __init__(self) -> None:
         self._robots: dict[str, _OfRobot] = {}
-        self._can: dict[tuple[str, Verb], list[int]] = {}
-        """By vendor and verb: how many requests were accepted, and how many could not be done."""
+        self._can: dict[tuple[str, Verb], tuple[set[str], set[str]]] = {}
+        """By vendor and verb: the robots that have accepted it, and those that cannot do it."""
         self._at: dict[tuple[Verb, int, int], list[int]] = {}
         """By verb and square: how many requests were accepted, and how many declined."""
         self._answers = False
@@ -92,11 +95,13 @@ class Following:
 
     def may_be_asked(self, option: Option, vendor: str, now_s: float) -> bool:
         """Whether the robot has not declined or ignored it lately, and its vendor can do it."""
-        accepted, unable = self._can.get((vendor, option.verb), (0, 0))
+        able, unable = self._can.get((vendor, option.verb), ((), ()))
         record = self._of(option.robot)
         pause_s = min(PAUSE_S * 2**record.ignored, LONGEST_PAUSE_S) if record.ignored else 0.0
-        is_rested = now_s - record.declined_s.get((option.verb, option.other), 0.0) > DECLINED_S
-        return is_rested and now_s - record.asked_s >= pause_s and (accepted > 0 or unable < UNABLE_AFTER)
+        is_rested = now_s >= max(
+            record.asked_s + pause_s, record.declined_until_s.get((option.verb, option.other), 0.0)
+        )
+        return is_rested and (bool(able) or len(unable) < UNABLE_AFTER)
 
     def waits_s(self) -> float:
         """How long a robot has time to answer, or to set out."""
@@ -113,16 +118,25 @@ class Following:
     def answer(self, asked: Asked, vendor: str, answer: str, why: str, now_s: float) -> None:
         """A robot has answered."""
         self._answers, request = True, asked.request
-        can, record = self._can.setdefault((vendor, request.verb), [0, 0]), self._of(request.robot)
+        able, unable = self._can.setdefault((vendor, request.verb), (set(), set()))
+        record, is_able = self._of(request.robot), why.partition(":")[0].strip().lower() != CANNOT
         place = self._at.setdefault(_square(request.verb, asked.from_m), [0, 0])
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
-            record.declined_s[request.verb, request.other or ""] = now_s
-            can[1] += why.startswith(CANNOT)
-            place[1] += why != BUSY
+            until = {key: until_s for key, until_s in record.declined_until_s.items() if until_s > now_s}
+            until[request.verb, request.other or ""] = now_s + (DECLINED_S if is_able else CANNOT_S)
+            record.declined_until_s = until
+            place[1] += is_able and why != BUSY
+            if not is_able:
+                unable.add(request.robot)
         elif answer == "accepted":
-            can[0] += 1
+            able.add(request.robot)
             place[0] += 1
+
+    def forget(self, robots: Iterable[str]) -> None:
+        """Robots have left."""
+        for robot in robots:
+            self._robots.pop(robot, None)
 
     def _of(self, robot: str) -> _OfRobot:
         return self._robots.setdefault(robot, _OfRobot())

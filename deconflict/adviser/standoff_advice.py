@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from math import hypot
+from math import hypot, inf, pi, remainder
 
 import numpy as np
 
@@ -22,11 +22,14 @@ STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
 MOVED_M = 0.15
 """A robot that is so far from where it was asked has set out."""
+TURNED_RAD = 0.2
+"""The same for a robot that has turned so far."""
 PASSED_M = 3.0
 """A robot that is so far from where it was asked has passed the other, or has backed out."""
 LATEST_S = 20.0
 VERBS: tuple[Verb, ...] = ("go_around", "go_first", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
+SEARCHED_S = 2.0
 WHOLE_WAY_M = 20.0
 """A robot backs out to where the other, which passes, will not come on the next metres of its way."""
 LIKELY = 0.3
@@ -45,23 +48,33 @@ class StandoffAdvice:
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
         self._following, self._worth, self._tracks = Following(), Worth(), Tracks()
-        self._waiting: set[str] = set()
-        """Robots that are asked to wait while another goes first."""
+        self._waiting: dict[str, str] = {}
+        """By robot that is asked to wait, the robot that goes first."""
+        self._searched_s: dict[str, float] = {}
+        """By robot: when no place to back out to was found."""
         self._made = 0
         self._standing = Standing({}, [])
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots were updated."""
         self._tracks.forget(batch.gone)
+        self._following.forget(batch.gone)
         self._tracks.observe(robots, batch.robots)
 
     def answer(self, request_id: str, answer: str, why: str, robots: RobotTable, now_s: float) -> None:
-        """What a robot answered to a request. An unknown id is ignored: the request has ended."""
+        """What a robot answered to a request.
+
+        Ignored are an unknown id, because the request has ended, and a second answer that is not "done".
+        """
         asked = self._asked.get(request_id)
-        if asked is None or asked.request.robot not in robots:
+        if asked is None or asked.request.robot not in robots or (asked.answer and answer != "done"):
+            return
+        is_wait = asked.waits is not None and asked.waits.id == request_id
+        if is_wait and answer != "declined":
             return
         asked.answer = answer
-        self._following.answer(asked, robots[asked.request.robot].vendor, answer, why, now_s)
+        if not is_wait:
+            self._following.answer(asked, robots[asked.request.robot].vendor, answer, why, now_s)
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
@@ -104,24 +117,25 @@ class StandoffAdvice:
         if robot not in robots or now_s >= asked.request.latest_s:
             self._end(asked)
             return
-        x_m, y_m, _ = robots.reported_pose(robot)
+        x_m, y_m, yaw_rad = robots.reported_pose(robot)
         moved_m = hypot(x_m - asked.from_m[0], y_m - asked.from_m[1])
-        if asked.begun_s is None and moved_m > MOVED_M and asked.answer != "declined":
+        has_turned = abs(remainder(yaw_rad - asked.from_rad, 2 * pi)) > TURNED_RAD
+        if asked.begun_s is None and asked.answer != "declined" and (moved_m > MOVED_M or has_turned):
             asked.begun_s = now_s
             self._following.follow(robot)
-        if asked.begun_s is not None:
+        if asked.begun_s is not None or asked.answer == "done":
             yield from self._follow_up(asked, moved_m, robots, now_s)
             return
         is_late = now_s - asked.asked_s >= (self._following.waits_s() if not asked.answer else 2 * LATEST_S)
-        is_over = asked.request.verb != "go_first" and robot not in self._standing.waiting
+        is_over = not asked.answer and asked.request.verb != "go_first" and robot not in self._standing.waiting
         if asked.answer == "declined" or is_late or is_over:
             yield from self._end(asked, asked.request)
 
     def _end(self, asked: Asked, *withdrawn: Request) -> list[Request]:
         """A request is open no longer. Returns what is withdrawn: of a robot that goes first also the other's wait."""
-        del self._open[asked.request.robot]
+        del self._open[asked.request.robot], self._asked[asked.request.id]
         if asked.waits:
-            self._waiting.discard(asked.waits.robot)
+            del self._waiting[asked.waits.robot], self._asked[asked.waits.id]
         return [replace(request, withdrawn=True) for request in (*withdrawn, asked.waits) if request]
 
     def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> list[Request]:
@@ -131,9 +145,10 @@ class StandoffAdvice:
         if is_done and request.other in robots:
             yields = Option(request.robot, request.verb, request.other or "").yields
             self._worth.add_yield(request.verb, robots[yields[0]].vendor, robots[yields[1]].vendor, takes_s)
-        if is_done or (takes_s >= STANDS_S and request.robot in self._standing.waiting):
+        if is_done:
             return self._end(asked)
-        return []
+        stands_again = takes_s >= STANDS_S and request.robot in self._standing.waiting
+        return self._end(asked, request) if stands_again else []
 
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
         waiting = [self._standing.waiting[robot] for robot in ring]
@@ -144,8 +159,6 @@ class StandoffAdvice:
     def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
         """One of two that wait for each other goes first; the other waits before its way until that has passed."""
         a, b = crossing.robots
-        if self._waiting & {a, b}:
-            return
         options: list[Option] = [Option(a, "go_first", b), Option(b, "go_first", a)]
         for first in self._ask_best("crossing", options, robots, now_s):
             yield first
@@ -153,7 +166,7 @@ class StandoffAdvice:
             before_m = crossing.before_m[crossing.robots.index(other)]
             wait = self._new(Option(other, "wait_before", first.robot), before_m, (first.robot,), first.latest_s)
             self._open[first.robot].waits = wait
-            self._waiting.add(other)
+            self._asked[wait.id], self._waiting[other] = self._open[first.robot], first.robot
             yield wait
 
     def _ask_best(self, kind: str, options: list[Option], robots: RobotTable, now_s: float) -> Iterator[Request]:
@@ -161,7 +174,7 @@ class StandoffAdvice:
         found = []
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
-            is_asked = option.robot in self._open or option.other in self._open
+            is_asked = not {option.robot, option.other}.isdisjoint(self._open.keys() | self._waiting.keys())
             if yielding == other or self._people & {vendor, yielding} or is_asked:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
@@ -179,14 +192,14 @@ class StandoffAdvice:
 
     def _request(self, option: Option, robots: RobotTable, now_s: float) -> Request | None:
         """Ask for an option. None if there is no place for it."""
-        at = self._refuge_m(option, robots) if option.verb == "back_out" else None
+        at = self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
         if option.verb == "back_out" and at is None:
             return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
         request = self._new(option, at, until, latest_s)
-        x_m, y_m, _ = robots.reported_pose(option.robot)
-        self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m))
+        x_m, y_m, yaw_rad = robots.reported_pose(option.robot)
+        self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m), yaw_rad)
         self._following.ask(option.robot, now_s)
         return request
 
@@ -194,9 +207,18 @@ class StandoffAdvice:
         self._made += 1
         return Request(str(self._made), option.robot, option.verb, at, option.other, until, latest_s)
 
-    def _refuge_m(self, option: Option, robots: RobotTable) -> tuple[float, float] | None:
-        passing = wanted_ways(robots, np.flatnonzero(robots.column({option.other: 1})), WHOLE_WAY_M, STEPS * STEP_S)
-        return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, option[::2]))
+    def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
+        """Where a robot can back out to. Not searched again soon after none was found."""
+        if now_s - self._searched_s.get(option.robot, -inf) < SEARCHED_S:
+            return None
+        numbers = robots.column({option.robot: 1, option.other: 2})
+        slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
+        passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
+        refuge_m = self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
+        if refuge_m is None:
+            self._searched_s = {uuid: at_s for uuid, at_s in self._searched_s.items() if now_s - at_s < SEARCHED_S}
+            self._searched_s[option.robot] = now_s
+        return refuge_m
 
 
 def _both(request: Request) -> tuple[str, ...]:

@@ -62,14 +62,19 @@ class Standing:
     def in_rings(self) -> set[str]:
         return {robot for ring in self.rings for robot in ring}
 
+    @cached_property
+    def _stand_for(self) -> dict[str, list[str]]:
+        """By robot, those that stand for it."""
+        found: dict[str, list[str]] = {}
+        for each in self.waiting.values():
+            found.setdefault(each.other, []).append(each.robot)
+        return found
+
     def behind(self, robot: str) -> int:
         """How many robots stand for a robot, or for one that stands for it."""
-        before: dict[str, list[str]] = {}
-        for each in self.waiting.values():
-            before.setdefault(each.other, []).append(each.robot)
         found, to_do = {robot}, [robot]
         while to_do:
-            new = [name for name in before.get(to_do.pop(), ()) if name not in found]
+            new = [name for name in self._stand_for.get(to_do.pop(), ()) if name not in found]
             found.update(new)
             to_do += new
         return len(found) - 1

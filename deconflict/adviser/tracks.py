@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable
+from math import hypot
 
 import numpy as np
 
@@ -22,17 +23,22 @@ class Tracks:
     def __init__(self) -> None:
         self._poses: dict[str, deque[tuple[float, float, float]]] = {}
         """By robot x, y and yaw, newest last."""
+        self._floors: dict[str, str] = {}
+        """By robot, the floor of these poses."""
 
     def observe(self, robots: RobotTable, updated: Iterable[str]) -> None:
         for uuid in updated:
-            pose = robots.reported_pose(uuid)
-            poses = self._poses.setdefault(uuid, deque(maxlen=KEPT))
-            if not poses or np.hypot(pose[0] - poses[-1][0], pose[1] - poses[-1][1]) >= STEP_M:
+            pose, floor = robots.reported_pose(uuid), robots[uuid].datum
+            if self._floors.get(uuid) != floor:
+                self._floors[uuid], self._poses[uuid] = floor, deque(maxlen=KEPT)
+            poses = self._poses[uuid]
+            if not poses or hypot(pose[0] - poses[-1][0], pose[1] - poses[-1][1]) >= STEP_M:
                 poses.append(pose)
 
     def forget(self, uuids: Iterable[str]) -> None:
         for uuid in uuids:
             self._poses.pop(uuid, None)
+            self._floors.pop(uuid, None)
 
     def refuge_m(self, robots: RobotTable, robot: str, passing: Ways, others: Boxes) -> tuple[float, float] | None:
         """The nearest place on a robot's own track where it is in nobody's way: neither on the ways of those that are
@@ -52,8 +58,9 @@ class Tracks:
         return (float(poses[found[0], 0]), float(poses[found[0], 1])) if len(found) else None
 
 
-def other_bodies(robots: RobotTable, but: Iterable[str]) -> Boxes:
-    """The bodies of all robots but some."""
-    left_out = set(but)
-    known = np.flatnonzero(robots.records["known"] & (robots.records["floor"] >= 0))
-    return bodies(robots, np.array([slot for slot in known.tolist() if robots.uuids[slot] not in left_out], np.int64))
+def other_bodies(robots: RobotTable, slot: int, other: int) -> Boxes:
+    """The bodies of all robots on the floor of a slot, but those of two slots."""
+    records = robots.records
+    there = records["known"] & (records["floor"] == records["floor"][slot])
+    there[[slot, other]] = False
+    return bodies(robots, np.flatnonzero(there))

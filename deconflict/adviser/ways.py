@@ -8,6 +8,7 @@ from deconflict.contention.robots.bounding_boxes import touching_boxes
 from deconflict.contention.robots.lookahead import STEP_S
 from deconflict.contention.robots.record_kernels import Records
 from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Bools, Floats, Ints
 
 REACH_M = 2.2
@@ -100,10 +101,10 @@ def bodies(robots: RobotTable, slots: Ints) -> Boxes:
 
 def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
     """(n,) the slot of `others` (m,) whose body is first on each way; -1 if none is."""
-    body, floors = bodies(robots, others), robots.records["floor"]
+    body = bodies(robots, others)
     pairs = touching_boxes(around(ways.boxes), around(Boxes._make(column[:, None] for column in body)))
     row, other = pairs.T
-    is_other = (ways.slots[row] != others[other]) & (floors[ways.slots[row]] == floors[others[other]])
+    is_other = (ways.slots[row] != others[other]) & can_meet(robots, ways.slots[row], others[other])
     row, other = row[is_other], other[is_other]
     hit = touch(Boxes._make(c[row] for c in ways.boxes), Boxes._make(c[other][:, None] for c in body))
     found = np.full(len(ways.slots), -1)
@@ -112,6 +113,14 @@ def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
     order = np.lexsort((away_m, first))[::-1]
     order = order[first[order] < hit.shape[1]]
     found[row[order]] = others[other[order]]
+    return found
+
+
+def can_meet(robots: RobotTable, slots: Ints, others: Ints) -> Bools:
+    """(n,) whether robots are on one floor, and neither passes above the other."""
+    mine, theirs = robots.records[slots], robots.records[others]
+    overlap = heights_overlap(mine["bottom_m"], mine["top_m"], theirs["bottom_m"], theirs["top_m"])
+    found: Bools = (mine["floor"] == theirs["floor"]) & overlap
     return found
 
 
@@ -126,8 +135,7 @@ def meetings(robots: RobotTable, ways: Ways) -> list[Meeting]:
     """Where ways meet, each pair once."""
     outer = around(ways.boxes) if len(ways.slots) else np.empty((0, 4))
     row, other = touching_boxes(outer, outer).T
-    floors = robots.records["floor"][ways.slots]
-    chosen = (row < other) & (floors[row] == floors[other])
+    chosen = (row < other) & can_meet(robots, ways.slots[row], ways.slots[other])
     row, other = row[chosen], other[chosen]
     mine = Boxes._make(column[row][:, :, None] for column in ways.boxes)
     theirs = Boxes._make(column[other][:, None, :] for column in ways.boxes)

@@ -338,10 +338,8 @@ class RobotTable(Mapping[str, RobotView]):
 
     def ways_m(self, slots: Ints) -> Floats:
         """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. Those that do not go stay."""
-        records = self.records[slots]
-        here_m = np.stack([records["x_m"], records["y_m"]], axis=1)[:, None]
-        found: Floats = np.where(records["goes"][:, None, None], self._paths[slots], here_m)
-        return found
+        here_m = np.stack([self.records[name][slots] for name in ("x_m", "y_m")], axis=1)[:, None]
+        return np.where(self.records["goes"][slots][:, None, None], self._paths[slots], here_m)
 
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""
