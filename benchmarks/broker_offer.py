@@ -16,7 +16,7 @@ from typing import Any
 from aiomqtt import Client
 
 from benchmarks import offer
-from ingest.settings import MqttSource
+from ingest.port.brokers.mqtt_source import MqttSource
 from tests.helpers import iso_saying, vda_saying
 
 APART_M, WAY_M, LANES = 3.0, 30.0, 50

@@ -1,4 +1,4 @@
-"""A client for other services of the site: reads what is open, follows every revision, acknowledges.
+"""A client for other services of the site: reads what is open, follows every revision, acknowledges, answers advice.
 
 async with Client("http://127.0.0.1:8080", token=token) as client:
     async for advisory in client.follow(after=last_seen):
@@ -28,7 +28,9 @@ from deconflict.advisories.situations.situation import (
     Listing,
     Situation,
 )
-from deconflict.advisory import ADVISORY, AnyAdvisory, KindChoice
+from deconflict.advisory import ADVISORY, AdviceAnswer, AnyAdvisory, KindChoice
+from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.operator.http.api_models import AdviceList
 from deconflict.operator.vendor_models import VendorHealth, VendorList
 
 MOST_LISTED = 10_000
@@ -58,6 +60,18 @@ class PositionLostError(ClientError):
 
     It was removed while nobody followed the stream, or the number is beyond the store's last: it is another store.
     """
+
+
+@dataclass(frozen=True, slots=True)
+class AdviceListing:
+    """What is asked of robots, and the position in the stream at that moment."""
+
+    seq: int
+    """The newest number in the store."""
+    advice: list[RobotAdvice]
+    """The newest revision of each, newest first."""
+    more: bool
+    """Whether the limit left some out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +133,23 @@ class Client:
         answer = _json(await self._http.get("/situations", params={"limit": MOST_LISTED}))
         situations = [Situation.model_validate(situation) for situation in answer["situations"]]
         return SituationListing(seq=answer["seq"], situations=situations, more=answer["more"])
+
+    async def advice(self, vendor: str | None = None) -> AdviceListing:
+        """What is asked of robots, of all vendors or of one, newest first, and the stream's position: follow
+        `kinds=["advice"]` from there. Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        """
+        found = AdviceList.model_validate(_json(await self._http.get("/advice", params={"limit": MOST_LISTED})))
+        asked = [each for each in found.advice if vendor in (None, each.vendor)]
+        return AdviceListing(seq=found.seq, advice=asked, more=found.more)
+
+    async def answer(self, advice_id: str, answer: AdviceAnswer, *, why: str = "", name: str = "") -> RobotAdvice:
+        """Answer advice for a robot: accepted, declined and why, or done.
+
+        With a token, the name is that of its person. Raises `ClientError`, also if the advice has ended or was asked of
+        another vendor, and `httpx.HTTPError` if the service can't be reached.
+        """
+        body = {"answer": answer, "why": why, "name": name}
+        return RobotAdvice.model_validate(_json(await self._http.post(f"/advice/{advice_id}/answer", json=body)))
 
     async def revisions(self, advisory_id: str) -> list[AnyRevision]:
         """Every revision of one advisory or situation, the newest last.

@@ -12,6 +12,7 @@ from deconflict.settings import shared_places, site, site_file
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site_check import site_report
 from ingest import settings
+from ingest.port.brokers.mqtt_source import MqttSource
 
 DOC = (Path(__file__).parent.parent / "docs" / "site-file.md").read_text(encoding="utf-8")
 SECTIONS: dict[str, type[settings.Section]] = {
@@ -28,7 +29,7 @@ SECTIONS: dict[str, type[settings.Section]] = {
     "`[[obstacles]]`": shared_places.Obstacle,
     "`[[operator.people]]`": site.Person,
     "`[receiver.tls]`": settings.Tls,
-    "`[[mqtt_sources]]`": settings.MqttSource,
+    "`[[mqtt_sources]]`": MqttSource,
     "`[[webhooks]]`": outlets.Webhook,
     "`[mqtt]`": outlets.Mqtt,
     "`[cluster]`": Cluster,

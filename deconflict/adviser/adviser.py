@@ -4,10 +4,11 @@ import json
 from collections.abc import Iterable, Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
+from deconflict.advisory import AdviceAnswer
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.settings import site_file
@@ -20,8 +21,6 @@ from ingest.recording.log_reader import Received
 PEER = "adviser"
 """Address that all messages count as coming from: who may send was decided before."""
 
-Answer = Literal["accepted", "declined", "done"]
-
 
 class Adviser:
     """Hears identity and status reports, and asks robots for what helps them all."""
@@ -31,7 +30,7 @@ class Adviser:
         settings = DEFAULT if site is None else site if isinstance(site, Site) else site_file.load(Path(site))
         self._fleet = fleet_of(settings, Measures())
         self._robots = RobotTable(PlaceGeometry(settings.resources, settings.zones))
-        self._people = [vendor.name for vendor in settings.vendors if vendor.participant == "person"]
+        self._vendors = settings.vendors
         self._advice, self._now_s = self._begun(), 0.0
         self.refused = 0
         """Messages that were no reports, or not accepted."""
@@ -60,14 +59,14 @@ class Adviser:
         self._now_s = now_s
         return self._advice.step(self._robots, now_s)
 
-    def answer(self, request_id: str, answer: Answer, why: str = "") -> None:
+    def answer(self, request_id: str, answer: AdviceAnswer, why: str = "") -> None:
         """What a robot answered to a request. Raises ValueError for another word."""
-        if answer not in get_args(Answer):
+        if answer not in get_args(AdviceAnswer):
             raise ValueError(f"a robot answers accepted, declined or done, and not {answer!r}")
         self._advice.answer(str(request_id), answer, str(why or ""), self._robots, self._now_s)
 
     def _begun(self) -> StandoffAdvice:
-        return StandoffAdvice(self._people)
+        return StandoffAdvice(self._vendors)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:
         try:

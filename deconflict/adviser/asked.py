@@ -1,6 +1,6 @@
 """Requests that were made: which robots follow them, and how long that takes."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import floor
 from typing import NamedTuple
@@ -70,7 +70,9 @@ class _OfRobot:
 class Following:
     """Which robots follow requests, and which verbs their vendors can do."""
 
-    def __init__(self) -> None:
+    def __init__(self, verbs: Mapping[str, Collection[Verb]]) -> None:
+        """`verbs` may be asked of the robots of a vendor; every verb of robots of vendors that are not named."""
+        self._verbs = verbs
         self._robots: dict[str, _OfRobot] = {}
         self._can: dict[tuple[str, Verb], tuple[set[str], set[str]]] = {}
         """By vendor and verb: the robots that have accepted it, and those that cannot do it."""
@@ -95,13 +97,17 @@ class Following:
 
     def may_be_asked(self, option: Option, vendor: str, now_s: float) -> bool:
         """Whether the robot has not declined or ignored it lately, and its vendor can do it."""
-        able, unable = self._can.get((vendor, option.verb), ((), ()))
         record = self._of(option.robot)
         pause_s = min(PAUSE_S * 2**record.ignored, LONGEST_PAUSE_S) if record.ignored else 0.0
         is_rested = now_s >= max(
             record.asked_s + pause_s, record.declined_until_s.get((option.verb, option.other), 0.0)
         )
-        return is_rested and (bool(able) or len(unable) < UNABLE_AFTER)
+        return is_rested and self.can(vendor, option.verb)
+
+    def can(self, vendor: str, verb: Verb) -> bool:
+        """Whether a verb may be asked of the robots of a vendor."""
+        able, unable = self._can.get((vendor, verb), ((), ()))
+        return verb in self._verbs.get(vendor, (verb,)) and (bool(able) or len(unable) < UNABLE_AFTER)
 
     def waits_s(self) -> float:
         """How long a robot has time to answer, or to set out."""

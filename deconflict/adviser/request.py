@@ -1,9 +1,8 @@
 """What is asked of one robot."""
 
 from dataclasses import dataclass
-from typing import Literal
 
-Verb = Literal["wait_before", "go_first", "step_aside", "go_around", "back_out", "other_way"]
+from ingest.settings import Verb as Verb  # noqa: PLC0414 - callers import it from here
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,3 +22,7 @@ class Request:
     latest_s: float
     """When the request ends at the latest."""
     withdrawn: bool = False
+    saving_s: float | None = None
+    """Seconds that all robots are expected to save in the next minute."""
+    saving_interval_s: tuple[float, float] | None = None
+    """80 % interval of these seconds, by how long such standoffs last."""

@@ -1,6 +1,6 @@
 """Advice that ends standoffs: who yields to whom, and how."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from math import hypot, inf, pi, remainder
 
@@ -11,10 +11,11 @@ from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Crossing, Standing, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.ways import wanted_ways
-from deconflict.adviser.worth import Worth
+from deconflict.adviser.worth import ExpectedSaving, Worth
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Batch
+from ingest.settings import Vendor
 
 RING_S = 0.8
 """Robots that have stood for each other for so long rarely move on by themselves."""
@@ -40,14 +41,16 @@ robot asked again and again would never arrive."""
 class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
-    def __init__(self, people: Iterable[str] = ()) -> None:
-        """`people` are vendors whose participants are people. Nothing is asked of them."""
-        self._people = frozenset(people)
+    def __init__(self, vendors: Iterable[Vendor] = ()) -> None:
+        """`vendors` are those of the site. Nothing is asked of people."""
+        vendors = tuple(vendors)
+        self._people = frozenset(vendor.name for vendor in vendors if vendor.participant == "person")
         self._open: dict[str, Asked] = {}
         """By robot."""
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
-        self._following, self._worth, self._tracks = Following(), Worth(), Tracks()
+        self._following = Following({vendor.name: vendor.verbs for vendor in vendors})
+        self._worth, self._tracks = Worth(), Tracks()
         self._waiting: dict[str, str] = {}
         """By robot that is asked to wait, the robot that goes first."""
         self._searched_s: dict[str, float] = {}
@@ -55,11 +58,21 @@ class StandoffAdvice:
         self._made = 0
         self._standing = Standing({}, [])
 
+    @property
+    def asked(self) -> Mapping[str, Asked]:
+        """The open requests, by id. What a robot waits for has the ids of both."""
+        return self._asked
+
+    @property
+    def worth(self) -> Worth:
+        """What was learned of standoffs, and what vendors yielded."""
+        return self._worth
+
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots were updated."""
         self._tracks.forget(batch.gone)
         self._following.forget(batch.gone)
-        self._tracks.observe(robots, batch.robots)
+        self._tracks.observe(robots, (uuid for uuid in batch.robots if uuid in robots))
 
     def answer(self, request_id: str, answer: str, why: str, robots: RobotTable, now_s: float) -> None:
         """What a robot answered to a request.
@@ -163,6 +176,8 @@ class StandoffAdvice:
         for first in self._ask_best("crossing", options, robots, now_s):
             yield first
             other = b if first.robot == a else a
+            if not self._following.can(robots[other].vendor, "wait_before"):
+                continue
             before_m = crossing.before_m[crossing.robots.index(other)]
             wait = self._new(Option(other, "wait_before", first.robot), before_m, (first.robot,), first.latest_s)
             self._open[first.robot].waits = wait
@@ -181,23 +196,25 @@ class StandoffAdvice:
                 behind = self._standing.behind(option.robot), self._standing.behind(option.other)
                 works = self._following.likely(option.robot)
                 works *= self._following.possible(option.verb, robots.reported_pose(option.robot)[:2])
-                saving_s = self._worth.saving_s(kind, option.verb, works, *behind)
+                saving = self._worth.saving(kind, option.verb, works, *behind)
                 is_fair = not self._worth.yields_too_much(yielding, other)
                 rank = is_fair, works >= LIKELY, -VERBS.index(option.verb), -self._following.asked_s(option.robot)
-                found.append((rank, saving_s, option))
-        for _, saving_s, option in sorted(found, reverse=True):
-            if saving_s > 0 and (request := self._request(option, robots, now_s)):
+                found.append((rank, saving, option))
+        for _, saving, option in sorted(found, reverse=True):
+            if saving.mean_s > 0 and (request := self._request(option, saving, robots, now_s)):
                 yield request
                 return
 
-    def _request(self, option: Option, robots: RobotTable, now_s: float) -> Request | None:
+    def _request(self, option: Option, saving: ExpectedSaving, robots: RobotTable, now_s: float) -> Request | None:
         """Ask for an option. None if there is no place for it."""
         at = self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
         if option.verb == "back_out" and at is None:
             return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
-        request = self._new(option, at, until, latest_s)
+        request = replace(
+            self._new(option, at, until, latest_s), saving_s=saving.mean_s, saving_interval_s=saving.interval_s
+        )
         x_m, y_m, yaw_rad = robots.reported_pose(option.robot)
         self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m), yaw_rad)
         self._following.ask(option.robot, now_s)

@@ -1,6 +1,8 @@
 """What advice is worth: the seconds that all robots lose without it, less those with it."""
 
 from dataclasses import dataclass, field
+from math import log1p
+from typing import NamedTuple
 
 from deconflict.adviser.request import Verb
 
@@ -23,6 +25,17 @@ WEIGHT = 5
 """How many observations the values above count for."""
 UNFAIR_SHARE, FAIR_AFTER_S = 0.55, 60.0
 """A vendor that has yielded more than this share of the seconds between two vendors is asked last."""
+
+
+QUANTILES = (0.1, 0.9)
+
+
+class ExpectedSaving(NamedTuple):
+    """Seconds that all robots save in the next minute."""
+
+    mean_s: float
+    interval_s: tuple[float, float]
+    """Between the `QUANTILES`."""
 
 
 @dataclass(slots=True)
@@ -49,18 +62,25 @@ class Worth:
     yielded_s: dict[tuple[str, str], float] = field(default_factory=dict)
     """By the vendor that yielded and the vendor that it let through."""
 
-    def saving_s(self, kind: str, verb: Verb, works: float, behind: int, behind_other: int) -> float:
+    def saving(self, kind: str, verb: Verb, works: float, behind: int, behind_other: int) -> ExpectedSaving:
         """What a request saves that is followed with the probability `works`; if it is not, another is asked later.
 
         Robots behind either of the two lose as much as it does. Of robots that stand for each other one has to go
-        around in the end, also without advice; a robot that stands only in the way moves on at no cost.
+        around in the end, also without advice; a robot that stands only in the way moves on at no cost. How long they
+        stand on is taken as exponentially distributed.
         """
         stand = 2 + behind + behind_other
-        stands_on_s, takes_s = min(self.stands_on[kind].value_s, LOOKED_AHEAD_S), self.takes[verb].value_s
+        mean_s, takes_s = self.stands_on[kind].value_s, self.takes[verb].value_s
         if kind != "stander":
             takes_s -= min(takes_s, self.takes["go_around"].value_s)
-        followed_s = stands_on_s * stand - takes_s * (1 + behind) - takes_s / 2 * (1 + behind_other)
-        return works * followed_s - (1 - works) * ASKING_S * stand
+
+        def saved_s(stands_on_s: float) -> float:
+            followed_s = min(stands_on_s, LOOKED_AHEAD_S) * stand
+            followed_s -= takes_s * (1 + behind) + takes_s / 2 * (1 + behind_other)
+            return works * followed_s - (1 - works) * ASKING_S * stand
+
+        low, high = (-log1p(-quantile) * mean_s for quantile in QUANTILES)
+        return ExpectedSaving(saved_s(mean_s), (saved_s(low), saved_s(high)))
 
     def yields_too_much(self, vendor: str, other: str) -> bool:
         """Whether a vendor has yielded more than its share to another."""

@@ -12,6 +12,10 @@ from deconflict.advisory.cleared_code import ClearedCode as ClearedCode
 Robot = Annotated[str, Field(description="UUID of a robot")]
 
 
+AdviceAnswer = Literal["accepted", "declined", "done"]
+"""What a robot, or its vendor for it, answers to what is asked of it."""
+
+
 class AdvisoryState(StrEnum):
     RAISED = "raised"
     UPDATED = "updated"
@@ -135,6 +139,9 @@ class Acknowledgement(Published):
     reason: str = Field(description="what is done about it, or why nothing is")
     at: datetime
     summary: str = Field(default="", description="the summary that was acknowledged; later revisions may have another")
+    answer: AdviceAnswer | None = Field(
+        default=None, exclude_if=operator.not_, description="what a vendor answers to advice; absent elsewhere"
+    )
 
 
 class Advisory(Published):
@@ -320,7 +327,7 @@ AnyAdvisory = Annotated[
 Kind = Literal[
     "conflict", "contention", "double_occupancy", "deadlock", "blockage", "foreign_claim", "two_places", "crowd"
 ]
-RevisionKind = Literal[Kind, "situation"]
+RevisionKind = Literal[Kind, "situation", "advice"]
 KindChoice = Literal[RevisionKind, "advisory"]
 """What a receiver of revisions may ask for: "advisory" stands for every kind of advisory."""
 SituationKind = Literal[
@@ -328,7 +335,8 @@ SituationKind = Literal[
 ]
 SITUATION = "situation"
 ADVISORY_KINDS = frozenset[str](get_args(Kind))
-EVERY_KIND = ADVISORY_KINDS | {SITUATION}
+ADVICE = "advice"
+EVERY_KIND = ADVISORY_KINDS | {SITUATION, ADVICE}
 
 ADVISORY: TypeAdapter[AnyAdvisory] = TypeAdapter(AnyAdvisory)
 """Reads one revision of any kind."""

@@ -5,18 +5,21 @@ the same calls give the same advisories.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import inf
 from typing import Any
 
 import numpy as np
 
 from deconflict.advice.deferred_answers import Submit, answer_at_once
+from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.advisories.revision_rules import held_probability
+from deconflict.advisories.situations.situation import advisories_of
 from deconflict.advisory import AnyAdvisory, ClearedCode, ConflictAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
@@ -65,7 +68,7 @@ class Engine:
     def __init__(
         self,
         site: Site,
-        restored: Iterable[AnyAdvisory] = (),
+        restored: Collection[AnyAdvisory | RobotAdvice] = (),
         ordinals: dict[Pair, int] | None = None,
         submit: Submit = answer_at_once,
         burdens_s: Mapping[str, float] | None = None,
@@ -73,14 +76,14 @@ class Engine:
         *,
         conflicts_only: bool = False,
     ) -> None:
-        """`restored` are advisories that were open before, `ordinals` how many encounters each pair has had.
+        """`restored` are advisories and advice that were open before, `ordinals` how many encounters each pair has had.
 
         `submit` has advice worked out, `burdens_s` are the seconds that each vendor has waited so far, `learned` is
         what `learned()` of an earlier engine gave; parts that can't be used are set aside. With `conflicts_only` there
-        are no advisories on queues, deadlocks, blockages and claims.
+        are no advisories on queues, deadlocks, blockages and claims, and nothing is asked of robots.
         """
         self.site, self._conflicts_only, self.measures = site, conflicts_only, Measures()
-        restored, conflict = tuple(restored), site.conflict
+        advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence, self._crowds = Presence(self.live, self.measures), Crowds(self.live)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
@@ -88,16 +91,16 @@ class Engine:
         self._claims = PairClaims(self.live, self._conflicts, crowds)
         self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self._claims)
         self._sweep = RobotSweep(site, self.live, self.measures, crowds, self._claims)
-        self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, PlaceNames.of(site))
-        self._conflicts.restore(advisory for advisory in restored if isinstance(advisory, ConflictAdvisory))
+        self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, names)
+        self._conflicts.restore(advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory))
         asking = self._sweep.sweeper, self.measures, submit, burdens_s, crowds, self.foresight.last_advised_wait_s
         self._advice = EngineAdvice(site, self.live, *asking)
-        shared = self._crowds, self.measures, restored, self._advice.queue_advice
+        shared = self._crowds, self.measures, restored, self._advice.queue_advice, names.describe
         self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
         self.set_aside = resume_all(self._learners, upgraded(learned)) if learned else {}
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
-        self._loss_warnings = LossWarnings(restored, self.foresight.last_advised_wait_s)
+        self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s)
         self.near_misses, self.losses = [], []
         self._updated: set[str] = set()
         """Robots with a new forecast since the last pass, and those that have left since."""
@@ -114,7 +117,7 @@ class Engine:
         """An engine for a changed site that continues what is open and learned; it has to receive all robots again."""
         return Engine(
             site,
-            self.open(),
+            [*self.open(), *self._shared.asked.open()],
             self._conflicts.ordinals,
             self._advice.submit,
             self._advice.burden.burdens_s,
@@ -200,6 +203,13 @@ class Engine:
         self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.budget.deferred)
         count_losses(self.measures, self.losses)
         return revisions
+
+    def advise(self, now_s: float, answers: Iterable[AnsweredAdvice] = ()) -> list[RobotAdvice]:
+        """What is asked of robots, and what changed of it since the last call. Call it after `step`: it delays nothing.
+
+        `answers` are those that came since the last call.
+        """
+        return self._shared.advise(now_s, answers)
 
     def _placed_losses(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[PlacedLoss]:
         """The losses that ended, with their places and what had been published when they began."""

@@ -1,9 +1,13 @@
-"""Advisories on what is not of two robots: queues, deadlocks, blockages, claims and crowds."""
+"""Advisories on what is not of two robots: queues, deadlocks, blockages, claims and crowds. And advice."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
+from deconflict.adviser.advice_lifecycle import AdviceLifecycle, AnsweredAdvice
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
-from deconflict.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict.advisories.situations.situation import AnyRevision, advice_of, advisories_of
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import ConflictAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.contention.contention import Contention
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.queue_advice import QueueAdvice
@@ -14,7 +18,7 @@ from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.probably_left import PresenceChanges
 from deconflict.settings.site import Site
-from ingest.batch import Batch
+from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures
 
 REDUCED_LOOK_S = 10.0
@@ -22,7 +26,7 @@ REDUCED_LOOK_S = 10.0
 
 
 class SharedAdvisories:
-    """Contention, claims and crowds of one engine; of neither if a cluster judges them elsewhere."""
+    """Contention, claims, crowds and advice of one engine; none of them if a cluster judges them elsewhere."""
 
     def __init__(
         self,
@@ -30,18 +34,20 @@ class SharedAdvisories:
         live: LiveRobots,
         crowds: Crowds,
         measures: Measures,
-        restored: Iterable[AnyAdvisory],
+        restored: Iterable[AnyRevision],
         queue_advice: Callable[[PlaceGeometry], QueueAdvice],
+        describe: Callable[[Sequence[FloorPoint]], list[Spot]],
         *,
         enabled: bool,
     ) -> None:
-        """Without `enabled` nothing is judged, and what is `restored` stays as it is."""
-        self._live, self._enabled = live, enabled
-        findings = [advisory for advisory in restored if not isinstance(advisory, ConflictAdvisory)]
+        """Without `enabled` nothing is judged, and what is `restored` stays as it is. `describe` names places."""
+        self._live, self._enabled, restored = live, enabled, list(restored)
+        findings = [advisory for advisory in advisories_of(restored) if not isinstance(advisory, ConflictAdvisory)]
         queues = [advisory for advisory in findings if not isinstance(advisory, JudgedAdvisory)]
         claims = [advisory for advisory in findings if isinstance(advisory, JudgedAdvisory)]
         self.contention = Contention(site, measures, queues, queue_advice, crowds.numbers)
         self._claims = ClaimLifecycle(live, crowds, claims)
+        self.asked = AdviceLifecycle(site, describe, measures, advice_of(restored))
         self._looked_s = float("-inf")
 
     def open(self) -> list[FindingAdvisory]:
@@ -52,6 +58,7 @@ class SharedAdvisories:
         """Add the robots that changed, and the claims that stand."""
         if self._enabled:
             self.contention.receive(batch)
+            self.asked.receive(batch, self.contention.robots)
             self._claims.receive(batch.claims)
 
     def update_presence(self, changes: PresenceChanges, now_s: float) -> None:
@@ -69,3 +76,7 @@ class SharedAdvisories:
             revisions += self.contention.step(now_s)
             self._looked_s = now_s
         return [*revisions, *self._claims.step(now_s)]
+
+    def advise(self, now_s: float, answers: Iterable[AnsweredAdvice]) -> list[RobotAdvice]:
+        """What is asked of robots, and what changed of it."""
+        return self.asked.step(self.contention.robots, now_s, answers) if self._enabled else []

@@ -93,6 +93,7 @@ class EngineRole:
                 continue
             arrived_s = {} if self._is_first else arrivals_s(batch, time.time())
             self._run_pass(engine, batch, pending, arrived_s, timed=request != EVERYTHING)
+            self._advise(engine, batch.now_s)
             if canary:
                 self._delivery.add_canary(judged(canary))
             self._is_first = False
@@ -175,6 +176,19 @@ class EngineRole:
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
+
+    def _advise(self, engine: Engine, now_s: float) -> None:
+        """Ask robots for what saves time. Not if the engine can't keep up: warnings come first."""
+        if self._load.effort >= Effort.NEAR:
+            return
+        try:
+            revisions = engine.advise(now_s, self._delivery.take_answers())
+        except Exception:
+            log.exception("nothing can be asked of robots, which should be reported")
+            engine.measures.count("deconflict_advice_failures_total")
+            return
+        if revisions:
+            self._delivery.add_advice(revisions)
 
     def _adapt_effort(self, measures: Measures, took_s: float) -> None:
         """Count whether the pass was late, and set the effort of the next passes."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.advisories.situations.situation import REVISION, AnyRevision
-from deconflict.advisory import Acknowledgement
+from deconflict.advisory import ADVICE, Acknowledgement
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api_sources import SourceUnavailableError
@@ -29,6 +29,8 @@ from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 from ingest.measures.measures import Measures
 
 ANSWER_TIMEOUT_S = 5.0
+MOST_ANSWERS = 200
+"""Most revisions of advice that are read for answers at once."""
 SHOWN_LETTERS = 200
 """Characters of an invalid revision that the log shows."""
 
@@ -69,6 +71,7 @@ class OperatorCalls:
             "unlearn": self._unlearn,
             "unlearn_parts": self._unlearn_parts,
             "publish": self._publish,
+            "answers": self._answers,
             "last_stored": self._last_stored,
             "store_lines": self._store_lines,
             "last_losses": self._last_losses,
@@ -146,6 +149,16 @@ class OperatorCalls:
             self._add_losses(**head["losses"])
         self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for
         return self._taken()
+
+    async def _answers(self, after: bytes) -> bytes:
+        """The answers to advice above a number of the stream, and the last number; the second alone if it is -1."""
+        if int(after) < 0:
+            return json.dumps({"last": await asyncio.to_thread(self._store.last_seq), "answers": []}).encode()
+        page = await asyncio.to_thread(self._store.page_after, int(after), {ADVICE}, MOST_ANSWERS)
+        answers = [each.acknowledgement for each in page.revisions]
+        rows = zip(page.revisions, answers, strict=True)
+        found = [(each.id, answer.answer, answer.reason) for each, answer in rows if answer and answer.answer]
+        return json.dumps({"last": page.last, "answers": found}).encode()
 
     def _add_losses(self, sender: str, number: int, entries: list[list[Any]]) -> None:
         self._ledger.add(LossParcel(sender, number, [LedgerEntry(*entry) for entry in entries]))

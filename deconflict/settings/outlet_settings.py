@@ -23,7 +23,7 @@ class Webhook(Section):
     secret: SecretSource
     """Source of the secret that signs each request, `file:PATH` or `env:NAME`."""
     kinds: Kinds = ("situation",)
-    """What it receives: `situation`, `advisory` for every kind of advisory, or some kinds of advisory."""
+    """What it receives: `situation`, `advice`, `advisory` for every kind of advisory, or some kinds of advisory."""
     timeout_s: Seconds = 10.0
     """A request without an answer for this long has failed."""
     retry_s: Backoff = (1.0, 60.0)
@@ -38,10 +38,10 @@ class Mqtt(Section):
     port: Annotated[int, Field(gt=0, le=65535)] = 1883
     """Its port; brokers use 8883 for TLS."""
     topic: Annotated[str, Field(pattern=r"^[^#+$]+$")] = "deconflict"
-    """Situations are at `TOPIC/situations/ID`, advisories at `TOPIC/advisories/ID`, the service's state at
-    `TOPIC/service`."""
+    """Situations are at `TOPIC/situations/ID`, advisories at `TOPIC/advisories/ID`, advice at `TOPIC/advice/ID`, the
+    service's state at `TOPIC/service`."""
     kinds: Kinds = ("situation",)
-    """What it receives: `situation`, `advisory` for every kind of advisory, or some kinds of advisory."""
+    """What it receives: `situation`, `advice`, `advisory` for every kind of advisory, or some kinds of advisory."""
     user: str = ""
     """User name, if the broker needs one."""
     password: SecretSource = ""

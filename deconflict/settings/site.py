@@ -1,16 +1,17 @@
 """The settings of a site: everything that a person sets in the site file (`site_file` reads it)."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.outlet_settings import Mqtt, Webhook
 from deconflict.settings.shared_places import ContentionSettings, NamedArea, Obstacle, Resource, Zone
+from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.settings import (
     Datum,
     Metres,
-    MqttSource,
     Reading,
     ReceiverSettings,
     RecorderSettings,
@@ -21,7 +22,7 @@ from ingest.settings import (
     Vendor,
 )
 
-Role = Literal["read", "acknowledge", "administer"]
+Role = Literal["read", "answer", "acknowledge", "administer"]
 
 
 class Conflict(Section):
@@ -87,9 +88,18 @@ class Person(Section):
     name: str
     """Name of a person, or of a service of the site."""
     role: Role = "read"
-    """`read` sees everything, `acknowledge` may also answer advisories, `administer` may also reload the site file."""
+    """`read` sees everything, `answer` may also answer advice, `acknowledge` also advisories, `administer` may also
+    reload the site file."""
+    vendor: str | None = None
+    """The vendor for whose robots this person or program answers advice. Required for the role `answer`."""
     token: SecretSource
     """Source of this person's bearer token, `file:PATH` or `env:NAME`."""
+
+    @model_validator(mode="after")
+    def _check_vendor(self) -> Self:
+        if self.role == "answer" and not self.vendor:
+            raise PydanticCustomError("vendor", "the role answer needs a vendor: name whose robots it answers for")
+        return self
 
 
 class Operator(Section):

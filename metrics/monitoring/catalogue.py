@@ -123,6 +123,18 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     ),
     "deconflict_ticks_total": counter("Ticks of the engine. At each tick it receives the changes since the last one."),
     "deconflict_sweep_duration_seconds": histogram("Duration of one pass of the engine."),
+    "deconflict_advice_asked_total": counter("Pieces of advice given to robots.", "vendor", "verb"),
+    "deconflict_advice_ended_total": counter(
+        "Pieces of advice that ended, by why: done, declined, lapsed, withdrawn, left or restarted.",
+        "vendor",
+        "verb",
+        "why",
+    ),
+    "deconflict_advice_yielded_seconds_total": counter(
+        "Time that robots of a vendor needed for what they were asked, by the vendor for whose robots it was.",
+        "vendor",
+        "other",
+    ),
     "deconflict_advice_waiting": gauge("Groups of conflicts that wait for advice to be requested."),
     "deconflict_advice_late_total": counter("Requests for advice whose answer came after its deadline."),
     "deconflict_situation_failures_total": counter("Passes in which situations could not be made, and began anew."),

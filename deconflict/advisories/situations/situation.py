@@ -9,6 +9,7 @@ from pydantic import Field, TypeAdapter
 
 from deconflict.advice.document_limits import MOST_ACTIONS, MOST_ROBOTS
 from deconflict.advisory import ADVISORY_KINDS, Action, Advisory, AnyAdvisory, Published, Robot, SituationKind
+from deconflict.advisory.robot_advice import RobotAdvice
 
 BAD_AFTER = 4400
 """Close code of the stream: `after` is not a whole number, 0 or more."""
@@ -65,11 +66,11 @@ class Situation(Advisory):
     joined_into: str | None = Field(default=None, description="id of the situation that it became part of")
 
 
-AnyRevision = Annotated[AnyAdvisory | Situation, Field(discriminator="kind")]
-"""What is stored and streamed: a revision of an advisory of any kind, or of a situation."""
+AnyRevision = Annotated[AnyAdvisory | Situation | RobotAdvice, Field(discriminator="kind")]
+"""What is stored and streamed: a revision of an advisory of any kind, of a situation, or of advice."""
 
 REVISION: TypeAdapter[AnyRevision] = TypeAdapter(AnyRevision)
-"""Reads one revision of an advisory or a situation."""
+"""Reads one revision of an advisory, a situation or advice."""
 
 
 Revision = TypeVar("Revision", bound=Advisory)
@@ -95,9 +96,14 @@ def chosen_kinds(choices: Iterable[str]) -> frozenset[str]:
 
 def advisories_of(revisions: Iterable[AnyRevision]) -> list[AnyAdvisory]:
     """The revisions of advisories."""
-    return [revision for revision in revisions if not isinstance(revision, Situation)]
+    return [revision for revision in revisions if not isinstance(revision, Situation | RobotAdvice)]
 
 
 def situations_of(revisions: Iterable[AnyRevision]) -> list[Situation]:
     """The revisions of situations."""
     return [revision for revision in revisions if isinstance(revision, Situation)]
+
+
+def advice_of(revisions: Iterable[AnyRevision]) -> list[RobotAdvice]:
+    """The revisions of advice."""
+    return [revision for revision in revisions if isinstance(revision, RobotAdvice)]

@@ -10,6 +10,7 @@ from deconflict.advisories.finding_lifecycle import finding_key
 from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation
 from deconflict.advisories.words.conflict_wording import ADVISORIES
 from deconflict.advisory import Acknowledgement, ConflictAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.cluster.tiles.tile_channels import subject_token
 from ingest.batch import FloorPoint
 
@@ -53,11 +54,11 @@ class StreamRecord:
 
 
 def key_of(revision: AnyRevision) -> str:
-    """The key of an advisory or a situation. At most one of a key is open."""
+    """The key of an advisory, a situation or advice. At most one of a key is open."""
     if isinstance(revision, ConflictAdvisory):
         return subject_token("_".join(revision.robots))
-    if isinstance(revision, Situation):
-        return str(uuid5(ADVISORIES, f"situation {revision.id}"))
+    if isinstance(revision, Situation | RobotAdvice):
+        return str(uuid5(ADVISORIES, f"{revision.kind} {revision.id}"))
     return str(uuid5(ADVISORIES, finding_key(revision)))
 
 

@@ -23,7 +23,7 @@ from ingest.security.origin_check import host_of, is_fixed, is_loopback
 from ingest.security.tokens import Tokens, secret_of
 from ingest.security.vendor_credentials import VendorCredentials
 
-RANK: Mapping[Role, int] = {"read": 0, "acknowledge": 1, "administer": 2}
+RANK: Mapping[Role, int] = {"read": 0, "answer": 1, "acknowledge": 2, "administer": 3}
 COOKIE = "deconflict_session"
 MOST_SESSIONS = 100
 """Of one person; then their oldest ends."""
@@ -34,6 +34,8 @@ def role_needed(method: str, path: str) -> Role:
     """The role that a request needs."""
     if method in ("GET", "HEAD", "WEBSOCKET"):
         return "read"
+    if path.startswith("/advice/"):
+        return "answer"
     return "acknowledge" if path.startswith(("/advisories/", "/situations/")) else "administer"
 
 
@@ -81,6 +83,7 @@ class People:
         people = tuple(people)
         self._tokens = Tokens({person.name: person.token for person in people})
         self._roles: dict[str, Role] = {person.name: person.role for person in people}
+        self._vendors = {person.name: person.vendor for person in people if person.vendor}
 
     def __bool__(self) -> bool:
         return bool(self._roles)
@@ -95,6 +98,10 @@ class People:
         if self._tokens.digest(signed_in.person) != signed_in.digest:
             return None
         return self._roles.get(signed_in.person)
+
+    def vendor(self, person: str) -> str | None:
+        """The vendor for which alone a person answers advice; None if there is no such limit."""
+        return self._vendors.get(person)
 
     def refresh(self) -> None:
         """Read the tokens again."""

@@ -13,9 +13,12 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.http.access import AccessMiddleware, People
 from deconflict.operator.http.api_groups import described
 from deconflict.operator.http.api_models import (
+    AdviceList,
+    AdviceRevisions,
     AdvisoryList,
     BlackBoxList,
     Document,
@@ -28,7 +31,7 @@ from deconflict.operator.http.api_models import (
     SituationList,
     SituationRevisions,
 )
-from deconflict.operator.http.api_routes import ApiRoutes, source_unavailable, store_failed
+from deconflict.operator.http.api_routes import AdviceRoutes, ApiRoutes, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.page_routes import add_page_routes
 from deconflict.operator.http.request_limits import (
@@ -52,7 +55,9 @@ DESCRIPTION = """Predicted conflicts and contention of the robots of many vendor
 A situation joins open advisories that share robots or a place: one sentence, and one piece of advice.
 
 Live advisories come over a WebSocket at `/advisories/stream`; with `?after=SEQ` it first replays every revision
-with a higher number, with `?kinds=situation,advisory` it sends situations, too."""
+with a higher number, with `?kinds=situation,advisory` it sends situations, too.
+
+Advice asks one robot for what saves all of them time. It comes over the same stream with `?kinds=advice`."""
 
 
 def create_app(publisher: Publisher, store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
@@ -81,6 +86,7 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
     app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people, signed_in=app.state.places.sign_in)
     app.add_middleware(RequestLimitsMiddleware, places=app.state.places)
     _add_routes(app, ApiRoutes(publisher, store, sources, exposition, measures))
+    _add_advice_routes(app, AdviceRoutes(publisher, store, app.state.people))
     add_loss_routes(app, lambda question: sources.losses(question))  # noqa: PLW0108 - a description has no sources
     add_suggestion_routes(
         app,
@@ -136,6 +142,23 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     get("/metrics", response_class=Response, responses=text)(routes.metrics)
     get("/schema/advisory", response_model=Document)(routes.schema)
     get("/schema/situation", response_model=Document)(routes.situation_schema)
+
+
+def _add_advice_routes(app: FastAPI, routes: AdviceRoutes) -> None:
+    unavailable: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
+    missing: dict[int | str, Document] = {404: {"description": "There is none"}}
+    over: dict[int | str, Document] = {409: {"description": "It has ended"}}
+    app.get("/advice", response_model=AdviceList, responses=unavailable)(routes.advice)
+    app.get("/advice/{advice_id}", response_model=AdviceRevisions, responses=unavailable | missing)(
+        routes.advice_revisions
+    )
+    app.post(
+        "/advice/{advice_id}/answer",
+        response_model=RobotAdvice,
+        status_code=201,
+        responses=unavailable | missing | over,
+    )(routes.answer_advice)
+    app.get("/schema/advice", response_model=Document)(routes.advice_schema)
 
 
 def _add_sockets(app: FastAPI, publisher: Publisher, store: Store, sources: Sources) -> None:

@@ -17,7 +17,7 @@ from deconflict.settings.site import Operator, Site
 from ingest.measures.measures import Measures
 
 Document = dict[str, Any]
-MESSAGES = {"revision": "AnyAdvisory", "situation": "Situation"}
+MESSAGES = {"revision": "AnyAdvisory", "situation": "Situation", "advice": "RobotAdvice"}
 """By message, its schema."""
 SIGNATURE = ("webhook-id", "webhook-timestamp", "webhook-signature")
 _NO_SOURCES = cast(Sources, SimpleNamespace(follow=None, live_status=None))
@@ -49,6 +49,7 @@ def asyncapi() -> Document:
         "webhook": _webhook(),
         "retained": _retained("advisories", "revision"),
         "retained_situations": _retained("situations", "situation"),
+        "retained_advice": _retained("advice", "advice"),
         "service": _service(),
     }
     return {
@@ -68,6 +69,7 @@ def asyncapi() -> Document:
             "messages": {
                 "revision": {"title": "One revision of an advisory", **_content("revision")},
                 "situation": {"title": "One revision of a situation", **_content("situation")},
+                "advice": {"title": "One revision of advice", **_content("advice")},
                 "presence": {"contentType": "text/plain", "payload": {"type": "string", "enum": ["online", "offline"]}},
             },
             "schemas": schemas,

@@ -4,7 +4,7 @@ from typing import Any
 
 GROUPS = {
     "situations": ("What people should look at", ("situations", "shift")),
-    "advisories": ("What programs follow", ("advisories", "heat")),
+    "advisories": ("What programs follow", ("advisories", "advice", "heat")),
     "floor": (
         "Robots and vendors, as they report, and the time that they lose",
         ("losses", "suggestions", "robots", "vendors", "quarantine", "presence"),

@@ -5,7 +5,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, StringConstraints
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import AnyAdvisory, Severity
+from deconflict.advisory import AdviceAnswer, AnyAdvisory, Severity
+from deconflict.advisory.robot_advice import RobotAdvice
 
 Document = dict[str, Any]
 
@@ -45,6 +46,33 @@ class Answer(BaseModel):
         default="", description="required if people do not sign in; ignored if they do"
     )
     reason: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
+
+
+class AdviceList(BaseModel):
+    """The newest revision of all advice that matches, newest first."""
+
+    seq: int = Field(description="newest number at this moment; `/advisories/stream?after=` continues from it")
+    advice: list[RobotAdvice]
+    more: bool = Field(description="true if `limit` left some out")
+
+
+class AdviceRevisions(BaseModel):
+    """Every stored revision of one piece of advice, in order."""
+
+    advice: list[RobotAdvice]
+
+
+class VendorAnswer(BaseModel):
+    """What a vendor answers for its robot."""
+
+    answer: AdviceAnswer
+    why: Annotated[str, StringConstraints(strip_whitespace=True, max_length=500)] = Field(
+        default="",
+        description='why it was declined: "cannot" if robots of this vendor never can, "busy" if this one can\'t now',
+    )
+    name: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = Field(
+        default="", description="who answers, if programs do not sign in; ignored if they do"
+    )
 
 
 class NewOwner(BaseModel):

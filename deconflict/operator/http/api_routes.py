@@ -9,9 +9,13 @@ from fastapi import HTTPException, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import situations_of
-from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, RevisionKind, Severity, SituationKind
+from deconflict.advisories.situations.situation import advice_of, situations_of
+from deconflict.advisory import ADVICE, SITUATION, Acknowledgement, AdvisoryState, RevisionKind, Severity, SituationKind
+from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.operator.http.access import People
 from deconflict.operator.http.api_models import (
+    AdviceList,
+    AdviceRevisions,
     AdvisoryList,
     Answer,
     NewOwner,
@@ -21,6 +25,7 @@ from deconflict.operator.http.api_models import (
     RevisionList,
     SituationList,
     SituationRevisions,
+    VendorAnswer,
 )
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.json_schemas import SCHEMAS
@@ -100,6 +105,8 @@ class ApiRoutes:
         if not name:
             raise HTTPException(422, "name: is empty; expected who acknowledges")
         revisions = await asyncio.to_thread(self._store.get, advisory_id)
+        if advice_of(revisions):
+            raise HTTPException(409, f"{advisory_id!r} is advice; POST /advice/{advisory_id}/answer answers it")
         if revisions and revisions[-1].state is AdvisoryState.CLEARED:
             raise HTTPException(409, f"{advisory_id!r} is cleared; only what is open can be acknowledged")
         summary = revisions[-1].summary if revisions else ""
@@ -210,6 +217,57 @@ class ApiRoutes:
     def situation_schema(self) -> Response:
         """JSON Schema of a situation."""
         return json_response(SCHEMAS["situation"](), media_type="application/schema+json")
+
+
+class AdviceRoutes:
+    """One method for each route."""
+
+    def __init__(self, publisher: Publisher, store: Store, people: People) -> None:
+        self._publisher, self._store, self._people = publisher, store, people
+
+    def advice(
+        self,
+        state: Annotated[StateFilter, Query(description="only advice in this state")] = "open",
+        vendor: Annotated[str | None, Query(description="only advice with a robot of this vendor")] = None,
+        robot: Annotated[str | None, Query(description="only advice with this robot (UUID)")] = None,
+        limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of pieces of advice")] = 100,
+    ) -> Response:
+        """What is asked of robots now, newest first: the newest revision of each piece of advice."""
+        listing = self._store.latest(state, kind=ADVICE, vendor=vendor, robot=robot and robot.lower(), limit=limit)
+        return json_response(AdviceList(seq=listing.seq, advice=advice_of(listing.advisories), more=listing.more))
+
+    def advice_revisions(self, advice_id: str) -> Response:
+        """Every revision of one piece of advice."""
+        return json_response(AdviceRevisions(advice=self._revisions(advice_id)))
+
+    async def answer_advice(self, advice_id: str, answer: VendorAnswer, request: Request) -> Response:
+        """Answer advice for a robot: accepted, declined and why, or done. Only the vendor that is asked may."""
+        advice = (await asyncio.to_thread(self._revisions, advice_id))[-1]
+        person = getattr(request.state, "person", None)
+        self._check_vendor(person, advice)
+        if not (name := person or answer.name):
+            raise HTTPException(422, "name: is empty; expected who answers")
+        if advice.state is AdvisoryState.CLEARED:
+            raise HTTPException(409, f"{advice_id!r} has ended: {advice.cleared_because}")
+        given = Acknowledgement(
+            name=name, reason=answer.why, at=datetime.now(UTC), summary=advice.summary, answer=answer.answer
+        )
+        return json_response(await self._publisher.acknowledge(advice_id, given), 201)
+
+    def advice_schema(self) -> Response:
+        """JSON Schema of advice."""
+        return json_response(SCHEMAS["advice"](), media_type="application/schema+json")
+
+    def _revisions(self, advice_id: str) -> list[RobotAdvice]:
+        """Raises `HTTPException` if there are none."""
+        if found := advice_of(self._store.get(advice_id)):
+            return found
+        raise HTTPException(404, f"no advice {advice_id!r} is stored; ended advice is removed in time")
+
+    def _check_vendor(self, person: str | None, advice: RobotAdvice) -> None:
+        vendor = self._people.vendor(person) if person else None
+        if vendor is not None and vendor != advice.vendor:
+            raise HTTPException(403, f"{person} answers for {vendor}; this was asked of {advice.vendor}")
 
 
 def json_response(content: object, status: int = 200, media_type: str = "application/json") -> Response:

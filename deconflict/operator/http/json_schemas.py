@@ -5,10 +5,12 @@ from typing import Any
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisory import ADVISORY
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.settings.site import Site
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
+    "advice": lambda: RobotAdvice.model_json_schema(mode="serialization"),
     "advisory": lambda: ADVISORY.json_schema(mode="serialization"),
     "identity": IdentityReport.model_json_schema,
     "situation": lambda: Situation.model_json_schema(mode="serialization"),

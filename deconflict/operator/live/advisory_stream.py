@@ -91,7 +91,7 @@ def kinds_of(choices: str | None) -> Set[str]:
         return ADVISORY_KINDS
     names = choices.split(",")
     if wrong := [name for name in names if name not in EVERY_KIND | {"advisory"}]:
-        expected = "situation, advisory, or kinds of advisory, as conflict"
+        expected = "situation, advice, advisory, or kinds of advisory, as conflict"
         raise RefusedError(BAD_KINDS, f"kinds: found {wrong[0]!a:.24}; expected {expected}")
     return chosen_kinds(names)
 

@@ -1,6 +1,7 @@
 """The open situations and advisories as retained messages of an MQTT broker.
 
-`TOPIC/situations/ID` has the newest revision while the situation is open, `TOPIC/advisories/ID` that of an advisory.
+`TOPIC/situations/ID` has the newest revision while the situation is open, `TOPIC/advisories/ID` that of an advisory,
+`TOPIC/advice/ID` that of advice.
 The clearing revision is sent without retain, and then the topic is emptied. `TOPIC/service` has "online", or "offline",
 which the broker sets by itself (last will).
 """
@@ -14,7 +15,7 @@ from typing import NamedTuple
 from aiomqtt import Client, MqttError, Will
 
 from deconflict.advisories.situations.situation import REVISION
-from deconflict.advisory import EVERY_KIND, SITUATION, AdvisoryState
+from deconflict.advisory import ADVICE, EVERY_KIND, SITUATION, AdvisoryState
 from deconflict.operator.outlets.store_cursor import StoreCursor, is_being_cancelled
 from deconflict.operator.store.publisher import PublishedLine
 from deconflict.operator.store.store import Store, StoreError
@@ -23,6 +24,8 @@ from deconflict.runtime.until_either import until_either
 from deconflict.settings.outlet_settings import Mqtt
 from ingest.security.tokens import renewed, secret
 
+TOPICS = {SITUATION: "situations", ADVICE: "advice"}
+"""By kind; of every other kind `advisories`."""
 AT_LEAST_ONCE = 1
 MOST_AT_ONCE = 500
 """Open situations and advisories that are read at once."""
@@ -133,7 +136,7 @@ def messages_of(prefix: str, line: PublishedLine) -> list[MqttMessage]:
 
 
 def topic_of(prefix: str, kind: str, revision_id: str) -> str:
-    return f"{prefix}/{'situations' if kind == SITUATION else 'advisories'}/{revision_id}"
+    return f"{prefix}/{TOPICS.get(kind, 'advisories')}/{revision_id}"
 
 
 async def _lost(client: Client) -> None:

@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import httpx
 
-from deconflict.advisory import SITUATION
+from deconflict.advisory import ADVISORY_KINDS
 from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import signed
 from deconflict.operator.store.publisher import PublishedLine
@@ -45,7 +45,7 @@ class WebhookOutlet:
 
     async def _post(self, client: httpx.AsyncClient, line: PublishedLine) -> str:
         """Why the request failed; empty if it succeeded. Leaves out the address, which may hold a secret."""
-        body, subject = line.text.encode(), SITUATION if line.kind == SITUATION else "advisory"
+        body, subject = line.text.encode(), "advisory" if line.kind in ADVISORY_KINDS else line.kind
         try:
             signature = signed(f"{subject}-{line.seq}", body, self._secret, time.time())
             headers = {"content-type": "application/json", **signature}

@@ -6,7 +6,7 @@ from itertools import islice
 from typing import Literal, NamedTuple
 
 from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import SITUATION, AdvisoryState
+from deconflict.advisory import ADVISORY_KINDS, AdvisoryState
 
 StateFilter = Literal["open", "cleared", "all"]
 
@@ -21,7 +21,7 @@ class ListingFilter:
 
     state: StateFilter = "open"
     kind: str | None = None
-    """None for any kind of advisory, without situations."""
+    """None for any kind of advisory, without situations and advice."""
     situation_kind: str | None = None
     severity: str | None = None
     vendor: str | None = None
@@ -30,7 +30,7 @@ class ListingFilter:
     def matches(self, revision: AnyRevision) -> bool:
         return (
             int(revision.state is not AdvisoryState.CLEARED) in OPEN_VALUES[self.state]
-            and (revision.kind == self.kind if self.kind else revision.kind != SITUATION)
+            and (revision.kind == self.kind if self.kind else revision.kind in ADVISORY_KINDS)
             and self.situation_kind in (None, getattr(revision, "situation_kind", None))
             and self.severity in (None, revision.severity)
             and (self.vendor is None or self.vendor in revision.vendors)

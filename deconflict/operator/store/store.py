@@ -19,7 +19,7 @@ from pathlib import Path
 from threading import RLock
 
 from deconflict.advisories.situations.situation import AnyRevision, Listing
-from deconflict.advisory import SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
+from deconflict.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
 from deconflict.operator.store import pruning, tables
 from deconflict.operator.store.joined_answers import JoinedAnswers
 from deconflict.operator.store.listings import ListingFilter, Page, StateFilter, first_page
@@ -251,7 +251,7 @@ class Store:
         with self._file_and_pending(long=True) as (db, pending):
             places = Counter(tables.raised_between(db, since_s, until_s))
         unstored = (revision for revision in decided_between(pending, since_s, until_s) if revision.revision == 1)
-        return places + Counter(each.location for each in unstored if each.location and each.kind != SITUATION)
+        return places + Counter(each.location for each in unstored if each.location and each.kind in ADVISORY_KINDS)
 
     def situations_since(self, since_s: float, limit: int) -> list[tuple[str, str, float]]:
         """As `tables.situations_since`, of what is on disk."""

@@ -41,7 +41,7 @@ UNWRITABLE = (
 
 
 OF_KIND = {
-    None: "a.open = {open} AND a.kind <> 'situation'",
+    None: "a.open = {open} AND a.kind NOT IN ('situation', 'advice')",
     SITUATION: "a.open = {open} AND a.kind = 'situation'",
 }
 """Conditions of a listing by kind. That for situations names the kind, so that SQLite takes the index of situations."""
@@ -159,8 +159,8 @@ def raised_between(db: sqlite3.Connection, since_s: float, until_s: float) -> It
     rows = db.execute(
         "SELECT document ->> '$.location.datum', document ->> '$.location.x', document ->> '$.location.y' "
         "FROM revisions WHERE revision = 1 AND answers = 0 AND updated_s BETWEEN ? AND ? "
-        "AND document ->> '$.kind' <> ?",
-        (since_s, until_s, SITUATION),
+        "AND document ->> '$.kind' NOT IN ('situation', 'advice')",
+        (since_s, until_s),
     )
     return (Location(datum=datum, x=x, y=y) for datum, x, y in rows if datum is not None)
 

@@ -1,5 +1,6 @@
 """Delivery of the engine's decisions to the operator face, by a thread of its own."""
 
+import json
 import logging
 import queue
 import threading
@@ -14,7 +15,9 @@ from uuid import uuid4
 
 from pydantic_core import to_json
 
+from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisory import AnyAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.message_latency import observe_latency
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.runtime.learned_state import Part, packed
@@ -24,7 +27,7 @@ from deconflict.runtime.set_asides import SetAsides
 from ingest.batch import Floats
 from ingest.measures.measures import Measures
 
-MEASURES_EVERY_S = 1.0
+MEASURES_EVERY_S, ANSWERS_EVERY_S = 1.0, 0.25
 RETRY_S, MOST_RETRY_S = 0.2, 2.0
 """First and longest pause before a parcel is sent again."""
 STUCK_S = 5.0
@@ -73,6 +76,9 @@ class Delivery:
         """The name under which losses are sent, and the number of their last parcel."""
         self._added_bytes = self._delivered_bytes = 0
         self._learned: deque[dict[str, Part]] = deque(maxlen=1)
+        self._answers: deque[AnsweredAdvice] = deque()
+        self._answers_seq, self._answers_s, self._asks = -1, 0.0, False
+        """The last number of the stream that was read for answers, when that was, and whether there may be any."""
         self._thread = threading.Thread(target=self._deliver, name="delivery")
         self._stopping = threading.Event()
         self._sending_since_s: float | None = None
@@ -139,11 +145,21 @@ class Delivery:
         """Queue what the engine made of a canary."""
         self._add(WaitingParcel(packed_parcel({"canary": canary}), {}))
 
+    def add_advice(self, revisions: Sequence[RobotAdvice]) -> None:
+        """Queue what is asked of robots."""
+        for lines in cut_into_parcels(self._lines(revisions)):
+            self._add(WaitingParcel(packed_parcel({}, lines), {}))
+        self._asks = True
+
+    def take_answers(self) -> list[AnsweredAdvice]:
+        """The answers to advice that have come since the last call."""
+        return [self._answers.popleft() for _ in range(len(self._answers))]
+
     def keep(self, learned: dict[str, Part]) -> None:
         """Deliver the learned state after the next parcel. Replaces one that still waits."""
         self._learned.append(learned)
 
-    def _lines(self, revisions: Iterable[AnyAdvisory]) -> Iterator[bytes]:
+    def _lines(self, revisions: Iterable[AnyAdvisory | RobotAdvice]) -> Iterator[bytes]:
         """Each revision as a line of JSON."""
         for revision in revisions:
             try:
@@ -164,12 +180,24 @@ class Delivery:
             self._delivered_bytes += parcel.size_bytes
             observe_latency(self.measures, parcel.arrivals_s, time.time())
             self._deliver_learned()
+            self._fetch_answers()
         self._deliver_learned()
 
     def _deliver_learned(self) -> None:
         with suppress(LinkDownError):  # the next one comes in a minute
             while self._learned:
                 self._operator.call("learn", packed(self._learned.pop()))
+
+    def _fetch_answers(self) -> None:
+        """Ask the operator face for answers to advice, some times a second."""
+        is_due = self._asks and time.monotonic() - self._answers_s >= ANSWERS_EVERY_S
+        if self._answers_seq >= 0 and not is_due:
+            return
+        self._answers_s = time.monotonic()
+        with suppress(LinkDownError):  # the next call asks for the same
+            found = json.loads(self._operator.call("answers", b"%d" % self._answers_seq))
+            self._answers_seq = found["last"]
+            self._answers.extend(AnsweredAdvice(*answer) for answer in found["answers"])
 
     def _is_taken(self, payload: bytes) -> bool:
         """Send a parcel until it is taken. False if it was not and this is to stop."""

@@ -9,7 +9,7 @@ import asyncio
 import logging
 from collections.abc import Iterable, Sequence
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of
+from deconflict.advisories.situations.situation import AnyRevision, Situation, advice_of, advisories_of
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisory import AnyAdvisory
@@ -23,7 +23,10 @@ log = logging.getLogger(__name__)
 
 
 class LiveSituations:
-    """Publishes passes of the engine, and the situations that follow. Belongs to the event loop that publishes."""
+    """Publishes passes of the engine and its advice, and the situations that follow.
+
+    Belongs to the event loop that publishes.
+    """
 
     def __init__(self, site: Site, store: Store, publisher: Publisher) -> None:
         self._store, self._publisher = store, publisher
@@ -45,12 +48,17 @@ class LiveSituations:
         self._situations.renew(names.describe)
 
     async def publish(self, revisions: Iterable[AnyRevision]) -> None:
-        """Publish revisions of advisories with the ids of their situations. Raises `StoreError` if the store takes
-        nothing; then the call is to be made again."""
+        """Publish revisions of advisories with the ids of their situations, and of advice.
+
+        Raises `StoreError` if the store takes nothing; then the call is to be made again.
+        """
         async with self._publishing:  # after a time-out the engine sends a parcel again, beside the first call
             await self.settled()
             await self._restore()
+            revisions = list(revisions)
             advisories = advisories_of(revisions)
+            if advice := advice_of(revisions):
+                await self._publisher.publish(advice)
             if advisories:
                 await self._publisher.publish(self._situations.stamped(advisories))
             self._advisories += advisories

@@ -5,8 +5,9 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision, advisories_of
+from deconflict.advisories.situations.situation import REVISION, AnyRevision, advice_of, advisories_of
 from deconflict.advisory import SITUATION, AnyAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.store.store import Store
 from deconflict.runtime.parcels import packed_parcel, unpacked_parcel
 from deconflict.runtime.rpc import Caller
@@ -23,14 +24,14 @@ class StoredState:
     """What an engine needs to resume, but for what was learned."""
 
     burdens_s: dict[str, float]
-    open: list[AnyAdvisory] = field(default_factory=list)
-    """The newest revision of each open advisory."""
+    open: list[AnyAdvisory | RobotAdvice] = field(default_factory=list)
+    """The newest revision of each open advisory, and of all open advice."""
     encounters: dict[Pair, int] = field(default_factory=dict)
 
 
 def page_of_open(store: Store, after: int) -> bytes:
-    """The advisories that are open and whose newest revisions follow number `after`, as a parcel; its head is the last
-    number."""
+    """The advisories and the advice that are open and whose newest revisions follow number `after`, as a parcel; its
+    head is the last number."""
     page = store.open_after(after, MOST_ADVISORIES)
     texts = (document.text.encode() for document in page if document.kind != SITUATION)
     return packed_parcel({"last": page[-1].seq if page else None}, texts)
@@ -60,7 +61,7 @@ def stored_state(operator: Caller, set_asides: SetAsides) -> StoredState:
         head, lines = unpacked_parcel(operator.call("restore", b"%d" % last))
         last = head["last"]
         found |= {revision.id: revision for revision in _valid(lines, set_asides)}
-    state.open.extend(advisories_of(found.values()))
+    state.open.extend([*advisories_of(found.values()), *advice_of(found.values())])
     pair: Pair = FIRST_PAIR
     while page := json.loads(operator.call("encounters", json.dumps(pair).encode())):
         state.encounters.update({(a, b): count for a, b, count in page})

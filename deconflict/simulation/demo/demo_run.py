@@ -23,6 +23,7 @@ from websockets.exceptions import ConnectionClosed
 
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisory import AdvisoryState
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_link.tick_times import IDLE_TICK_S
@@ -36,7 +37,7 @@ from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
 from deconflict.simulation.vendors.broker_sender import LANGUAGES, DirectSender
 from deconflict.simulation.vendors.senders import simulate
 from ingest.languages.visible_text import visible
-from ingest.settings import MqttSource
+from ingest.port.brokers.mqtt_source import MqttSource
 
 SECONDS_WITHOUT_TERMINAL = 60.0
 START_WITHIN_S = 60.0
@@ -193,7 +194,7 @@ async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console
                     revision = REVISION.validate_json(message)
                     seen = revision.seq
                     floor.pass_on(revision, time.time())
-                    if isinstance(revision, Situation):
+                    if isinstance(revision, Situation | RobotAdvice):
                         continue
                     view.add_advisory(revision)
                     if not console.is_terminal and revision.state is not AdvisoryState.UPDATED:

@@ -8,6 +8,7 @@ from deconflict.advice.actions.action_text import action_text
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Recommendation, Severity
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.simulation.drills.drill_scripts import Drill, DrillSetup
 
 CLOSE_S = 3.0
@@ -75,7 +76,7 @@ class DrillOutcomes:
         if passed_on_s is not None:
             outcome.passed_on.append(_advised(revision))
             outcome.promised_s += passed_on_s
-        if not isinstance(revision, Situation):
+        if not isinstance(revision, Situation | RobotAdvice):
             self._add_advisory(outcome, revision)
 
     def _add_advisory(self, outcome: DrillOutcome, advisory: AnyAdvisory) -> None:

@@ -19,10 +19,10 @@ from aiomqtt import Client, Message, MqttError
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
 from ingest.measures.outages import OutageLog
+from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver
 from ingest.security.tokens import SecretError, secret
-from ingest.settings import MqttSource
 
 MOST_TOPICS = 100_000
 """Topics whose connections are kept. Beyond it, the one that was quiet for the longest is closed."""

@@ -14,9 +14,9 @@ from aiomqtt import Message
 
 from ingest.measures.measures import Measures
 from ingest.port.brokers.broker_source import BrokerSource
+from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.port.brokers.topic_scan import TopicScan
 from ingest.port.receiver import Receiver
-from ingest.settings import MqttSource
 
 VendorNames = tuple[Callable[[str], str], Callable[[str], bool]]
 """The vendor of a manufacturer, and whether the site file has configured a vendor."""

@@ -15,8 +15,8 @@ from typing import NamedTuple
 from aiomqtt import Client, Message, MqttError
 
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.security.tokens import SecretError, secret
-from ingest.settings import MqttSource
 
 SCAN_S, SCAN_EVERY_S = 5.0, 600.0
 FIRST_AFTER_S = 2.0

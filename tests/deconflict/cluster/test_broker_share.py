@@ -13,7 +13,7 @@ from deconflict.cluster.nats.shared_state import LEASE_S, SharedState
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
-from ingest.settings import MqttSource
+from ingest.port.brokers.mqtt_source import MqttSource
 
 NAMES = [f"broker {number}" for number in range(300)]
 SITE = Site(mqtt_sources=tuple(MqttSource(name=name, host="a") for name in ("hall", "yard")))

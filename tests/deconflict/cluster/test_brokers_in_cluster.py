@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed
 
 from deconflict.runtime.rpc import AsyncCaller
 from ingest.languages.vda5050.vda_front_end import robot_uuid
-from ingest.settings import MqttSource
+from ingest.port.brokers.mqtt_source import MqttSource
 from tests.deconflict.cluster.made_cluster import cluster, lives, needs_server, until
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.deconflict.roles.made_service import SITE, Course, drive

@@ -12,7 +12,7 @@ from websockets.asyncio.client import connect
 
 from deconflict.advisories.situations.situation import REVISION, AnyRevision
 from deconflict.advisory import AdvisoryState
-from ingest.settings import MqttSource
+from ingest.port.brokers.mqtt_source import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.deconflict.roles.made_service import SITE, drive, running
 from tests.helpers.patience import PATIENCE_S

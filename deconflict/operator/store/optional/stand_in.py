@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import EVERY_KIND, SITUATION, ClearedCode
+from deconflict.advisory import ADVISORY_KINDS, EVERY_KIND, ClearedCode
 from deconflict.operator.store import tables
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
@@ -203,9 +203,9 @@ class StandIn:
         tables.put_positions(file, positions)
 
     def _unknown(self, file: sqlite3.Connection) -> Iterator[AnyRevision]:
-        """What the file has open and this database does not know: situations, and what the engine did not resume."""
+        """What the file has open and this database does not know: no advisories, or what the engine did not resume."""
         for document in tables.open_after(file, 0):
-            is_forgotten = document.kind == SITUATION or self.has_engine
+            is_forgotten = document.kind not in ADVISORY_KINDS or self.has_engine
             if is_forgotten and tables.newest(self.db, document.id) is None:
                 yield tables.revision_of(document.text)
 

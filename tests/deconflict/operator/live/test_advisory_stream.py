@@ -134,7 +134,7 @@ async def test_a_live_subscriber_hears_a_situation_after_many_advisories(face: S
 @pytest.mark.parametrize("kinds", ["", "rumour", "conflict,", "Situation", "\u00e9" * 900])
 async def test_unknown_kinds_are_refused_with_the_reason(face: Served, kinds: str) -> None:
     async with connect(face.stream(f"?kinds={kinds}")) as subscriber:
-        with pytest.raises(ConnectionClosedError, match="expected situation, advisory") as closed:
+        with pytest.raises(ConnectionClosedError, match="expected situation, advice, advisory") as closed:
             await subscriber.recv()
     assert closed.value.rcvd
     assert closed.value.rcvd.code == BAD_KINDS

@@ -13,8 +13,9 @@ from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.comparability import REMEDIES, TOO_MANY_MAPS
 from ingest.measures.measures import Measures
 from ingest.port.brokers import topic_scan
+from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.port.brokers.topic_scan import OtherTopics
-from ingest.settings import UNKNOWN, MqttSource
+from ingest.settings import UNKNOWN
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.deconflict.roles.made_service import SITE, running
 from tests.helpers.patience import PATIENCE_S

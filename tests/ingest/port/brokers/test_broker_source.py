@@ -11,7 +11,7 @@ from aiomqtt import Client
 
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
 from ingest.port.brokers.broker_source import BrokerSource
-from ingest.settings import MqttSource
+from ingest.port.brokers.mqtt_source import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers import iso_saying

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from aiomqtt import Client
 
 from ingest.port.brokers.heard_brokers import HeardBrokers
-from ingest.settings import MqttSource
+from ingest.port.brokers.mqtt_source import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.helpers.vda_saying import factsheet, topic
 from tests.ingest.port.made_receiver import Floor, floor, until

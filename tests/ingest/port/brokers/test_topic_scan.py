@@ -7,8 +7,8 @@ import pytest
 from aiomqtt import Client, Message
 
 from ingest.port.brokers import topic_scan
+from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.port.brokers.topic_scan import MOST_FOUND, MOST_MESSAGES, OtherTopics, TopicScan, filters
-from ingest.settings import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.helpers import iso_saying
 from tests.helpers.vda_saying import state, vda

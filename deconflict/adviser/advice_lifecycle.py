@@ -1,0 +1,176 @@
+"""The life of advice as it is published: from what the adviser asks, through answers, to why it ended.
+
+asked --> raised --(answered, or the robot has visibly begun)--> updated --> cleared
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+from deconflict.adviser.request import Request
+from deconflict.adviser.standoff_advice import StandoffAdvice
+from deconflict.advisories.words.advice_words import advice_headline, advice_summary
+from deconflict.advisories.words.conflict_wording import new_id
+from deconflict.advisories.words.words import Spot
+from deconflict.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Location, Severity, moment
+from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.contention.robots.robot_view import RobotView
+from deconflict.settings.site import Site
+from ingest.batch import Batch, FloorPoint
+from ingest.measures.measures import Measures
+
+LOOK_S = 1.0
+"""Time between two looks for standoffs."""
+ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
+YIELDED = "deconflict_advice_yielded_seconds_total"
+
+
+class AnsweredAdvice(NamedTuple):
+    """What a vendor answered for its robot."""
+
+    advice_id: str
+    answer: AdviceAnswer
+    why: str
+
+
+class AdviceLifecycle:
+    """The open advice of a floor."""
+
+    def __init__(
+        self,
+        site: Site,
+        describe: Callable[[Sequence[FloorPoint]], list[Spot]],
+        measures: Measures,
+        restored: Iterable[RobotAdvice] = (),
+    ) -> None:
+        """`describe` names places. `restored` was open before a restart: the first look ends it, and asks anew."""
+        self._standoffs, self._describe, self._measures = StandoffAdvice(site.vendors), describe, measures
+        self._restored = list(restored)
+        self._open: dict[str, RobotAdvice] = {}
+        """By id of the request."""
+        self._answers: dict[str, AdviceAnswer] = {}
+        """By id of the request, the newest answer."""
+        self._looked_s = float("-inf")
+        measures.call_before_reading(self._measure)
+
+    def open(self) -> list[RobotAdvice]:
+        """The newest revision of all that is open."""
+        return [*self._restored, *self._open.values()]
+
+    def receive(self, batch: Batch, robots: RobotTable) -> None:
+        """Robots of a batch were updated."""
+        self._standoffs.receive(batch, robots)
+
+    def step(self, robots: RobotTable, now_s: float, answers: Iterable[AnsweredAdvice] = ()) -> list[RobotAdvice]:
+        """The revisions of this look; none between looks, unless there are `answers` since the last call."""
+        answers = list(answers)
+        if not answers and now_s - self._looked_s < LOOK_S:
+            return []
+        self._looked_s = now_s
+        revisions = [self._cleared(advice, ClearedCode.RESTARTED, now_s) for advice in self._restored]
+        self._restored = []
+        self._take(answers, robots, now_s)
+        requests = self._standoffs.step(robots, now_s)
+        withdrawn = {request.id for request in requests if request.withdrawn}
+        revisions += self._ended(withdrawn, robots, now_s)
+        revisions += self._begun(now_s)
+        revisions += self._raised([request for request in requests if not request.withdrawn], robots, now_s)
+        return revisions
+
+    def _take(self, answers: Iterable[AnsweredAdvice], robots: RobotTable, now_s: float) -> None:
+        request_of = {advice.id: request_id for request_id, advice in self._open.items()}
+        for answered in answers:
+            if request_id := request_of.get(answered.advice_id):
+                self._answers[request_id] = answered.answer
+                self._standoffs.answer(request_id, answered.answer, answered.why, robots, now_s)
+
+    def _ended(self, withdrawn: set[str], robots: RobotTable, now_s: float) -> Iterator[RobotAdvice]:
+        for request_id in [each for each in self._open if each not in self._standoffs.asked]:
+            advice, answer = self._open.pop(request_id), self._answers.pop(request_id, None)
+            yield self._cleared(advice, _why(advice, answer, request_id in withdrawn, robots, now_s), now_s)
+
+    def _cleared(self, advice: RobotAdvice, code: ClearedCode, now_s: float) -> RobotAdvice:
+        self._measures.count(ENDED, advice.vendor, advice.verb, code)
+        because = code.because.format(name=advice.names[advice.robots.index(advice.robot)])
+        return advice.cleared_revision(now_s, code, because)
+
+    def _begun(self, now_s: float) -> Iterator[RobotAdvice]:
+        for request_id, advice in self._open.items():
+            asked = self._standoffs.asked[request_id]
+            if asked.request.id == request_id and asked.begun_s is not None and not advice.begun_at:
+                now = moment(now_s)
+                self._open[request_id] = advice.next_revision(updated_at=now, begun_at=moment(asked.begun_s))
+                yield self._open[request_id]
+
+    def _raised(self, requests: Sequence[Request], robots: RobotTable, now_s: float) -> Iterator[RobotAdvice]:
+        if not requests:
+            return
+        points = [_point(request, robots) for request in requests]
+        for request, point, spot in zip(requests, points, self._describe(points), strict=True):
+            self._open[request.id] = _advice(request, point, spot, robots, now_s)
+            self._measures.count(ASKED, robots[request.robot].vendor, request.verb)
+            yield self._open[request.id]
+
+    def _measure(self) -> None:
+        self._measures.level(YIELDED, {(*pair,): seconds for pair, seconds in self._standoffs.worth.yielded_s.items()})
+
+
+def _why(
+    advice: RobotAdvice, answer: AdviceAnswer | None, is_withdrawn: bool, robots: RobotTable, now_s: float
+) -> ClearedCode:
+    """Why advice ended."""
+    if answer == "declined":
+        return ClearedCode.DECLINED
+    if is_withdrawn:
+        return ClearedCode.WITHDRAWN
+    if advice.robot not in robots:
+        return ClearedCode.LEFT
+    return ClearedCode.LAPSED if now_s >= advice.latest_at.timestamp() else ClearedCode.DONE
+
+
+def _point(request: Request, robots: RobotTable) -> FloorPoint:
+    """Where to go, or where to wait; the place of the robot if the verb has none."""
+    robot = robots[request.robot]
+    return FloorPoint(robot.datum, *(request.at or robots.reported_pose(request.robot)[:2]))
+
+
+def _advice(request: Request, point: FloorPoint, spot: Spot, robots: RobotTable, now_s: float) -> RobotAdvice:
+    """The first revision of a request."""
+    x_m, y_m, _ = robots.reported_pose(request.robot)
+    robot, now = robots[request.robot], moment(now_s)
+    involved = _involved(request, robots)
+    other, place_text = robots[request.other].name if request.other else "", spot.text if request.at else ""
+    headline = advice_headline(request.verb, robot.name, other, place_text)
+    return RobotAdvice(
+        id=new_id(f"advice {request.robot} {request.verb}", now_s),
+        revision=1,
+        state=AdvisoryState.RAISED,
+        severity=Severity.CAUTION,
+        robots=tuple(each.uuid for each in involved),
+        names=tuple(each.name for each in involved),
+        vendors=tuple(each.vendor for each in involved),
+        raised_at=now,
+        updated_at=now,
+        predicted_at=now,
+        time_to_conflict_s=0.0,
+        location=Location(datum=robot.datum, x=x_m, y=y_m),
+        places=spot.places if request.at else (),
+        summary=advice_summary(headline, request.latest_s - now_s, request.saving_s),
+        headline=headline,
+        robot=request.robot,
+        vendor=robot.vendor,
+        verb=request.verb,
+        place=Location(datum=point.datum, x=point.x_m, y=point.y_m) if request.at else None,
+        place_text=place_text,
+        other=request.other,
+        until=request.until,
+        latest_at=moment(request.latest_s),
+        saving_s=request.saving_s,
+        saving_interval_s=request.saving_interval_s,
+    )
+
+
+def _involved(request: Request, robots: RobotTable) -> list[RobotView]:
+    """The robot that is asked, and those for which it is, in ascending order."""
+    uuids = {request.robot, *request.until, *((request.other,) if request.other else ())}
+    return [robots[uuid] for uuid in sorted(uuids) if uuid in robots]
