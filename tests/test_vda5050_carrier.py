@@ -1,0 +1,76 @@
+"""The example that carries advice to robots of VDA 5050, with virtual robots that this project did not write."""
+
+import asyncio
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from aiomqtt import Client
+
+from deconflict.advisory import ClearedCode
+from ingest.languages.vda5050.vda_front_end import robot_uuid
+from tests.deconflict.operator.http.served_face import Served, served, until
+from tests.deconflict.operator.http.test_advice import advice
+from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
+from tests.helpers.made_advisories import ROBOTS, START
+from tests.helpers.node_libraries import ENVIRONMENT, needs_library
+from tests.helpers.patience import PATIENCE_S
+
+ROOT = Path(__file__).parent.parent
+VIRTUAL = ROOT / "tests" / "metrics" / "replay" / "virtual_agvs.js"
+EAST = robot_uuid("Siemens", "east")
+pytestmark = [needs_mosquitto, pytest.mark.slow, needs_library("vda-5050-lib")]
+
+
+class Paused(dict[str, bool]):
+    """By serial number, whether a robot says that it is paused."""
+
+    async def hear(self, port: int) -> None:
+        async with Client("127.0.0.1", port) as client:
+            await client.subscribe("uagv/v2/Siemens/+/state")
+            async for message in client.messages:
+                self[message.topic.value.split("/")[-2]] = json.loads(bytes(message.payload))["paused"]
+
+
+def asked(number: int, verb: str) -> dict[str, object]:
+    pair = tuple(sorted((EAST, ROBOTS[1])))
+    return {"id": f"advice-{number}", "robots": pair, "robot": EAST, "vendor": "Siemens", "verb": verb}
+
+
+async def carried(face: Served, paused: Paused) -> None:
+    """A robot is asked to wait, the advice ends, and it is asked for what it cannot do."""
+    await until(lambda: paused.get("east") is False)
+    waits = advice(1, **asked(1, "wait_before"))
+    await face.publish(waits)
+    await until(lambda: paused["east"])
+    await face.publish(waits.cleared_revision(START.timestamp() + 5, ClearedCode.WITHDRAWN))
+    await until(lambda: not paused["east"])
+    await face.publish(advice(2, **asked(2, "back_out")), advice(3, **asked(3, "wait_before")))
+    await until(lambda: paused["east"])
+
+
+async def test_a_robot_that_should_wait_is_paused_and_goes_on_once_that_has_ended(tmp_path: Path) -> None:
+    paused = Paused()
+    async with served(tmp_path) as face, broker() as port, asyncio.timeout(PATIENCE_S):
+        hearing = asyncio.create_task(paused.hear(port))
+        robots = await asyncio.create_subprocess_exec("node", VIRTUAL, str(port), "600", env=ENVIRONMENT)
+        command = [f"http://{face.address}", "--broker", f"127.0.0.1:{port}", "--vendor", "Siemens"]
+        script = ROOT / "examples" / "vda5050_carrier.py"
+        carrier = await asyncio.create_subprocess_exec(sys.executable, script, *command, cwd=ROOT)
+        try:
+            await carried(face, paused)
+            carrier.terminate()
+            assert await carrier.wait() == 0
+            await until(lambda: not paused["east"])
+        finally:
+            for process in (robots, carrier):
+                if process.returncode is None:
+                    process.kill()
+                    await process.wait()
+            hearing.cancel()
+            await asyncio.gather(hearing, return_exceptions=True)
+        declined = face.store.get("advice-2")[-1].acknowledgement
+    assert paused.get("west") is False, "nobody asked it to wait"
+    assert declined
+    assert (declined.answer, declined.reason.partition(":")[0]) == ("declined", "cannot")
