@@ -192,7 +192,7 @@ function list() {
   const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
   cards.show(listed, ended(), {
-    nowS: listedS, chosen, visited: viewBefore?.of, flashed, floorName, floorShown: floor, past: shown.isPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations,
+    nowS: listedS, chosen, visited: viewBefore?.of, flashed, floorName, floorShown: floor, past: shown.isPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations, advice: shown.advice,
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme), isPerson: (vendor) => vendors.people.has(vendor),
   });
   const over = listed.length - lasting.length + ended().length;

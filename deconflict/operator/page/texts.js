@@ -74,6 +74,15 @@ export function by({ advice, robots, vendors }, isPerson) {
   return [...who.filter(Boolean).map((text) => `${sentence(text)}.`), ...why].join(" ");
 }
 
+// What has been asked of robots of a situation by their vendors' programs, and what came of it so far.
+export function asked({ robots }, advice) {
+  const own = advice.filter(({ robot, other }) => robots.includes(robot) && (!other || robots.includes(other)));
+  return own.map(({ headline, vendor, begun_at: begun, acknowledgement: answer }) => {
+    const reply = answer ? `${vendor} has ${answer.answer === "done" ? "done it" : `${answer.answer} it`}` : `${vendor} has not answered`;
+    return `Asked: ${headline}; ${begun ? "it has begun" : reply}.`;
+  }).join(" ");
+}
+
 // An action as far as it is still to do: of a time that runs since it was advised, what is left.
 export function leftOf(action, { since_at: since }, nowS) {
   return action.seconds && !action.start_at ? { ...action, seconds: Math.max(Math.round(action.seconds - (nowS - seconds(since))), 1) } : action;

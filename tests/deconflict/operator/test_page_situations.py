@@ -10,6 +10,7 @@ import pytest
 from deconflict.advisory import Acknowledgement, Action, ClearedCode, Severity, moment
 from deconflict.operator.vendor_models import VendorHealth
 from tests.deconflict.operator.http.served_face import Served
+from tests.deconflict.operator.http.test_advice import advice as robot_advice
 from tests.deconflict.operator.opened_page import (
     CARDS,
     ROBOTS,
@@ -22,6 +23,7 @@ from tests.deconflict.operator.opened_page import (
     until,
     warning,
 )
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot
 
 if TYPE_CHECKING:
@@ -138,6 +140,30 @@ async def test_a_card_says_who_has_the_advice_done_and_why_by_this_robot(browser
             "By the fleet control of Alder, or by hand at the robot. Why A-0: so they lose the least time in all."
         )
         assert await text(page, "#situations .by") == expected
+
+
+async def test_a_card_says_what_machines_were_asked_and_what_became_of_it(browser: "Browser", face: Served) -> None:
+    pair = robot("A-6"), robot("A-7")
+    asked = robot_advice(
+        1,
+        robots=pair,
+        robot=pair[0],
+        other=pair[1],
+        vendor="Alder",
+        headline=f"{name(6)} should drive around {name(7)}",
+    )
+    await face.publish(shown(1, 6, 7), shown(2, 0, 1), asked)
+    async with opened(browser, face) as page, http_client(face.http) as client:
+        of_pair = "document.querySelector('[data-id=situation-1] .asked').textContent"
+        assert await page.evaluate(of_pair) == f"Asked: {asked.headline}; Alder has not answered."
+        assert not await page.evaluate("document.querySelector('[data-id=situation-2] .asked').textContent")
+        await client.post(f"/advice/{asked.id}/answer", json={"answer": "accepted", "name": "fleet"})
+        await until(page, f"{of_pair}.endsWith('; Alder has accepted it.')")
+        begun = asked.next_revision(begun_at=asked.raised_at)
+        await face.publish(begun)
+        await until(page, f"{of_pair}.endsWith('; it has begun.')")
+        await face.publish(begun.cleared_revision(time.time(), ClearedCode.DONE))
+        await until(page, f"!{of_pair}")
 
 
 async def test_what_has_begun_says_for_how_long_it_has_been_going_on(browser: "Browser", face: Served) -> None:

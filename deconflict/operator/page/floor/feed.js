@@ -1,4 +1,4 @@
-// The open situations and advisories, read once and then kept up to date by the stream.
+// The open situations, advisories and advice, read once and then kept up to date by the stream.
 
 import { pageS } from "./page_clock.js";
 import { Turns, read } from "./reading.js";
@@ -16,6 +16,7 @@ export class Feed {
     this.revised = revised;
     this.advisories = new Map();
     this.situations = new Map();
+    this.advice = new Map();
     this.ended = new Map(); // situations that were cleared in the last `FADE_MS`
     this.loaded = false;
     this.completeS = 0; // the service's time of which this is all that was open
@@ -30,12 +31,13 @@ export class Feed {
     Object.assign(this, { seq: null, isWhole: true, renewedS: pageS() });
     this.socket?.close();
     try {
-      const [situations, advisories] = await Promise.all([read(`situations?limit=${MOST}`), read(`advisories?limit=${MOST}`)]);
+      const [situations, advisories, advice] = await Promise.all(["situations", "advisories", "advice"].map((what) => read(`${what}?limit=${MOST}`)));
       if (!this.turns.isNewest(turn)) return;
       this.situations = byId(situations.situations);
       this.advisories = byId(advisories.advisories);
+      this.advice = byId(advice.advice);
       this.loaded = true;
-      this.seq = Math.min(situations.seq, advisories.seq);
+      this.seq = Math.min(situations.seq, advisories.seq, advice.seq);
       this.follow(turn);
     } catch {
       this.renewLater(turn, RETRY_MS);
@@ -48,7 +50,7 @@ export class Feed {
   renewLater(turn, afterMs) { setTimeout(() => { if (this.turns.isNewest(turn)) this.renew(); }, afterMs); }
 
   follow(turn) {
-    const address = new URL(`advisories/stream?after=${this.seq}&kinds=situation,advisory`, location.href);
+    const address = new URL(`advisories/stream?after=${this.seq}&kinds=situation,advisory,advice`, location.href);
     address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = this.socket = new WebSocket(address);
     socket.onmessage = (message) => { if (this.turns.isNewest(turn)) this.receive(JSON.parse(message.data)); };
@@ -86,8 +88,8 @@ export class Feed {
   }
 
   take(revision) {
-    const open = revision.kind === "situation" ? this.situations : this.advisories, before = open.get(revision.id);
-    if (before?.seq >= revision.seq) return; // the two lists were read one after the other
+    const open = { situation: this.situations, advice: this.advice }[revision.kind] ?? this.advisories, before = open.get(revision.id);
+    if (before?.seq >= revision.seq) return; // the lists were read one after the other
     if (revision.state === "cleared") open.delete(revision.id);
     else open.set(revision.id, revision);
     if (revision.kind !== "situation") return;

@@ -41,6 +41,7 @@ export class Shown {
   get robots() { return (this.recorded ?? this.live).robots; }
   get situations() { return this.recorded?.situations ?? [...this.feed.situations.values()]; }
   get advisories() { return this.recorded?.advisories ?? [...this.feed.advisories.values()]; }
+  get advice() { return this.isPast ? [] : [...this.feed.advice.values()]; }
   get ended() { return this.isPast ? [] : [...this.feed.ended.values()]; }
   get health() { return this.isPast ? {} : this.live.health; } // the service says nothing of the past
 

@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { KINDS, SIGNS, by, change, countdown, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, toDo, what } from "../texts.js";
+import { KINDS, SIGNS, asked, by, change, countdown, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, toDo, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -58,7 +58,7 @@ export class Cards {
   newCard(id) {
     const card = part("li", "card"), top = part("div", "top"), buttons = part("div", "acts"), behind = part("details", "behind"), { acts } = this;
     const parts = card.parts = Object.fromEntries([["span", "severity"], ["h3", "kind"], ["span", "when"], ["p", "what"], ["p", "advice"], ["strong", "first"], ["span", "then"],
-      ["p", "by"], ["p", "changed"], ["ul", "robots"], ["p", "since"], ["p", "answer"], ["button", "show"], ["button", "take"], ["summary", "count"], ["ul", "lines"]].map(([tag, kind]) => [kind, part(tag, kind)]));
+      ["p", "by"], ["p", "asked"], ["p", "changed"], ["ul", "robots"], ["p", "since"], ["p", "answer"], ["button", "show"], ["button", "take"], ["summary", "count"], ["ul", "lines"]].map(([tag, kind]) => [kind, part(tag, kind)]));
     card.dataset.id = id;
     parts.behind = behind;
     parts.show.type = parts.take.type = "button";
@@ -75,12 +75,12 @@ export class Cards {
     parts.advice.append(parts.first, parts.then);
     buttons.append(parts.since, parts.show, parts.take);
     behind.append(parts.count, parts.lines);
-    card.append(top, parts.what, parts.advice, parts.by, parts.changed, parts.robots, parts.answer, buttons, behind);
+    card.append(top, parts.what, parts.advice, parts.by, parts.asked, parts.changed, parts.robots, parts.answer, buttons, behind);
     this.cards.set(id, card);
     return card;
   }
 
-  fill(card, situation, { nowS, chosen, visited, flashed, floorName, floorShown, past, behind, situations, colour, isPerson }) {
+  fill(card, situation, { nowS, chosen, visited, flashed, floorName, floorShown, past, behind, situations, advice, colour, isPerson }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation, nowS), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
     const floor = situation.location ? floorName(situation.location.datum) : "", text = what(situation);
     card.classList.remove("critical", "warning", "caution");
@@ -100,6 +100,7 @@ export class Cards {
     setText(parts.first, ended ? "" : first);
     setText(parts.then, ended ? sentence(outcome(situation, situations)) : then);
     showText(parts.by, ended ? "" : by(situation, isPerson));
+    showText(parts.asked, ended ? "" : asked(situation, advice));
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
     setText(parts.since, [situation.location && situation.location.datum !== floorShown ? floor : "", since(situation, nowS)].filter(Boolean).join(" · "));
