@@ -11,9 +11,8 @@ from aiomqtt import Client
 from deconflict.advisory import ClearedCode
 from ingest.languages.vda5050.vda_front_end import robot_uuid
 from tests.deconflict.operator.http.served_face import Served, served, until
-from tests.deconflict.operator.http.test_advice import advice
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
-from tests.helpers.made_advisories import ROBOTS, START
+from tests.helpers.made_advisories import ROBOTS, START, made_advice
 from tests.helpers.node_libraries import ENVIRONMENT, needs_library
 from tests.helpers.patience import PATIENCE_S
 
@@ -41,12 +40,12 @@ def asked(number: int, verb: str) -> dict[str, object]:
 async def carried(face: Served, paused: Paused) -> None:
     """A robot is asked to wait, the advice ends, and it is asked for what it cannot do."""
     await until(lambda: paused.get("east") is False)
-    waits = advice(1, **asked(1, "wait_before"))
+    waits = made_advice(1, **asked(1, "wait_before"))
     await face.publish(waits)
     await until(lambda: paused["east"])
     await face.publish(waits.cleared_revision(START.timestamp() + 5, ClearedCode.WITHDRAWN))
     await until(lambda: not paused["east"])
-    await face.publish(advice(2, **asked(2, "back_out")), advice(3, **asked(3, "wait_before")))
+    await face.publish(made_advice(2, **asked(2, "back_out")), made_advice(3, **asked(3, "wait_before")))
     await until(lambda: paused["east"])
 
 

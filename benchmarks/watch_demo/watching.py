@@ -92,7 +92,7 @@ class Watch:
         self._everything = False
         revisions = self._engine.step(now_s)
         published = self.situations.published(now_s, revisions)
-        for revision in published:
+        for revision in [*published, *self._engine.advise(now_s, self.follower.take_answers())]:
             self.follower.pass_on(revision, now_s)
         for advisory in revisions:
             self._take(advisory)

@@ -14,6 +14,7 @@ from deconflict.advisory import (
     Severity,
     Wait,
 )
+from deconflict.advisory.robot_advice import RobotAdvice
 
 START = datetime(2024, 5, 1, 8, 0, tzinfo=UTC)
 ROBOTS = ("0c5b4a7e-0000-4000-8000-000000000001", "0c5b4a7e-0000-4000-8000-000000000002")
@@ -110,3 +111,29 @@ def cleared_situation(number: int, revision: int = 2, **fields: Any) -> Situatio
     when = START + timedelta(minutes=number, seconds=revision - 1)
     ended = {"state": AdvisoryState.CLEARED, "cleared_at": when, "cleared_because": "they passed", "advice": None}
     return situation(number, revision, **(ended | fields))
+
+
+def made_advice(number: int, **fields: Any) -> RobotAdvice:
+    """Robot 1 of Acme is asked to drive around robot 2 of Borealis."""
+    whole: dict[str, Any] = {
+        "id": f"advice-{number}",
+        "revision": 1,
+        "state": AdvisoryState.RAISED,
+        "severity": Severity.CAUTION,
+        "robots": ROBOTS,
+        "names": ("Tug 1", "Lift 2"),
+        "vendors": ("Acme", "Borealis"),
+        "raised_at": START,
+        "updated_at": START,
+        "predicted_at": START,
+        "time_to_conflict_s": 0.0,
+        "location": Location(datum="5f1d0000-0000-4000-8000-00000000000a", x=1.0, y=2.0),
+        "summary": "Tug 1 should drive around Lift 2, within 20 s",
+        "robot": ROBOTS[0],
+        "vendor": "Acme",
+        "verb": "go_around",
+        "other": ROBOTS[1],
+        "until": (ROBOTS[1],),
+        "latest_at": START + timedelta(seconds=20),
+    }
+    return RobotAdvice(**(whole | fields))

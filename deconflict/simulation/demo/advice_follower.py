@@ -1,12 +1,14 @@
-"""A site service of the demo's floor: it passes the advice of situations, or of every advisory, on to the robots."""
+"""A site service of the demo's floor: it passes advice on, of situations and single robots or of every advisory."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from enum import StrEnum
 from math import inf
 
+from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
-from deconflict.advisory import Action, Hold, Recommendation
+from deconflict.advisory import Action, AdvisoryState, Hold, Recommendation
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.simulation.driving.motion import Activity, MovingRobots
 
 STALE_S = 1.5
@@ -23,7 +25,7 @@ class Follow(StrEnum):
     ADVISORIES = "advisories"
     """Holds and slots of every advisory."""
     SITUATIONS = "situations"
-    """The actions of situations only."""
+    """The actions of situations, and what is asked of single robots, which answer it."""
 
 
 class Follower:
@@ -40,6 +42,7 @@ class Follower:
         """By situation: the robots that were told to drive slowly by the advice that stands."""
         self._done: set[tuple[str, str]] = set()
         """By advisory and robot, or by situation and since when its advice stands: what was passed on."""
+        self._answers: list[AnsweredAdvice] = []
         self.counts = Counter[str]()
         """What was passed on, and what was left out because the robot had been told something else meanwhile, was not
         driving, or can't do it."""
@@ -47,11 +50,51 @@ class Follower:
     def pass_on(self, revision: AnyRevision, now_s: float) -> None:
         """Pass on the advice of one revision. `now_s` is the clock by which revisions are dated."""
         at_s = self._world.t_s - (now_s - revision.updated_at.timestamp())
-        if isinstance(revision, Situation):
+        if isinstance(revision, RobotAdvice):
+            if self._follow is Follow.SITUATIONS:
+                self._pass_on_request(revision)
+        elif isinstance(revision, Situation):
             if self._follow is Follow.SITUATIONS:
                 self._pass_on_actions(revision.id, revision.advice, at_s)
         elif self._follow is Follow.ADVISORIES and revision.recommendation:
             self._pass_on_waits(revision.id, revision.recommendation, at_s)
+
+    def take_answers(self) -> list[AnsweredAdvice]:
+        """What robots have answered since the last call."""
+        answers, self._answers = self._answers, []
+        return answers
+
+    def _pass_on_request(self, advice: RobotAdvice) -> None:
+        """Have a robot do what is asked of it, and answer. A robot that waits goes on once that has ended."""
+        row, now_s = self._row.get(advice.robot.lower()), self._world.t_s
+        if row is None or advice.acknowledgement or advice.begun_at:
+            return
+        if advice.state is AdvisoryState.CLEARED:
+            if advice.verb == "wait_before" and self._world.instructions.waits(row, now_s):
+                self._world.instructions.slow_down(row, inf, 0.0, now_s)
+            return
+        why = self._refusal(advice, row)
+        self.counts[why or advice.verb] += 1
+        self._answers.append(AnsweredAdvice(advice.id, "declined" if why else "accepted", why))
+
+    def _refusal(self, advice: RobotAdvice, row: int) -> str:
+        """Have a robot begin what is asked of it. Why it can't; empty if it does."""
+        other = self._row.get((advice.other or "").lower())
+        if self._world.doing[row] != Activity.DRIVING:
+            return "busy"
+        match advice.verb:
+            case "go_first":
+                return ""
+            case "wait_before":
+                seconds = (advice.latest_at - advice.raised_at).total_seconds()
+                self._world.instructions.wait(row, seconds, self._world.t_s)
+                return ""
+            case "back_out":
+                self._world.back_off(row)
+                return ""
+            case "go_around" if other is not None:
+                return "" if self._world.go_around(row, other) else "no room"
+        return "cannot"
 
     def _pass_on_actions(self, situation_id: str, advice: SituationAdvice | None, at_s: float) -> None:
         """Pass on new advice. Robots that drive slowly by the advice before may drive as usual."""

@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
+from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.simulation.demo.advice_follower import Follow, Follower
 from deconflict.simulation.driving.lost_time import LostTime, LostTimeCounter
@@ -10,6 +11,7 @@ from deconflict.simulation.vendors.senders import STEP_S, SimulatedFloor
 
 SHOWN = ("lost_s", "waited_s", "stops", "trips")
 """The sums of `LostTime` that the demo prints."""
+ORDERS = ("wait", "slow_down", "back_out", "go_around", "wait_before")
 
 
 class DemoFloor(SimulatedFloor):
@@ -36,6 +38,10 @@ class DemoFloor(SimulatedFloor):
         if self._follower:
             self._follower.pass_on(revision, now_s)
 
+    def take_answers(self) -> list[AnsweredAdvice]:
+        """What robots have answered to what was asked of them since the last call."""
+        return self._follower.take_answers() if self._follower else []
+
     def lost_time(self) -> LostTime:
         return self._lost.now()
 
@@ -52,7 +58,7 @@ class DemoFloor(SimulatedFloor):
         if not self._without_advice or not self._follower:
             return ""
         own, other = self.lost_time(), self._without_advice.lost_time()
-        orders = sum(self._follower.counts[action] for action in ("wait", "slow_down", "back_out"))
+        orders = sum(self._follower.counts[action] for action in ORDERS)
         return (
             f"Robots follow advice: {orders} order{'' if orders == 1 else 's'} so far. "
             f"They lost {own.lost_s:.0f} s on their way, {other.lost_s:.0f} s without advice; "

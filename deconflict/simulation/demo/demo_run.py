@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import httpx
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -24,6 +25,7 @@ from websockets.exceptions import ConnectionClosed
 from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisory import AdvisoryState
 from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.client import Client, ClientError
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_link.tick_times import IDLE_TICK_S
@@ -187,13 +189,14 @@ async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console
     seen = 0
     while True:
         url = f"ws://{site.operator.host}:{site.operator.port}/advisories/stream?after={seen}"
-        url += "&kinds=situation,advisory" if floor.follows_advice else ""
+        url += "&kinds=situation,advisory,advice" if floor.follows_advice else ""
         try:
             async with connect(url) as stream:
                 async for message in stream:
                     revision = REVISION.validate_json(message)
                     seen = revision.seq
                     floor.pass_on(revision, time.time())
+                    await _answer(site, floor)
                     if isinstance(revision, Situation | RobotAdvice):
                         continue
                     view.add_advisory(revision)
@@ -201,6 +204,16 @@ async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console
                         console.print(advisory_line(revision), soft_wrap=True)
         except (OSError, ConnectionClosed):
             await asyncio.sleep(REFRESH_S)
+
+
+async def _answer(site: Site, floor: DemoFloor) -> None:
+    """Send what robots answer to what is asked of them. An answer to what has ended meanwhile is refused."""
+    answers = floor.take_answers()
+    if answers:
+        async with Client(f"http://{site.operator.host}:{site.operator.port}") as client:
+            for answer in answers:
+                with suppress(ClientError, httpx.HTTPError):
+                    await client.answer(answer.advice_id, answer.answer, why=answer.why, name="demo")
 
 
 async def _measure(operator: AsyncCaller, floor: DemoFloor, view: DemoView) -> None:

@@ -251,12 +251,8 @@ class MovingRobots(ABC):
     def _end_long_waits(self) -> None:
         """Robots that have stood too long pass the other robot. If they wait for each other, they creep on or
         back off."""
-        seen = self._traffic()
         for robot in self.waits.look_past(self.speed_mps, self.t_s):
-            past = int(self.waits.blocker[robot])
-            driving = self.doing[robot] == Activity.DRIVING and robot not in self.passings
-            if driving and self.passings.begin(seen, robot, past, self.t_s, WALKING_MPS):
-                self.waits.restart(robot)
+            self.go_around(robot, int(self.waits.blocker[robot]))
         for robot in self.waits.out_of_patience():
             if self.doing[robot] == Activity.DRIVING:
                 self._end_mutual_wait(robot)
@@ -269,6 +265,14 @@ class MovingRobots(ABC):
             self.waits.restart(robot)
         else:
             self.back_off(robot)
+
+    def go_around(self, robot: int, other: int) -> bool:
+        """Let a driving robot pass another one. False if it does so already, or if there is no room."""
+        can = self.doing[robot] == Activity.DRIVING and robot not in self.passings
+        begins = bool(can and self.passings.begin(self._traffic(), robot, other, self.t_s, WALKING_MPS))
+        if begins:
+            self.waits.restart(robot)
+        return begins
 
     def back_off(self, robot: int) -> None:
         """Let a driving robot drive backwards along its path for a few metres, and then stand for a while."""

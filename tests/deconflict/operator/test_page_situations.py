@@ -10,7 +10,6 @@ import pytest
 from deconflict.advisory import Acknowledgement, Action, ClearedCode, Severity, moment
 from deconflict.operator.vendor_models import VendorHealth
 from tests.deconflict.operator.http.served_face import Served
-from tests.deconflict.operator.http.test_advice import advice as robot_advice
 from tests.deconflict.operator.opened_page import (
     CARDS,
     ROBOTS,
@@ -23,6 +22,7 @@ from tests.deconflict.operator.opened_page import (
     until,
     warning,
 )
+from tests.helpers.made_advisories import made_advice
 from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot
 
@@ -144,7 +144,7 @@ async def test_a_card_says_who_has_the_advice_done_and_why_by_this_robot(browser
 
 async def test_a_card_says_what_machines_were_asked_and_what_became_of_it(browser: "Browser", face: Served) -> None:
     pair = robot("A-6"), robot("A-7")
-    asked = robot_advice(
+    asked = made_advice(
         1,
         robots=pair,
         robot=pair[0],

@@ -1,45 +1,16 @@
 """The routes of advice: who sees what is asked, and who may answer."""
 
-from datetime import timedelta
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from deconflict.advisory import AdvisoryState, ClearedCode, Location, Severity
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.advisory import ClearedCode
 from deconflict.settings.site import Person
 from tests.deconflict.operator.http.served_face import served
-from tests.helpers.made_advisories import ROBOTS, START, made, situation
+from tests.helpers.made_advisories import START, made, made_advice, situation
 from tests.helpers.plain_http import http_client
 
 TOKENS = {name: f"{name}-0123456789abcdef" for name in ("ACME", "BOREALIS", "LEADER", "READER")}
-
-
-def advice(number: int, **fields: Any) -> RobotAdvice:
-    """Robot 1 of Acme is asked to drive around robot 2 of Borealis."""
-    whole: dict[str, Any] = {
-        "id": f"advice-{number}",
-        "revision": 1,
-        "state": AdvisoryState.RAISED,
-        "severity": Severity.CAUTION,
-        "robots": ROBOTS,
-        "names": ("Tug 1", "Lift 2"),
-        "vendors": ("Acme", "Borealis"),
-        "raised_at": START,
-        "updated_at": START,
-        "predicted_at": START,
-        "time_to_conflict_s": 0.0,
-        "location": Location(datum="5f1d0000-0000-4000-8000-00000000000a", x=1.0, y=2.0),
-        "summary": "Tug 1 should drive around Lift 2, within 20 s",
-        "robot": ROBOTS[0],
-        "vendor": "Acme",
-        "verb": "go_around",
-        "other": ROBOTS[1],
-        "until": (ROBOTS[1],),
-        "latest_at": START + timedelta(seconds=20),
-    }
-    return RobotAdvice(**(whole | fields))
 
 
 @pytest.fixture
@@ -59,7 +30,7 @@ async def test_a_program_answers_for_the_robots_of_its_own_vendor_only(
 ) -> None:
     statuses: dict[str, int] = {}
     async with served(tmp_path, people=people) as face, http_client(face.http) as client:
-        await face.publish(advice(1), made(1))
+        await face.publish(made_advice(1), made(1))
         for name, token in TOKENS.items():
             headers = {"authorization": f"Bearer {token}"}
             given = {"answer": "declined", "why": f"busy, says {name}"}
@@ -73,9 +44,9 @@ async def test_a_program_answers_for_the_robots_of_its_own_vendor_only(
 
 
 async def test_advice_is_listed_for_itself_and_in_no_other_list(tmp_path: Path) -> None:
-    ended = advice(2).cleared_revision(START.timestamp() + 5, ClearedCode.DONE)
+    ended = made_advice(2).cleared_revision(START.timestamp() + 5, ClearedCode.DONE)
     async with served(tmp_path) as face, http_client(face.http) as client:
-        await face.publish(advice(1), made(1), situation(1), advice(2), ended)
+        await face.publish(made_advice(1), made(1), situation(1), made_advice(2), ended)
         listed = {path: (await client.get(path)).json() for path in ("/advice", "/advisories", "/situations")}
         cleared = (await client.get("/advice?state=cleared")).json()["advice"]
         revisions = (await client.get("/advice/advice-2")).json()["advice"]
@@ -101,9 +72,9 @@ async def test_advice_is_listed_for_itself_and_in_no_other_list(tmp_path: Path) 
 async def test_an_answer_that_nobody_can_use_is_refused_with_what_to_do(
     tmp_path: Path, path: str, body: dict[str, str], status: int, reason: str
 ) -> None:
-    ended = advice(2).cleared_revision(START.timestamp() + 5, ClearedCode.DONE)
+    ended = made_advice(2).cleared_revision(START.timestamp() + 5, ClearedCode.DONE)
     async with served(tmp_path) as face, http_client(face.http) as client:
-        await face.publish(advice(1), made(1), advice(2), ended)
+        await face.publish(made_advice(1), made(1), made_advice(2), ended)
         refused = await client.post(path, json=body)
     assert refused.status_code == status
     assert reason in refused.text
