@@ -7,7 +7,7 @@ from ingest.batch import Bools, Floats
 from ingest.kernels import kernel
 
 _COLUMN = numba.types.Array(numba.float64, 3, "A", readonly=True)
-_BOXES = numba.types.UniTuple(_COLUMN, 6)
+_BOXES = numba.types.Tuple([_COLUMN] * 6)  # type: ignore[no-untyped-call]
 
 
 @kernel(numba.boolean[:, :, ::1](_BOXES, _BOXES))

@@ -32,7 +32,7 @@ class Robot:
         return str(uuid5(NAMESPACE_URL, self.name))
 
     def identity(self) -> dict[str, Any]:
-        envelope = {"x": 1.0, "y": 0.7, "z": 1.2}
+        envelope = {"x": 1.1, "y": 0.7, "z": 1.2}
         names = {"manufacturerName": self.maker, "robotModel": "Q", "robotSerialNumber": self.name}
         return {"uuid": self.uuid, "timestamp": stamp(START_S), "baseRobotEnvelope": envelope, **names}
 

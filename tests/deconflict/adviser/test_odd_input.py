@@ -1,5 +1,6 @@
 """What odd times and messages do to the adviser, and what it keeps."""
 
+from collections.abc import Iterable
 from functools import partial
 from math import inf, nan
 from pathlib import Path
@@ -32,9 +33,11 @@ def test_if_the_time_goes_back_requests_are_withdrawn_and_new_ones_have_other_id
 def test_if_the_time_goes_back_robots_are_where_they_say_now() -> None:
     floor = Floor(face_to_face())
     floor.until("go_around")
+    long_m = {uuid: robot.length_m for uuid, robot in floor.adviser._robots.items()}
     floor.now_s -= 3600.0
     floor.robots[1].x_m += 20.0
     assert all(request.withdrawn for request in floor.seconds(12))
+    assert {uuid: robot.length_m for uuid, robot in floor.adviser._robots.items()} == long_m
 
 
 def test_a_clock_that_goes_back_a_little_ends_no_request() -> None:
@@ -74,9 +77,10 @@ def _entries(thing: object) -> int:
         return len(thing) + sum(_entries(value) for value in thing.values())
     if isinstance(thing, list | set | tuple | frozenset):
         return len(thing) + sum(_entries(value) for value in thing)
-    names = getattr(type(thing), "__slots__", None) or getattr(thing, "__dict__", ())
-    is_ours = type(thing).__module__.startswith("deconflict.adviser")
-    return sum(_entries(getattr(thing, name)) for name in names) if is_ours else 0
+    if not type(thing).__module__.startswith("deconflict.adviser"):
+        return 0
+    names: Iterable[str] = getattr(type(thing), "__slots__", None) or vars(thing)
+    return sum(_entries(getattr(thing, name)) for name in names)
 
 
 def _cyclic() -> dict[str, Any]:

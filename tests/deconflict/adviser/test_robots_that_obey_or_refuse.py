@@ -13,8 +13,10 @@ def test_a_robot_keeps_its_request_while_it_turns_and_drives_around_the_other() 
     request = floor.until("go_around")
     asked = floor.robot(request.robot)
     floor.adviser.answer(request.id, "accepted")
-    asked.yaw_rad += pi / 2
-    found = floor.seconds(4)
+    ahead_rad, found = asked.yaw_rad, list[Request]()
+    for turned_rad in (0.25, 0.25, 0.25, pi / 2):
+        asked.yaw_rad = ahead_rad + turned_rad
+        found += floor.second()
     for _ in range(2):
         asked.x_m, asked.y_m = asked.x_m + cos(asked.yaw_rad), asked.y_m + sin(asked.yaw_rad)
         found += floor.second()
