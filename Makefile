@@ -37,9 +37,10 @@ demo: $(INSTALLED)
 check: lint types $(KERNELS)
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m 'not slow'
 
-# Many tests wait for a service that they have started, so more of them run at a time than there are cores.
+# Many tests wait for a service that they have started, so more of them run at a time than there are cores, and the
+# longest begin first (tests/helpers/order.py).
 test: lint types $(KERNELS)
-	$(BIN)/python -m pytest -n 4 --dist worksteal
+	$(BIN)/python -m pytest -n 6 --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .

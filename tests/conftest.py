@@ -7,6 +7,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+from tests.helpers.order import dealt
 from tests.helpers.patience import PATIENCE_S
 
 hypothesis.settings.register_profile("untimed", deadline=None)
@@ -63,8 +64,10 @@ def is_slow(path: Path) -> bool:
     return path.is_relative_to(TESTS) and path.relative_to(TESTS).as_posix().startswith(SLOW)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the slow tests: `make check` leaves them out."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the slow tests: `make check` leaves them out. On several workers the longest begin first."""
     for item in items:
         if is_slow(item.path):
             item.add_marker("slow")
+    if workers := getattr(config, "workerinput", {}).get("workercount"):
+        items[:] = dealt(items, workers)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
+from itertools import count
 from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
@@ -21,6 +22,9 @@ from ingest.recording.log_reader import Received
 PEER = "adviser"
 """Address that all messages count as coming from: who may send was decided before."""
 
+BACK_S = 5.0
+"""A clock that goes back by no more stands still meanwhile."""
+
 
 class Adviser:
     """Hears identity and status reports, and asks robots for what helps them all."""
@@ -28,36 +32,38 @@ class Adviser:
     def __init__(self, site: Site | Path | str | None = None) -> None:
         """`site` is a site, or the path of a site file. Without any, each datum is a floor of its own."""
         settings = DEFAULT if site is None else site if isinstance(site, Site) else site_file.load(Path(site))
-        self._fleet = fleet_of(settings, Measures())
-        self._robots = RobotTable(PlaceGeometry(settings.resources, settings.zones))
-        self._vendors = settings.vendors
-        self._advice, self._now_s = self._begun(), 0.0
+        self._settings = settings
+        self._numbers, self._now_s = count(1), 0.0
         self.refused = 0
         """Messages that were no reports, or not accepted."""
-        self._makers: dict[str, str] = {}
-        """By UUID, what its newest identity report says."""
+        self._identities: dict[str, Mapping[str, Any]] = {}
+        """By UUID, the newest identity report."""
+        self._begin()
 
     def hear(self, now_s: float, messages: Iterable[Mapping[str, Any]]) -> list[Request]:
         """Requests that are new, changed or withdrawn since the last call.
 
         `messages` are reports of the MassRobotics standard that arrived by `now_s`, seconds since the epoch. What is
-        no report is counted in `refused`. If the time goes back, what was asked and learned is forgotten. Raises
-        ValueError if `now_s` is not finite.
+        no report is counted in `refused`. If the time goes back by more than `BACK_S`, all requests are withdrawn,
+        and all but identity reports is forgotten. Raises ValueError if `now_s` is not finite.
         """
         if not isfinite(now_s):
             raise ValueError(f"now_s is {now_s}: give the time in seconds since the epoch")
-        if now_s < self._now_s:
-            self._advice = self._begun()
+        withdrawn = []
+        if now_s < self._now_s - BACK_S:
+            withdrawn = self._advice.end_all()
+            self._begin()
+            messages, self._now_s = [*self._identities.values(), *messages], now_s
+        self._now_s = now_s = max(now_s, self._now_s)
         for message in messages:
             self._receive(message, now_s)
         batch = self._fleet.next_batch(now_s)
         self._robots.forget(batch.gone)
         for uuid in batch.gone:
-            self._makers.pop(uuid, None)
+            self._identities.pop(uuid, None)
         self._robots.update(batch)
         self._advice.receive(batch, self._robots)
-        self._now_s = now_s
-        return self._advice.step(self._robots, now_s)
+        return withdrawn + self._advice.step(self._robots, now_s)
 
     def answer(self, request_id: str, answer: AdviceAnswer, why: str = "") -> None:
         """What a robot answered to a request. Raises ValueError for another word."""
@@ -65,19 +71,21 @@ class Adviser:
             raise ValueError(f"a robot answers accepted, declined or done, and not {answer!r}")
         self._advice.answer(str(request_id), answer, str(why or ""), self._robots, self._now_s)
 
-    def _begun(self) -> StandoffAdvice:
-        return StandoffAdvice(self._vendors)
+    def _begin(self) -> None:
+        self._fleet = fleet_of(self._settings, Measures())
+        self._robots = RobotTable(PlaceGeometry(self._settings.resources, self._settings.zones))
+        self._advice = StandoffAdvice(self._settings.vendors, self._numbers)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:
         try:
-            raw, uuid = json.dumps(message).encode(), str(message.get("uuid", ""))
+            raw, uuid = json.dumps(message).encode(), str(message.get("uuid", "")).lower()
         except (AttributeError, TypeError, ValueError, RecursionError):
             self.refused += 1
             return
         named = message.get("manufacturerName")
-        maker = named if isinstance(named, str) else self._makers.get(uuid)
+        maker = named if isinstance(named, str) else self._identities.get(uuid, {}).get("manufacturerName")
         connection = Connection(1, PEER, f"/{maker or ''}", maker)
         if self._fleet.receive_recorded(Received(raw, now_s, connection)):
             self.refused += 1
         elif isinstance(named, str):
-            self._makers[uuid] = named
+            self._identities[uuid] = message

@@ -75,7 +75,7 @@ class Following:
         self._verbs = verbs
         self._robots: dict[str, _OfRobot] = {}
         self._can: dict[tuple[str, Verb], tuple[set[str], set[str]]] = {}
-        """By vendor and verb: the robots that have accepted it, and those that cannot do it."""
+        """By vendor and verb: a robot that has accepted it, and the first that cannot do it."""
         self._at: dict[tuple[Verb, int, int], list[int]] = {}
         """By verb and square: how many requests were accepted, and how many declined."""
         self._answers = False
@@ -125,18 +125,20 @@ class Following:
         """A robot has answered."""
         self._answers, request = True, asked.request
         able, unable = self._can.setdefault((vendor, request.verb), (set(), set()))
-        record, is_able = self._of(request.robot), why.partition(":")[0].strip().lower() != CANNOT
+        record, reason = self._of(request.robot), why.partition(":")[0].strip().lower()
+        is_able = reason != CANNOT
         place = self._at.setdefault(_square(request.verb, asked.from_m), [0, 0])
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
             until = {key: until_s for key, until_s in record.declined_until_s.items() if until_s > now_s}
             until[request.verb, request.other or ""] = now_s + (DECLINED_S if is_able else CANNOT_S)
             record.declined_until_s = until
-            place[1] += is_able and why != BUSY
-            if not is_able:
+            place[1] += is_able and reason != BUSY
+            if not is_able and len(unable) < UNABLE_AFTER:
                 unable.add(request.robot)
         elif answer == "accepted":
-            able.add(request.robot)
+            if not able:
+                able.add(request.robot)
             place[0] += 1
 
     def forget(self, robots: Iterable[str]) -> None:

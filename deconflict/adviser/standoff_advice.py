@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import count
 from math import hypot, inf, pi, remainder
 
 import numpy as np
@@ -30,7 +31,8 @@ PASSED_M = 3.0
 LATEST_S = 20.0
 VERBS: tuple[Verb, ...] = ("go_around", "go_first", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
-SEARCHED_S = 2.0
+SEARCHED_S, SEARCHES = 2.0, 6
+"""Where no place to back out to was found, it is not searched again for this time; and so many searches in a step."""
 WHOLE_WAY_M = 20.0
 """A robot backs out to where the other, which passes, will not come on the next metres of its way."""
 LIKELY = 0.3
@@ -41,9 +43,9 @@ robot asked again and again would never arrive."""
 class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
-    def __init__(self, vendors: Iterable[Vendor] = ()) -> None:
-        """`vendors` are those of the site. Nothing is asked of people."""
-        vendors = tuple(vendors)
+    def __init__(self, vendors: Iterable[Vendor] = (), numbers: Iterator[int] | None = None) -> None:
+        """`vendors` are those of the site: nothing is asked of people. `numbers` are ids to give."""
+        vendors, self._numbers = tuple(vendors), count(1) if numbers is None else numbers
         self._people = frozenset(vendor.name for vendor in vendors if vendor.participant == "person")
         self._open: dict[str, Asked] = {}
         """By robot."""
@@ -54,8 +56,8 @@ class StandoffAdvice:
         self._waiting: dict[str, str] = {}
         """By robot that is asked to wait, the robot that goes first."""
         self._searched_s: dict[str, float] = {}
-        """By robot: when no place to back out to was found."""
-        self._made = 0
+        """By robot: when a place to back out to was searched for."""
+        self._searches_left = SEARCHES
         self._standing = Standing({}, [])
 
     @property
@@ -72,29 +74,36 @@ class StandoffAdvice:
         """Robots were updated."""
         self._tracks.forget(batch.gone)
         self._following.forget(batch.gone)
+        for uuid in batch.gone:
+            self._searched_s.pop(uuid, None)
         self._tracks.observe(robots, (uuid for uuid in batch.robots if uuid in robots))
 
     def answer(self, request_id: str, answer: str, why: str, robots: RobotTable, now_s: float) -> None:
         """What a robot answered to a request.
 
-        Ignored are an unknown id, because the request has ended, and a second answer that is not "done".
+        Ignored are an unknown id, because the request has ended, and a second answer that is not "done". If a robot
+        declines to wait, the other is not to go first either.
         """
         asked = self._asked.get(request_id)
-        if asked is None or asked.request.robot not in robots or (asked.answer and answer != "done"):
+        if asked is None or asked.request.robot not in robots:
             return
-        is_wait = asked.waits is not None and asked.waits.id == request_id
-        if is_wait and answer != "declined":
-            return
-        asked.answer = answer
-        if not is_wait:
+        if asked.request.id != request_id:
+            asked.answer = "declined" if answer == "declined" else asked.answer
+        elif not asked.answer or answer == "done":
+            asked.answer = answer
             self._following.answer(asked, robots[asked.request.robot].vendor, answer, why, now_s)
+
+    def end_all(self) -> list[Request]:
+        """End all requests. Returns them as withdrawn."""
+        return [request for asked in list(self._open.values()) for request in self._end(asked, asked.request)]
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
         self._standing = standing(robots, now_s)
         self._observe_standing(now_s)
+        self._searches_left = SEARCHES
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
-        for ring in self._standing.rings:
+        for ring in sorted(self._standing.rings, key=self._ring_searched_s):
             changed += self._for_ring(ring, robots, now_s)
         for waiting in self._standing.waiting.values():
             is_in_ring = waiting.robot in self._standing.in_rings
@@ -128,7 +137,8 @@ class StandoffAdvice:
         """Update what came of an open request. Yields what is withdrawn."""
         robot = asked.request.robot
         if robot not in robots or now_s >= asked.request.latest_s:
-            self._end(asked)
+            ended = self._end(asked)
+            yield from ended if now_s < asked.request.latest_s else ()
             return
         x_m, y_m, yaw_rad = robots.reported_pose(robot)
         moved_m = hypot(x_m - asked.from_m[0], y_m - asked.from_m[1])
@@ -155,7 +165,7 @@ class StandoffAdvice:
         """End a request that is done, or whose robot stands for somebody again. Returns what is withdrawn."""
         request, takes_s = asked.request, now_s - asked.asked_s
         is_done = moved_m >= PASSED_M or asked.answer == "done"
-        if is_done and request.other in robots:
+        if is_done and asked.begun_s is not None and request.other in robots:
             yields = Option(request.robot, request.verb, request.other or "").yields
             self._worth.add_yield(request.verb, robots[yields[0]].vendor, robots[yields[1]].vendor, takes_s)
         if is_done:
@@ -189,7 +199,7 @@ class StandoffAdvice:
         found = []
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
-            is_asked = not {option.robot, option.other}.isdisjoint(self._open.keys() | self._waiting.keys())
+            is_asked = any(uuid in asked for uuid in option.yields for asked in (self._open, self._waiting))
             if yielding == other or self._people & {vendor, yielding} or is_asked:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
@@ -221,21 +231,22 @@ class StandoffAdvice:
         return request
 
     def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
-        self._made += 1
-        return Request(str(self._made), option.robot, option.verb, at, option.other, until, latest_s)
+        return Request(str(next(self._numbers)), option.robot, option.verb, at, option.other, until, latest_s)
 
     def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
-        """Where a robot can back out to. Not searched again soon after none was found."""
-        if now_s - self._searched_s.get(option.robot, -inf) < SEARCHED_S:
+        """Where a robot can back out to. Not searched again soon, nor often in one step."""
+        if not self._searches_left or now_s - self._searched_s.get(option.robot, -inf) < SEARCHED_S:
             return None
+        self._searches_left -= 1
+        self._searched_s[option.robot] = now_s
         numbers = robots.column({option.robot: 1, option.other: 2})
         slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
         passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
-        refuge_m = self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
-        if refuge_m is None:
-            self._searched_s = {uuid: at_s for uuid, at_s in self._searched_s.items() if now_s - at_s < SEARCHED_S}
-            self._searched_s[option.robot] = now_s
-        return refuge_m
+        return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
+
+    def _ring_searched_s(self, ring: tuple[str, ...]) -> float:
+        """When a place for one of a ring was last searched for: those that wait for longest come first."""
+        return max(self._searched_s.get(robot, -inf) for robot in ring)
 
 
 def _both(request: Request) -> tuple[str, ...]:

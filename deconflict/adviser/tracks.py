@@ -13,6 +13,7 @@ from ingest.batch import Floats
 STEP_M = 0.5
 """Distance between two kept poses."""
 KEPT = 60
+POSE = "floor", "reported_x_m", "reported_y_m", "reported_yaw_rad"
 ROOM_M = 0.3
 """Room that is left between a robot that has backed out and what passes."""
 
@@ -23,17 +24,19 @@ class Tracks:
     def __init__(self) -> None:
         self._poses: dict[str, deque[tuple[float, float, float]]] = {}
         """By robot x, y and yaw, newest last."""
-        self._floors: dict[str, str] = {}
+        self._floors: dict[str, int] = {}
         """By robot, the floor of these poses."""
 
     def observe(self, robots: RobotTable, updated: Iterable[str]) -> None:
-        for uuid in updated:
-            pose, floor = robots.reported_pose(uuid), robots[uuid].datum
+        updated = set(updated)
+        slots = [slot for slot, uuid in enumerate(robots.uuids) if uuid in updated]
+        columns = (robots.records[name][slots].tolist() for name in POSE)
+        for uuid, floor, *pose in zip((robots.uuids[slot] for slot in slots), *columns, strict=True):
             if self._floors.get(uuid) != floor:
                 self._floors[uuid], self._poses[uuid] = floor, deque(maxlen=KEPT)
             poses = self._poses[uuid]
             if not poses or hypot(pose[0] - poses[-1][0], pose[1] - poses[-1][1]) >= STEP_M:
-                poses.append(pose)
+                poses.append(tuple(pose))
 
     def forget(self, uuids: Iterable[str]) -> None:
         for uuid in uuids:

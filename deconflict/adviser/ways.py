@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from deconflict.adviser.box_kernels import touching
 from deconflict.contention.robots.bounding_boxes import touching_boxes
 from deconflict.contention.robots.lookahead import STEP_S
 from deconflict.contention.robots.record_kernels import Records
@@ -94,9 +95,9 @@ def _turning(records: Records, first_rad: Floats) -> Boxes:
 
 def bodies(robots: RobotTable, slots: Ints) -> Boxes:
     """(n,) where robots were last reported."""
-    records = robots.records[slots]
-    halves = records["length_m"] / 2, records["width_m"] / 2
-    return Boxes(records["reported_x_m"], records["reported_y_m"], records["reported_yaw_rad"], *halves)
+    names = "reported_x_m", "reported_y_m", "reported_yaw_rad", "length_m", "width_m"
+    x_m, y_m, yaw_rad, length_m, width_m = (robots.records[name][slots] for name in names)
+    return Boxes(x_m, y_m, yaw_rad, length_m / 2, width_m / 2)
 
 
 def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
@@ -118,9 +119,9 @@ def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
 
 def can_meet(robots: RobotTable, slots: Ints, others: Ints) -> Bools:
     """(n,) whether robots are on one floor, and neither passes above the other."""
-    mine, theirs = robots.records[slots], robots.records[others]
-    overlap = heights_overlap(mine["bottom_m"], mine["top_m"], theirs["bottom_m"], theirs["top_m"])
-    found: Bools = (mine["floor"] == theirs["floor"]) & overlap
+    floor, bottom_m, top_m = (robots.records[name] for name in ("floor", "bottom_m", "top_m"))
+    overlap = heights_overlap(bottom_m[slots], top_m[slots], bottom_m[others], top_m[others])
+    found: Bools = (floor[slots] == floor[others]) & overlap
     return found
 
 
@@ -165,14 +166,14 @@ def around(boxes: Boxes) -> Floats:
 
 
 def touch(boxes: Boxes, others: Boxes) -> Bools:
-    """Whether rectangles touch, by their four axes; arrays of shapes that fit. Comparisons with nan are false."""
-    dx_m, dy_m = others.x_m - boxes.x_m, others.y_m - boxes.y_m
-    off_rad = others.yaw_rad - boxes.yaw_rad
-    c, s = np.abs(np.cos(off_rad)), np.abs(np.sin(off_rad))
-    found = np.isfinite(dx_m)
-    for mine, theirs in ((boxes, others), (others, boxes)):
-        cos, sin = np.cos(mine.yaw_rad), np.sin(mine.yaw_rad)
-        along_m, across_m = np.abs(dx_m * cos + dy_m * sin), np.abs(dy_m * cos - dx_m * sin)
-        found &= along_m <= mine.half_length_m + theirs.half_length_m * c + theirs.half_width_m * s
-        found &= across_m <= mine.half_width_m + theirs.half_length_m * s + theirs.half_width_m * c
-    return found
+    """Whether rectangles touch; arrays of up to three axes, of shapes that fit. Comparisons with nan are false."""
+    shape = np.broadcast_shapes(boxes.x_m.shape, others.x_m.shape)
+    three_axes = (1,) * (3 - len(shape)) + shape
+    mine, theirs = (
+        tuple(
+            np.broadcast_to(column, three_axes)
+            for column in (each.x_m, each.y_m, np.cos(each.yaw_rad), np.sin(each.yaw_rad), *each[3:])
+        )
+        for each in (boxes, others)
+    )
+    return touching(mine, theirs).reshape(shape)

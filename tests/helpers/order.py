@@ -1,0 +1,57 @@
+"""The order of tests for several workers: the longest begin first, each on another worker."""
+
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+WAITING = (
+    "benchmarks/test_attack.py::test_beside_every_attack",
+    "deconflict/simulation/drills/test_drill_run.py::",
+    "inventory/test_inventory.py::test_a_running_service",
+    "deconflict/cluster/test_brokers_in_cluster.py::",
+    "metrics/monitoring/test_prometheus.py::",
+    "deconflict/roles/processes/test_data_of_release.py",
+    "deconflict/simulation/test_demo.py::test_the_demo_ends",
+    "metrics/replay/test_virtual_agvs.py::",
+)
+COMPUTING = (
+    "benchmarks/planned_floors/comparison/test_braking_for_an_hour.py::",
+    "deconflict/simulation/driving/test_traffic.py",
+    "benchmarks/test_decisions.py::",
+    "metrics/replay/test_replay.py::test_straight_forecasts",
+    "benchmarks/test_less_told.py::test_the_command",
+    "metrics/replay/test_replay.py::test_a_perfect_vendor_of_real_motion",
+    "inventory/test_inventory.py::test_nothing",
+    "benchmarks/closed_loop/test_cells.py::",
+)
+LONGEST = (*WAITING, *COMPUTING)
+"""What begins so takes the longest: those that mostly wait come first, so that they leave the cores to each other.
+With "::" each test may run on another worker; without, the tests of a file share what they have made."""
+
+
+def dealt(items: Sequence[pytest.Item], workers: int) -> list[pytest.Item]:
+    """The tests, so that each of as many equal parts as there are workers begins with some of the longest.
+
+    xdist gives each worker one of these parts. Without it they differ by more than a minute at the end.
+    """
+    groups: dict[tuple[int, str], list[pytest.Item]] = {}
+    rest = []
+    for item in items:
+        name = item.nodeid.removeprefix("tests/")
+        rank = next((rank for rank, begin in enumerate(LONGEST) if name.startswith(begin)), None)
+        if rank is None:
+            rest.append(item)
+        else:
+            groups.setdefault((rank, name if "::" in LONGEST[rank] else ""), []).append(item)
+    long = [groups[key] for key in sorted(groups)]
+    return [item for part in _parts(long, rest, workers) for item in part]
+
+
+def _parts(long: Sequence[list[pytest.Item]], rest: list[pytest.Item], workers: int) -> Iterator[list[pytest.Item]]:
+    left, at = sum(map(len, long)) + len(rest), 0
+    for worker in range(workers):
+        begin = [item for group in long[worker::workers] for item in group]
+        size = left // (workers - worker)
+        until = at + max(size - len(begin), 0)
+        yield begin + rest[at:until]
+        left, at = left - len(begin) - (until - at), until
