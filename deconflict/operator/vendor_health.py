@@ -4,13 +4,17 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+from deconflict.advisory.cleared_code import ClearedCode
 from deconflict.foresight.forecast_errors.forecast_grades import in_words
-from deconflict.operator.vendor_models import Flag, UncomparedRobot, VendorHealth, VendorOddValue
+from deconflict.operator.vendor_models import Flag, UncomparedRobot, VendorAdvice, VendorHealth, VendorOddValue
 from ingest.measures import clock_changes
 from ingest.measures.measures import Labels, joined_values
 
 DIGITS = 3
 """Values are rounded to millimetres and milliseconds."""
+
+ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
+YIELDED = "deconflict_advice_yielded_seconds_total"
 
 Values = Mapping[str, Mapping[Labels, float]]
 
@@ -27,8 +31,28 @@ def vendor_health(documents: Iterable[dict[str, Any]], senders: Iterable[dict[st
     names = {labels[0] for name in with_vendors for labels in values.get(name, ())}
     to_mend = _to_mend(senders)
     return [
-        _health_of(name, _series_of(values, name)).model_copy(update=to_mend.get(name, {})) for name in sorted(names)
+        _health_of(name, _series_of(values, name)).model_copy(
+            update={"advice": _advice_of(name, values), **to_mend.get(name, {})}
+        )
+        for name in sorted(names)
     ]
+
+
+def _advice_of(vendor: str, values: Values) -> VendorAdvice:
+    """What was asked of a vendor, and who yielded to whom."""
+    ended = {
+        code: sum(count for labels, count in values.get(ENDED, {}).items() if (labels[0], labels[2]) == (vendor, code))
+        for code in (ClearedCode.DONE, ClearedCode.DECLINED, ClearedCode.WITHDRAWN, ClearedCode.LAPSED)
+    }
+    yielded = values.get(YIELDED, {}).items()
+    return VendorAdvice(
+        asked=int(sum(count for labels, count in values.get(ASKED, {}).items() if labels[0] == vendor)),
+        done=int(ended[ClearedCode.DONE]),
+        declined=int(ended[ClearedCode.DECLINED]),
+        not_begun=int(ended[ClearedCode.WITHDRAWN] + ended[ClearedCode.LAPSED]),
+        yielded_s=sum(seconds for labels, seconds in yielded if labels[0] == vendor),
+        let_through_s=sum(seconds for labels, seconds in yielded if labels[1] == vendor),
+    )
 
 
 def _to_mend(senders: Iterable[dict[str, Any]]) -> dict[str, dict[str, list[Any]]]:

@@ -63,6 +63,17 @@ class UncomparedRobot(BaseModel):
     placed: bool = Field(description="whether it has a position")
 
 
+class VendorAdvice(BaseModel):
+    """What was asked of a vendor's robots to end standoffs, and what became of it."""
+
+    asked: int = Field(0, description="pieces of advice")
+    done: int = 0
+    declined: int = 0
+    not_begun: int = Field(0, description="not begun in time, or not needed any more")
+    yielded_s: float = Field(0.0, description="seconds that its robots needed for what they were asked")
+    let_through_s: float = Field(0.0, description="the same of other vendors' robots, for its robots")
+
+
 class VendorHealth(BaseModel):
     """One vendor. Counts are since the service started. A level is null until it is known."""
 
@@ -88,6 +99,7 @@ class VendorHealth(BaseModel):
     grade: Literal["A", "B", "C", "D", "E"] | None = Field(None, description="how far its forecasts can be trusted")
     grade_words: str = Field("", description="why it has that grade, or none")
     flags: list[Flag] = []
+    advice: VendorAdvice = VendorAdvice()
 
 
 class VendorList(BaseModel):

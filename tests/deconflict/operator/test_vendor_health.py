@@ -98,3 +98,17 @@ def test_what_vendors_should_mend_is_joined_over_receivers() -> None:
     assert [(value.path, value.robots, value.count) for value in acme.odd_values] == [("a", 4, 10)]
     assert [robot.uuid for robot in acme.not_compared] == ["one", "two"]
     assert (bolt.odd_values, bolt.not_compared) == ([], [])
+
+
+def test_each_vendor_shows_what_was_asked_of_it_and_who_yielded_to_whom() -> None:
+    engine = Measures()
+    engine.level("deconflict_robots", {("Acme", "navigating"): 1, ("Bolt", "navigating"): 1})
+    engine.count("deconflict_advice_asked_total", "Acme", "go_around", by=5)
+    engine.count("deconflict_advice_asked_total", "Acme", "back_out", by=2)
+    for code, number in (("done", 3), ("declined", 2), ("withdrawn", 1), ("lapsed", 1), ("restarted", 4)):
+        engine.count("deconflict_advice_ended_total", "Acme", "go_around", code, by=number)
+    engine.level("deconflict_advice_yielded_seconds_total", {("Acme", "Bolt"): 12.5, ("Bolt", "Acme"): 4.0})
+    acme, bolt = (vendor.advice for vendor in vendor_health([engine.as_document()]))
+    assert (acme.asked, acme.done, acme.declined, acme.not_begun) == (7, 3, 2, 2)
+    assert (acme.yielded_s, acme.let_through_s) == (bolt.let_through_s, bolt.yielded_s) == (12.5, 4.0)
+    assert bolt.asked == 0
