@@ -25,9 +25,9 @@ COMPUTING = (
     "benchmarks/closed_loop/test_cells.py::",
 )
 LONGEST = (*WAITING, *COMPUTING)
-"""What begins so takes the longest. Those that wait in real time come first, those that leave the cores free before
-those that do not, as robots have to be heard in time. With "::" each test may run on another worker; without, the tests of a
-file stay together, as they share what they have made."""
+"""What begins so takes the longest. What waits in real time comes first, and before others what leaves the cores free:
+robots have to be heard in time. With "::" each test may run on another worker; without, the tests of a file stay
+together, as they share what they have made."""
 
 
 def dealt(items: Sequence[pytest.Item], workers: int) -> list[pytest.Item]:
