@@ -40,7 +40,7 @@ check: lint types $(KERNELS)
 # Many tests wait for a service that they have started, so more of them run at a time than there are cores, and the
 # longest begin first (tests/helpers/order.py).
 test: lint types $(KERNELS)
-	$(BIN)/python -m pytest -n 6 --dist worksteal
+	$(BIN)/python -m pytest -n 5 --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -5,14 +5,14 @@ from collections.abc import Iterator, Sequence
 import pytest
 
 WAITING = (
-    "benchmarks/test_attack.py::test_beside_every_attack",
     "deconflict/simulation/drills/test_drill_run.py::",
-    "inventory/test_inventory.py::test_a_running_service",
     "deconflict/cluster/test_brokers_in_cluster.py::",
     "metrics/monitoring/test_prometheus.py::",
     "deconflict/roles/processes/test_data_of_release.py",
     "deconflict/simulation/test_demo.py::test_the_demo_ends",
     "metrics/replay/test_virtual_agvs.py::",
+    "inventory/test_inventory.py::test_a_running_service",
+    "benchmarks/test_attack.py::test_beside_every_attack",
 )
 COMPUTING = (
     "benchmarks/planned_floors/comparison/test_braking_for_an_hour.py::",
@@ -25,8 +25,9 @@ COMPUTING = (
     "benchmarks/closed_loop/test_cells.py::",
 )
 LONGEST = (*WAITING, *COMPUTING)
-"""What begins so takes the longest: those that mostly wait come first, so that they leave the cores to each other.
-With "::" each test may run on another worker; without, the tests of a file share what they have made."""
+"""What begins so takes the longest. What waits in real time comes first, and before others what leaves the cores free:
+robots have to be heard in time. With "::" each test may run on another worker; without, the tests of a file stay
+together, as they share what they have made."""
 
 
 def dealt(items: Sequence[pytest.Item], workers: int) -> list[pytest.Item]:
