@@ -1,5 +1,6 @@
 """A floor of cells whose robots hear an adviser and do what it asks."""
 
+import copy
 import json
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
@@ -97,6 +98,13 @@ class CellWorld:
         traffic.step()
         traffic.begin_step()
         self._score()
+
+    def copied(self, draw: int) -> "CellWorld":
+        """The same floor now, where no request is under way and later stalls are drawn anew."""
+        copied = copy.deepcopy(self)
+        copied.traffic.redraw(draw)
+        copied._requests.clear()
+        return copied
 
     def heard(self) -> list[dict[str, Any]]:
         """Messages that have arrived since the last call."""

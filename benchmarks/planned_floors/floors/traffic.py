@@ -85,6 +85,10 @@ class Traffic:
     def now_s(self) -> float:
         return self.sample * STEP_S
 
+    def redraw(self, draw: int) -> None:
+        """Draw the stalls from now on anew."""
+        self._rng = np.random.default_rng([self._made_of.seed, 12, draw])
+
     def begin_step(self) -> None:
         """Plan, and update which robots are silent, carried away or back."""
         if self.sample % PLANS_EVERY == 0:
