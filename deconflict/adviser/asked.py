@@ -15,16 +15,18 @@ USUALLY_FOLLOWS, USUAL_WEIGHT = 0.7, 0.5
 """How likely a robot follows that was never asked, and how many requests that counts for."""
 PAUSE_S, LONGEST_PAUSE_S = 5.0, 60.0
 """A robot that has not followed is asked again after this time, and after twice as long each further time."""
-DECLINED_S, CANNOT_S = 60.0, 600.0
-"""What a robot has declined is not asked of it again for so long; the second if it said that it cannot."""
+DECLINED_S, BUSY_S, CANNOT_S = 20.0, 4.0, 600.0
+"""What a robot has declined is not asked of it again for so long; the others if it is busy, and if it said that it
+cannot."""
 UNABLE_AFTER = 2
 """A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
 CANNOT, BUSY = "cannot", "busy"
 """Reasons to decline: a vendor that never can, and a robot that cannot now. Any other is about the place."""
 PLACE_M = 3.0
 """Side of the squares by which it is learned where a verb can be done."""
-USUALLY_DONE, PLACE_WEIGHT = 0.8, 1.0
-"""How likely a verb can be done where it was never asked, and how many answers that counts for."""
+USUALLY_DONE, USUAL_ANSWERS, PLACE_WEIGHT = 0.8, 5, 1.0
+"""How likely a verb can be done that was never asked, and how many answers that counts for; the third for how many
+answers at a place the share on all floors counts."""
 
 
 @dataclass(slots=True)
@@ -76,6 +78,8 @@ class Following:
         """By vendor and verb: the robots that have accepted it, and those that cannot do it."""
         self._at: dict[tuple[Verb, int, int], list[int]] = {}
         """By verb and square: how many requests were accepted, and how many declined."""
+        self._anywhere: dict[Verb, list[int]] = {}
+        """The same by verb."""
         self._answers = False
         """Whether any robot has ever answered."""
 
@@ -86,8 +90,10 @@ class Following:
 
     def possible(self, verb: Verb, at_m: tuple[float, float]) -> float:
         """The probability that a verb can be done at a place."""
+        accepted, declined = self._anywhere.get(verb, (0, 0))
+        usually = (accepted + USUALLY_DONE * USUAL_ANSWERS) / (accepted + declined + USUAL_ANSWERS)
         accepted, declined = self._at.get(_square(verb, at_m), (0, 0))
-        return (accepted + USUALLY_DONE * PLACE_WEIGHT) / (accepted + declined + PLACE_WEIGHT)
+        return (accepted + usually * PLACE_WEIGHT) / (accepted + declined + PLACE_WEIGHT)
 
     def asked_s(self, robot: str) -> float:
         """When a robot was last asked; 0 if never."""
@@ -120,18 +126,21 @@ class Following:
         self._answers, request = True, asked.request
         able, unable = self._can.setdefault((vendor, request.verb), (set(), set()))
         record, is_able = self._of(request.robot), why.partition(":")[0].strip().lower() != CANNOT
-        place = self._at.setdefault(_square(request.verb, asked.from_m), [0, 0])
+        counts = self._at.setdefault(_square(request.verb, asked.from_m), [0, 0]), self._anywhere.setdefault(request.verb, [0, 0])
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
             until = {key: until_s for key, until_s in record.declined_until_s.items() if until_s > now_s}
-            until[request.verb, request.other or ""] = now_s + (DECLINED_S if is_able else CANNOT_S)
+            pause_s = CANNOT_S if not is_able else BUSY_S if why == BUSY else DECLINED_S
+            until[request.verb, request.other or ""] = now_s + pause_s
             record.declined_until_s = until
-            place[1] += is_able and why != BUSY
+            for count in counts:
+                count[1] += is_able and why != BUSY
             if not is_able:
                 unable.add(request.robot)
         elif answer == "accepted":
             able.add(request.robot)
-            place[0] += 1
+            for count in counts:
+                count[0] += 1
 
     def forget(self, robots: Iterable[str]) -> None:
         """Robots have left."""

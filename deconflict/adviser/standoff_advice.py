@@ -27,8 +27,9 @@ TURNED_RAD = 0.2
 PASSED_M = 3.0
 """A robot that is so far from where it was asked has passed the other, or has backed out."""
 LATEST_S = 20.0
-VERBS: tuple[Verb, ...] = ("go_around", "go_first", "back_out")
+VERBS: tuple[Verb, ...] = ("go_around", "go_first", "other_way", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
+RING_VERBS: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
 SEARCHED_S = 2.0
 WHOLE_WAY_M = 20.0
 """A robot backs out to where the other, which passes, will not come on the next metres of its way."""
@@ -85,8 +86,10 @@ class StandoffAdvice:
             changed += self._for_ring(ring, robots, now_s)
         for waiting in self._standing.waiting.values():
             is_in_ring = waiting.robot in self._standing.in_rings
-            if not is_in_ring and now_s - waiting.both_since_s >= STANDS_S:
-                changed += self._ask_best("stander", [Option(waiting.robot, "go_around", waiting.other)], robots, now_s)
+            stood_s = now_s - waiting.both_since_s
+            if not is_in_ring and stood_s >= STANDS_S:
+                around = Option(waiting.robot, "go_around", waiting.other)
+                changed += self._ask_best("stander", stood_s, [around], robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
         return changed
@@ -152,15 +155,16 @@ class StandoffAdvice:
 
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
         waiting = [self._standing.waiting[robot] for robot in ring]
-        if now_s - max(each.since_s for each in waiting) >= RING_S and not self._open.keys() & set(ring):
-            options = [Option(each.robot, verb, each.other) for each in waiting for verb in ("go_around", "back_out")]
-            yield from self._ask_best("ring", options, robots, now_s)
+        stood_s = now_s - max(each.since_s for each in waiting)
+        if stood_s >= RING_S and not self._open.keys() & set(ring):
+            options = [Option(each.robot, verb, each.other) for each in waiting for verb in RING_VERBS]
+            yield from self._ask_best("ring", stood_s, options, robots, now_s)
 
     def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
         """One of two that wait for each other goes first; the other waits before its way until that has passed."""
         a, b = crossing.robots
         options: list[Option] = [Option(a, "go_first", b), Option(b, "go_first", a)]
-        for first in self._ask_best("crossing", options, robots, now_s):
+        for first in self._ask_best("crossing", now_s - crossing.since_s, options, robots, now_s):
             yield first
             other = b if first.robot == a else a
             before_m = crossing.before_m[crossing.robots.index(other)]
@@ -169,8 +173,10 @@ class StandoffAdvice:
             self._asked[wait.id], self._waiting[other] = self._open[first.robot], first.robot
             yield wait
 
-    def _ask_best(self, kind: str, options: list[Option], robots: RobotTable, now_s: float) -> Iterator[Request]:
-        """Ask for the first option that saves something."""
+    def _ask_best(
+        self, kind: str, stood_s: float, options: list[Option], robots: RobotTable, now_s: float
+    ) -> Iterator[Request]:
+        """Ask for the first option that saves something. The robots have stood for `stood_s`."""
         found = []
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
@@ -181,9 +187,10 @@ class StandoffAdvice:
                 behind = self._standing.behind(option.robot), self._standing.behind(option.other)
                 works = self._following.likely(option.robot)
                 works *= self._following.possible(option.verb, robots.reported_pose(option.robot)[:2])
-                saving_s = self._worth.saving_s(kind, option.verb, works, *behind)
+                saving_s = self._worth.saving_s(kind, option.verb, works, stood_s, behind)
                 is_fair = not self._worth.yields_too_much(yielding, other)
-                rank = is_fair, works >= LIKELY, -VERBS.index(option.verb), -self._following.asked_s(option.robot)
+                last_asked_s = self._following.asked_s(option.robot)
+                rank = is_fair, works >= LIKELY, -VERBS.index(option.verb), -behind[0], -last_asked_s
                 found.append((rank, saving_s, option))
         for _, saving_s, option in sorted(found, reverse=True):
             if saving_s > 0 and (request := self._request(option, robots, now_s)):
@@ -192,7 +199,7 @@ class StandoffAdvice:
 
     def _request(self, option: Option, robots: RobotTable, now_s: float) -> Request | None:
         """Ask for an option. None if there is no place for it."""
-        at = self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
+        at = self._place_m(option, robots, now_s)
         if option.verb == "back_out" and at is None:
             return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
@@ -206,6 +213,12 @@ class StandoffAdvice:
     def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
         self._made += 1
         return Request(str(self._made), option.robot, option.verb, at, option.other, until, latest_s)
+
+    def _place_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
+        """The place of a request. None if it has none, or none was found."""
+        if option.verb == "other_way":
+            return robots.reported_pose(option.other)[:2]
+        return self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
 
     def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
         """Where a robot can back out to. Not searched again soon after none was found."""

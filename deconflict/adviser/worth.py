@@ -49,17 +49,20 @@ class Worth:
     yielded_s: dict[tuple[str, str], float] = field(default_factory=dict)
     """By the vendor that yielded and the vendor that it let through."""
 
-    def saving_s(self, kind: str, verb: Verb, works: float, behind: int, behind_other: int) -> float:
+    def saving_s(self, kind: str, verb: Verb, works: float, stood_s: float, behind: tuple[int, int]) -> float:
         """What a request saves that is followed with the probability `works`; if it is not, another is asked later.
 
+        `behind` is how many robots stand behind the robot, and behind the other. Robots that have stood for `stood_s`
+        stand about as long again.
         Robots behind either of the two lose as much as it does. Of robots that stand for each other one has to go
         around in the end, also without advice; a robot that stands only in the way moves on at no cost.
         """
-        stand = 2 + behind + behind_other
-        stands_on_s, takes_s = min(self.stands_on[kind].value_s, LOOKED_AHEAD_S), self.takes[verb].value_s
+        stand = 2 + sum(behind)
+        stands_on_s = min(max(self.stands_on[kind].value_s, stood_s), LOOKED_AHEAD_S)
+        takes_s = self.takes[verb].value_s
         if kind != "stander":
             takes_s -= min(takes_s, self.takes["go_around"].value_s)
-        followed_s = stands_on_s * stand - takes_s * (1 + behind) - takes_s / 2 * (1 + behind_other)
+        followed_s = stands_on_s * stand - takes_s * (1 + behind[0]) - takes_s / 2 * (1 + behind[1])
         return works * followed_s - (1 - works) * ASKING_S * stand
 
     def yields_too_much(self, vendor: str, other: str) -> bool:
