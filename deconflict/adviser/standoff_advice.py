@@ -10,6 +10,7 @@ from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Crossing, Standing, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
+from deconflict.adviser.waits import Waits
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import Worth
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
@@ -20,6 +21,8 @@ RING_S = 0.8
 """Robots that have stood for each other for so long rarely move on by themselves."""
 STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
+OWN_STANDS_S = 8.0
+"""Robots of one vendor that have stood for each other for so long are not sorted out by their vendor."""
 MOVED_M = 0.15
 """A robot that is so far from where it was asked has set out."""
 TURNED_RAD = 0.2
@@ -54,6 +57,7 @@ class StandoffAdvice:
         self._searched_s: dict[str, float] = {}
         """By robot: when no place to back out to was found."""
         self._made = 0
+        self._waits = Waits(self._following, self._new, self._people)
         self._standing = Standing({}, [])
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
@@ -67,6 +71,7 @@ class StandoffAdvice:
 
         Ignored are an unknown id, because the request has ended, and a second answer that is not "done".
         """
+        self._waits.answer(request_id, answer, now_s)
         asked = self._asked.get(request_id)
         if asked is None or asked.request.robot not in robots or (asked.answer and answer != "done"):
             return
@@ -92,7 +97,8 @@ class StandoffAdvice:
                 changed += self._ask_best("stander", stood_s, [around], robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
-        return changed
+        busy = self._open.keys() | self._waiting.keys()
+        return changed + self._waits.step(robots, self._standing, busy, now_s)
 
     def _observe_standing(self, now_s: float) -> None:
         """Learn how long robots stand for each other if nobody follows advice, once they have stood for long."""
@@ -181,7 +187,8 @@ class StandoffAdvice:
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
             is_asked = not {option.robot, option.other}.isdisjoint(self._open.keys() | self._waiting.keys())
-            if yielding == other or self._people & {vendor, yielding} or is_asked:
+            is_own = yielding == other and stood_s < OWN_STANDS_S
+            if is_own or self._people & {vendor, yielding} or is_asked:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
                 behind = self._standing.behind(option.robot), self._standing.behind(option.other)
