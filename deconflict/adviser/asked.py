@@ -15,9 +15,10 @@ USUALLY_FOLLOWS, USUAL_WEIGHT = 0.7, 0.5
 """How likely a robot follows that was never asked, and how many requests that counts for."""
 PAUSE_S, LONGEST_PAUSE_S = 5.0, 60.0
 """A robot that has not followed is asked again after this time, and after twice as long each further time."""
-DECLINED_S, BUSY_S, CANNOT_S = 20.0, 4.0, 600.0
-"""What a robot has declined is not asked of it again for so long; the others if it is busy, and if it said that it
-cannot."""
+DECLINED_S, CANNOT_S = 20.0, 600.0
+"""What a robot has declined is not asked of it again for so long; the second if it said that it cannot."""
+BUSY_S = 3.0
+"""A robot that was busy is asked nothing for so long, and for twice as long each further time."""
 UNABLE_AFTER = 2
 """A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
 CANNOT, BUSY = "cannot", "busy"
@@ -65,6 +66,9 @@ class _OfRobot:
     ignored: int = 0
     """The newest requests in a row that it did not follow."""
     asked_s: float = 0.0
+    busy: int = 0
+    """In how many answers in a row it was busy."""
+    busy_until_s: float = 0.0
     declined_until_s: dict[tuple[Verb, str], float] = field(default_factory=dict)
     """By verb and other robot: until when it is not asked again."""
 
@@ -104,9 +108,8 @@ class Following:
         able, unable = self._can.get((vendor, option.verb), ((), ()))
         record = self._of(option.robot)
         pause_s = min(PAUSE_S * 2**record.ignored, LONGEST_PAUSE_S) if record.ignored else 0.0
-        is_rested = now_s >= max(
-            record.asked_s + pause_s, record.declined_until_s.get((option.verb, option.other), 0.0)
-        )
+        declined_until_s = record.declined_until_s.get((option.verb, option.other), 0.0)
+        is_rested = now_s >= max(record.asked_s + pause_s, record.busy_until_s, declined_until_s)
         return is_rested and (bool(able) or len(unable) < UNABLE_AFTER)
 
     def waits_s(self) -> float:
@@ -130,8 +133,11 @@ class Following:
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
             until = {key: until_s for key, until_s in record.declined_until_s.items() if until_s > now_s}
-            pause_s = CANNOT_S if not is_able else BUSY_S if why == BUSY else DECLINED_S
-            until[request.verb, request.other or ""] = now_s + pause_s
+            if why == BUSY:
+                record.busy_until_s, record.busy = now_s + min(BUSY_S * 2**record.busy, DECLINED_S), record.busy + 1
+            else:
+                until[request.verb, request.other or ""] = now_s + (DECLINED_S if is_able else CANNOT_S)
+                record.busy = 0
             record.declined_until_s = until
             for count in counts:
                 count[1] += is_able and why != BUSY
@@ -139,6 +145,7 @@ class Following:
                 unable.add(request.robot)
         elif answer == "accepted":
             able.add(request.robot)
+            record.busy = 0
             for count in counts:
                 count[0] += 1
 

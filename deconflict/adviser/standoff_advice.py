@@ -8,7 +8,7 @@ import numpy as np
 
 from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.request import Request, Verb
-from deconflict.adviser.standoffs import Crossing, Standing, standing
+from deconflict.adviser.standoffs import Crossing, Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.waits import Waits
 from deconflict.adviser.ways import wanted_ways
@@ -21,6 +21,10 @@ RING_S = 0.8
 """Robots that have stood for each other for so long rarely move on by themselves."""
 STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
+LONG_S = 12.0
+"""A robot that has stood in the way for so long is left by another way, or backwards."""
+RELIEF_S = 4.0
+"""After this time those are asked that stand behind robots that stand for each other, if these can do nothing."""
 OWN_STANDS_S = 8.0
 """Robots of one vendor that have stood for each other for so long are not sorted out by their vendor."""
 MOVED_M = 0.15
@@ -93,8 +97,9 @@ class StandoffAdvice:
             is_in_ring = waiting.robot in self._standing.in_rings
             stood_s = now_s - waiting.both_since_s
             if not is_in_ring and stood_s >= STANDS_S:
-                around = Option(waiting.robot, "go_around", waiting.other)
-                changed += self._ask_best("stander", stood_s, [around], robots, now_s)
+                verbs = RING_VERBS if stood_s >= LONG_S else RING_VERBS[:1]
+                options = [Option(waiting.robot, verb, waiting.other) for verb in verbs]
+                changed += self._ask_best("stander", stood_s, options, robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
         busy = self._open.keys() | self._waiting.keys()
@@ -164,7 +169,18 @@ class StandoffAdvice:
         stood_s = now_s - max(each.since_s for each in waiting)
         if stood_s >= RING_S and not self._open.keys() & set(ring):
             options = [Option(each.robot, verb, each.other) for each in waiting for verb in RING_VERBS]
-            yield from self._ask_best("ring", stood_s, options, robots, now_s)
+            asked = list(self._ask_best("ring", stood_s, options, robots, now_s))
+            if not asked and stood_s >= RELIEF_S:
+                asked = list(self._ask_best("ring", stood_s, self._relief(waiting), robots, now_s))
+            yield from asked
+
+    def _relief(self, waiting: list[Waiting]) -> Iterator[Option]:
+        """What the last robots behind those of a ring could do, so that these have room behind them."""
+        ring = {each.robot for each in waiting}
+        for each in waiting:
+            for last in self._standing.last_behind(each.robot, ring):
+                yield Option(last, "other_way", self._standing.waiting[last].other)
+                yield Option(last, "back_out", each.other)
 
     def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
         """One of two that wait for each other goes first; the other waits before its way until that has passed."""
@@ -180,7 +196,7 @@ class StandoffAdvice:
             yield wait
 
     def _ask_best(
-        self, kind: str, stood_s: float, options: list[Option], robots: RobotTable, now_s: float
+        self, kind: str, stood_s: float, options: Iterable[Option], robots: RobotTable, now_s: float
     ) -> Iterator[Request]:
         """Ask for the first option that saves something. The robots have stood for `stood_s`."""
         found = []
