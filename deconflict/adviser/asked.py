@@ -129,7 +129,10 @@ class Following:
         self._answers, request = True, asked.request
         able, unable = self._can.setdefault((vendor, request.verb), (set(), set()))
         record, is_able = self._of(request.robot), why.partition(":")[0].strip().lower() != CANNOT
-        counts = self._at.setdefault(_square(request.verb, asked.from_m), [0, 0]), self._anywhere.setdefault(request.verb, [0, 0])
+        counts = (
+            self._at.setdefault(_square(request.verb, asked.from_m), [0, 0]),
+            self._anywhere.setdefault(request.verb, [0, 0]),
+        )
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
             until = {key: until_s for key, until_s in record.declined_until_s.items() if until_s > now_s}

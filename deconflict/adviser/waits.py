@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deconflict.adviser.asked import Following, Option
-from deconflict.adviser.oncoming import Oncoming, oncoming
+from deconflict.adviser.oncoming import REACH_M, Oncoming, oncoming
 from deconflict.adviser.request import Request
 from deconflict.adviser.standoffs import HEARD_WITHIN_S, Standing
+from deconflict.adviser.ways import before_m
+from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Floats
 
@@ -58,10 +60,14 @@ class Waits:
         records = robots.records
         heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
         for pair in sorted(oncoming(robots, np.flatnonzero(heard)), key=lambda each: each.away_m):
-            chosen = self._chosen(pair, robots, standing, busy, now_s)
-            if chosen:
+            if not self._chosen(pair, robots, standing, busy, now_s):
+                continue
+            numbers = robots.column({pair.waits: 1, pair.first: 2})
+            slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
+            at = before_m(robots, slot, other, REACH_M, STEPS * STEP_S)
+            if at is not None:
                 option = Option(pair.waits, "wait_before", pair.first)
-                request = self._new(option, pair.before_m, (pair.first,), now_s + WAITS_S)
+                request = self._new(option, at, (pair.first,), now_s + WAITS_S)
                 self._open[pair.waits] = _Wait(request, pair.line_m, now_s)
                 changed.append(request)
         return changed
