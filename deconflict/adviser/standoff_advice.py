@@ -10,7 +10,6 @@ from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Crossing, Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
-from deconflict.adviser.waits import Waits
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import Worth
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
@@ -61,7 +60,6 @@ class StandoffAdvice:
         self._searched_s: dict[str, float] = {}
         """By robot: when no place to back out to was found."""
         self._made = 0
-        self._waits = Waits(self._following, self._new, self._people)
         self._standing = Standing({}, [])
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
@@ -75,7 +73,6 @@ class StandoffAdvice:
 
         Ignored are an unknown id, because the request has ended, and a second answer that is not "done".
         """
-        self._waits.answer(request_id, answer, now_s)
         asked = self._asked.get(request_id)
         if asked is None or asked.request.robot not in robots or (asked.answer and answer != "done"):
             return
@@ -102,8 +99,7 @@ class StandoffAdvice:
                 changed += self._ask_best("stander", stood_s, options, robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
-        busy = self._open.keys() | self._waiting.keys()
-        return changed + self._waits.step(robots, self._standing, busy, now_s)
+        return changed
 
     def _observe_standing(self, now_s: float) -> None:
         """Learn how long robots stand for each other if nobody follows advice, once they have stood for long."""

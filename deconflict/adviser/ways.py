@@ -149,18 +149,6 @@ def meetings(robots: RobotTable, ways: Ways) -> list[Meeting]:
     return found
 
 
-def before_m(robots: RobotTable, slot: int, other: int, reach_m: float, within_s: float) -> Point | None:
-    """The first point of the way of one robot where it would touch the way of another. None if it does so already, or
-    never."""
-    ways, others = (wanted_ways(robots, np.array([each]), reach_m, within_s) for each in (slot, other))
-    if not len(ways.slots) or not len(others.slots):
-        return None
-    theirs = Boxes._make(column[0, 1:, None] for column in others.boxes)
-    hit = touch(Boxes._make(column[0, 1:][None] for column in ways.boxes), theirs).any(axis=0)
-    first = int(hit.argmax())
-    return _point(ways, 0, first + 1) if first else None
-
-
 def _point(ways: Ways, row: int, box: int) -> Point:
     return float(ways.boxes.x_m[row, box]), float(ways.boxes.y_m[row, box])
 

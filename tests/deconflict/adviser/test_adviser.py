@@ -176,8 +176,25 @@ def test_a_robot_that_stands_long_in_the_way_is_gone_around() -> None:
     assert second >= 6 + 4
 
 
-def test_robots_of_one_vendor_are_left_to_it() -> None:
-    assert heard(tuple(robot._replace(maker="Alder") for robot in HEAD_ON)) == []
+def test_a_robot_that_stands_long_in_the_way_and_leaves_no_room_is_left_backwards_or_by_another_way() -> None:
+    waiter, parked = Robot("a", "Alder", 0.0, 0.0, EAST), Robot("b", "Birch", 1.6, 0.0, NORTH, means_to_go=False)
+    found = heard((waiter, parked), 40, {"go_around": ("declined", "no room")})
+    second = next(second for second, request in found if request.verb in ("back_out", "other_way"))
+    assert 6 + 12 <= second <= 6 + 16
+
+
+def test_those_behind_two_that_can_do_nothing_are_asked_to_make_room() -> None:
+    behind = Robot("c", "Cedar", -1.4, 0.0, EAST)
+    declined = {"go_around": ("declined", "no room"), "other_way": ("declined", "no other way")}
+    found = heard((*HEAD_ON, behind), 16, declined)
+    second, request = next((second, request) for second, request in found if request.robot == behind.uuid)
+    assert second >= 6 + 4
+    assert (request.verb, request.other) == ("other_way", HEAD_ON[0].uuid)
+
+
+def test_robots_of_one_vendor_are_left_to_it_for_some_seconds() -> None:
+    found = heard(tuple(robot._replace(maker="Alder") for robot in HEAD_ON))
+    assert 6 + 8 <= found[0][0] <= 6 + 10
 
 
 def test_nothing_is_asked_where_nobody_stands_for_another() -> None:
