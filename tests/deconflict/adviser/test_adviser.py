@@ -192,7 +192,7 @@ def test_those_behind_two_that_can_do_nothing_are_asked_to_make_room() -> None:
     assert (request.verb, request.other) == ("other_way", HEAD_ON[0].uuid)
 
 
-def test_robots_of_one_vendor_are_left_to_it_for_some_seconds() -> None:
+def test_robots_of_one_vendor_are_left_to_it() -> None:
     found = heard(tuple(robot._replace(maker="Alder") for robot in HEAD_ON))
     assert 6 + 8 <= found[0][0] <= 6 + 10
 
