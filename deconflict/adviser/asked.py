@@ -15,16 +15,19 @@ USUALLY_FOLLOWS, USUAL_WEIGHT = 0.7, 0.5
 """How likely a robot follows that was never asked, and how many requests that counts for."""
 PAUSE_S, LONGEST_PAUSE_S = 5.0, 60.0
 """A robot that has not followed is asked again after this time, and after twice as long each further time."""
-DECLINED_S, CANNOT_S = 60.0, 600.0
+DECLINED_S, CANNOT_S = 20.0, 600.0
 """What a robot has declined is not asked of it again for so long; the second if it said that it cannot."""
+BUSY_S = 3.0
+"""A robot that was busy is asked nothing for so long, and for twice as long each further time."""
 UNABLE_AFTER = 2
 """A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
 CANNOT, BUSY = "cannot", "busy"
 """Reasons to decline: a vendor that never can, and a robot that cannot now. Any other is about the place."""
 PLACE_M = 3.0
 """Side of the squares by which it is learned where a verb can be done."""
-USUALLY_DONE, PLACE_WEIGHT = 0.8, 1.0
-"""How likely a verb can be done where it was never asked, and how many answers that counts for."""
+USUALLY_DONE, USUAL_ANSWERS, PLACE_WEIGHT = 0.8, 5, 1.0
+"""How likely a verb can be done that was never asked, and how many answers that counts for; the third for how many
+answers at a place the share on all floors counts."""
 
 
 @dataclass(slots=True)
@@ -63,6 +66,9 @@ class _OfRobot:
     ignored: int = 0
     """The newest requests in a row that it did not follow."""
     asked_s: float = 0.0
+    busy: int = 0
+    """In how many answers in a row it was busy."""
+    busy_until_s: float = 0.0
     declined_until_s: dict[tuple[Verb, str], float] = field(default_factory=dict)
     """By verb and other robot: until when it is not asked again."""
 
@@ -78,6 +84,8 @@ class Following:
         """By vendor and verb: a robot that has accepted it, and the first that cannot do it."""
         self._at: dict[tuple[Verb, int, int], list[int]] = {}
         """By verb and square: how many requests were accepted, and how many declined."""
+        self._anywhere: dict[Verb, list[int]] = {}
+        """The same by verb."""
         self._answers = False
         """Whether any robot has ever answered."""
 
@@ -88,8 +96,10 @@ class Following:
 
     def possible(self, verb: Verb, at_m: tuple[float, float]) -> float:
         """The probability that a verb can be done at a place."""
+        accepted, declined = self._anywhere.get(verb, (0, 0))
+        usually = (accepted + USUALLY_DONE * USUAL_ANSWERS) / (accepted + declined + USUAL_ANSWERS)
         accepted, declined = self._at.get(_square(verb, at_m), (0, 0))
-        return (accepted + USUALLY_DONE * PLACE_WEIGHT) / (accepted + declined + PLACE_WEIGHT)
+        return (accepted + usually * PLACE_WEIGHT) / (accepted + declined + PLACE_WEIGHT)
 
     def asked_s(self, robot: str) -> float:
         """When a robot was last asked; 0 if never."""
@@ -99,9 +109,8 @@ class Following:
         """Whether the robot has not declined or ignored it lately, and its vendor can do it."""
         record = self._of(option.robot)
         pause_s = min(PAUSE_S * 2**record.ignored, LONGEST_PAUSE_S) if record.ignored else 0.0
-        is_rested = now_s >= max(
-            record.asked_s + pause_s, record.declined_until_s.get((option.verb, option.other), 0.0)
-        )
+        declined_until_s = record.declined_until_s.get((option.verb, option.other), 0.0)
+        is_rested = now_s >= max(record.asked_s + pause_s, record.busy_until_s, declined_until_s)
         return is_rested and self.can(vendor, option.verb)
 
     def can(self, vendor: str, verb: Verb) -> bool:
@@ -127,19 +136,29 @@ class Following:
         able, unable = self._can.setdefault((vendor, request.verb), (set(), set()))
         record, reason = self._of(request.robot), why.partition(":")[0].strip().lower()
         is_able = reason != CANNOT
-        place = self._at.setdefault(_square(request.verb, asked.from_m), [0, 0])
+        counts = (
+            self._at.setdefault(_square(request.verb, asked.from_m), [0, 0]),
+            self._anywhere.setdefault(request.verb, [0, 0]),
+        )
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
             until = {key: until_s for key, until_s in record.declined_until_s.items() if until_s > now_s}
-            until[request.verb, request.other or ""] = now_s + (DECLINED_S if is_able else CANNOT_S)
+            if reason == BUSY:
+                record.busy_until_s, record.busy = now_s + min(BUSY_S * 2**record.busy, DECLINED_S), record.busy + 1
+            else:
+                until[request.verb, request.other or ""] = now_s + (DECLINED_S if is_able else CANNOT_S)
+                record.busy = 0
             record.declined_until_s = until
-            place[1] += is_able and reason != BUSY
+            for count in counts:
+                count[1] += is_able and reason != BUSY
             if not is_able and len(unable) < UNABLE_AFTER:
                 unable.add(request.robot)
         elif answer == "accepted":
             if not able:
                 able.add(request.robot)
-            place[0] += 1
+            record.busy = 0
+            for count in counts:
+                count[0] += 1
 
     def forget(self, robots: Iterable[str]) -> None:
         """Robots have left."""

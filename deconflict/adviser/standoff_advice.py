@@ -9,7 +9,7 @@ import numpy as np
 
 from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.request import Request, Verb
-from deconflict.adviser.standoffs import Crossing, Standing, standing
+from deconflict.adviser.standoffs import Crossing, Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import ExpectedSaving, Worth
@@ -22,6 +22,12 @@ RING_S = 0.8
 """Robots that have stood for each other for so long rarely move on by themselves."""
 STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
+LONG_S = 12.0
+"""A robot that has stood in the way for so long is left by another way, or backwards."""
+RELIEF_S = 4.0
+"""After this time those are asked that stand behind robots that stand for each other, if these can do nothing."""
+OWN_STANDS_S = 8.0
+"""Robots of one vendor that have stood for each other for so long are not sorted out by their vendor."""
 MOVED_M = 0.15
 """A robot that is so far from where it was asked has set out."""
 TURNED_RAD = 0.2
@@ -29,8 +35,9 @@ TURNED_RAD = 0.2
 PASSED_M = 3.0
 """A robot that is so far from where it was asked has passed the other, or has backed out."""
 LATEST_S = 20.0
-VERBS: tuple[Verb, ...] = ("go_around", "go_first", "back_out")
+VERBS: tuple[Verb, ...] = ("go_around", "go_first", "other_way", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
+RING_VERBS: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
 SEARCHED_S, SEARCHES = 2.0, 6
 """Where no place to back out to was found, it is not searched again for this time; and so many searches in a step."""
 WHOLE_WAY_M = 20.0
@@ -107,8 +114,11 @@ class StandoffAdvice:
             changed += self._for_ring(ring, robots, now_s)
         for waiting in self._standing.waiting.values():
             is_in_ring = waiting.robot in self._standing.in_rings
-            if not is_in_ring and now_s - waiting.both_since_s >= STANDS_S:
-                changed += self._ask_best("stander", [Option(waiting.robot, "go_around", waiting.other)], robots, now_s)
+            stood_s = now_s - waiting.both_since_s
+            if not is_in_ring and stood_s >= STANDS_S:
+                verbs = RING_VERBS if stood_s >= LONG_S else RING_VERBS[:1]
+                options = [Option(waiting.robot, verb, waiting.other) for verb in verbs]
+                changed += self._ask_best("stander", stood_s, options, robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
         return changed
@@ -175,15 +185,27 @@ class StandoffAdvice:
 
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
         waiting = [self._standing.waiting[robot] for robot in ring]
-        if now_s - max(each.since_s for each in waiting) >= RING_S and not self._open.keys() & set(ring):
-            options = [Option(each.robot, verb, each.other) for each in waiting for verb in ("go_around", "back_out")]
-            yield from self._ask_best("ring", options, robots, now_s)
+        stood_s = now_s - max(each.since_s for each in waiting)
+        if stood_s >= RING_S and not self._open.keys() & set(ring):
+            options = [Option(each.robot, verb, each.other) for each in waiting for verb in RING_VERBS]
+            asked = list(self._ask_best("ring", stood_s, options, robots, now_s))
+            if not asked and stood_s >= RELIEF_S:
+                asked = list(self._ask_best("ring", stood_s, self._relief(waiting), robots, now_s))
+            yield from asked
+
+    def _relief(self, waiting: list[Waiting]) -> Iterator[Option]:
+        """What the last robots behind those of a ring could do, so that these have room behind them."""
+        ring = {each.robot for each in waiting}
+        for each in waiting:
+            for last in self._standing.last_behind(each.robot, ring):
+                yield Option(last, "other_way", self._standing.waiting[last].other)
+                yield Option(last, "back_out", each.other)
 
     def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
         """One of two that wait for each other goes first; the other waits before its way until that has passed."""
         a, b = crossing.robots
         options: list[Option] = [Option(a, "go_first", b), Option(b, "go_first", a)]
-        for first in self._ask_best("crossing", options, robots, now_s):
+        for first in self._ask_best("crossing", now_s - crossing.since_s, options, robots, now_s):
             yield first
             other = b if first.robot == a else a
             if not self._following.can(robots[other].vendor, "wait_before"):
@@ -194,21 +216,25 @@ class StandoffAdvice:
             self._asked[wait.id], self._waiting[other] = self._open[first.robot], first.robot
             yield wait
 
-    def _ask_best(self, kind: str, options: list[Option], robots: RobotTable, now_s: float) -> Iterator[Request]:
-        """Ask for the first option that saves something."""
+    def _ask_best(
+        self, kind: str, stood_s: float, options: Iterable[Option], robots: RobotTable, now_s: float
+    ) -> Iterator[Request]:
+        """Ask for the first option that saves something. The robots have stood for `stood_s`."""
         found = []
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
             is_asked = any(uuid in asked for uuid in option.yields for asked in (self._open, self._waiting))
-            if yielding == other or self._people & {vendor, yielding} or is_asked:
+            is_own = yielding == other and stood_s < OWN_STANDS_S
+            if is_own or self._people & {vendor, yielding} or is_asked:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
                 behind = self._standing.behind(option.robot), self._standing.behind(option.other)
                 works = self._following.likely(option.robot)
                 works *= self._following.possible(option.verb, robots.reported_pose(option.robot)[:2])
-                saving = self._worth.saving(kind, option.verb, works, *behind)
+                saving = self._worth.saving(kind, option.verb, works, stood_s, behind)
                 is_fair = not self._worth.yields_too_much(yielding, other)
-                rank = is_fair, works >= LIKELY, -VERBS.index(option.verb), -self._following.asked_s(option.robot)
+                last_asked_s = self._following.asked_s(option.robot)
+                rank = is_fair, works >= LIKELY, -VERBS.index(option.verb), -behind[0], -last_asked_s
                 found.append((rank, saving, option))
         for _, saving, option in sorted(found, reverse=True):
             if saving.mean_s > 0 and (request := self._request(option, saving, robots, now_s)):
@@ -217,7 +243,7 @@ class StandoffAdvice:
 
     def _request(self, option: Option, saving: ExpectedSaving, robots: RobotTable, now_s: float) -> Request | None:
         """Ask for an option. None if there is no place for it."""
-        at = self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
+        at = self._place_m(option, robots, now_s)
         if option.verb == "back_out" and at is None:
             return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
@@ -232,6 +258,12 @@ class StandoffAdvice:
 
     def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
         return Request(str(next(self._numbers)), option.robot, option.verb, at, option.other, until, latest_s)
+
+    def _place_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
+        """The place of a request. None if it has none, or none was found."""
+        if option.verb == "other_way":
+            return robots.reported_pose(option.other)[:2]
+        return self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
 
     def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
         """Where a robot can back out to. Not searched again soon, nor often in one step."""

@@ -79,6 +79,17 @@ class Standing:
             to_do += new
         return len(found) - 1
 
+    def last_behind(self, robot: str, but: set[str]) -> list[str]:
+        """The robots behind a robot, and not among `but` or behind these, behind which nobody stands."""
+        found, seen, to_do = [], {robot, *but}, [robot]
+        while to_do:
+            at = to_do.pop()
+            new = [name for name in self._stand_for.get(at, ()) if name not in seen]
+            seen.update(new)
+            to_do += new
+            found += [at] if not new and at not in but and at != robot else []
+        return found
+
 
 def standing(robots: RobotTable, now_s: float) -> Standing:
     """Who stands for whom, by the newest reports."""

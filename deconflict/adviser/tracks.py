@@ -17,6 +17,9 @@ POSE = "floor", "reported_x_m", "reported_y_m", "reported_yaw_rad"
 ROOM_M = 0.3
 """Room that is left between a robot that has backed out and what passes."""
 
+LEAST_BACK_M = 0.5
+"""Nobody is asked to back out less."""
+
 
 class Tracks:
     """The last metres that each robot drove."""
@@ -49,7 +52,7 @@ class Tracks:
         poses: Floats = np.array(self._poses.get(robot, ()))[::-1]
         if not len(poses):
             return None
-        size = robots[robot]
+        size, here = robots[robot], robots.reported_pose(robot)
         shape = len(poses), 1
         halves = np.full(shape, size.length_m / 2 + ROOM_M), np.full(shape, size.width_m / 2 + ROOM_M)
         places = Boxes(poses[:, :1], poses[:, 1:2], poses[:, 2:], *halves)
@@ -57,7 +60,8 @@ class Tracks:
         ways = Boxes._make(column.reshape(1, -1) for column in passing.boxes)
         is_free = ~touch(places, ways).any(axis=1)
         reachable = np.logical_and.accumulate(~is_blocked)
-        found = np.flatnonzero(is_free & reachable)
+        away_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
+        found = np.flatnonzero(is_free & reachable & (away_m >= LEAST_BACK_M))
         return (float(poses[found[0], 0]), float(poses[found[0], 1])) if len(found) else None
 
 

@@ -62,21 +62,23 @@ class Worth:
     yielded_s: dict[tuple[str, str], float] = field(default_factory=dict)
     """By the vendor that yielded and the vendor that it let through."""
 
-    def saving(self, kind: str, verb: Verb, works: float, behind: int, behind_other: int) -> ExpectedSaving:
+    def saving(self, kind: str, verb: Verb, works: float, stood_s: float, behind: tuple[int, int]) -> ExpectedSaving:
         """What a request saves that is followed with the probability `works`; if it is not, another is asked later.
 
+        `behind` is how many robots stand behind the robot, and behind the other. Robots that have stood for `stood_s`
+        stand about as long again.
         Robots behind either of the two lose as much as it does. Of robots that stand for each other one has to go
         around in the end, also without advice; a robot that stands only in the way moves on at no cost. How long they
         stand on is taken as exponentially distributed.
         """
-        stand = 2 + behind + behind_other
-        mean_s, takes_s = self.stands_on[kind].value_s, self.takes[verb].value_s
+        stand = 2 + sum(behind)
+        mean_s, takes_s = max(self.stands_on[kind].value_s, stood_s), self.takes[verb].value_s
         if kind != "stander":
             takes_s -= min(takes_s, self.takes["go_around"].value_s)
 
         def saved_s(stands_on_s: float) -> float:
             followed_s = min(stands_on_s, LOOKED_AHEAD_S) * stand
-            followed_s -= takes_s * (1 + behind) + takes_s / 2 * (1 + behind_other)
+            followed_s -= takes_s * (1 + behind[0]) + takes_s / 2 * (1 + behind[1])
             return works * followed_s - (1 - works) * ASKING_S * stand
 
         low, high = (-log1p(-quantile) * mean_s for quantile in QUANTILES)

@@ -5,12 +5,13 @@ from datetime import UTC, datetime
 from itertools import pairwise
 from math import cos, inf, pi, sin
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 from uuid import NAMESPACE_DNS, uuid5
 
 import pytest
 
 from deconflict.adviser import Adviser, Request
+from deconflict.adviser.request import Verb
 
 START_S = 1_790_000_000.0
 DATUM = str(uuid5(NAMESPACE_DNS, "hall"))
@@ -133,13 +134,29 @@ def test_where_there_is_no_room_a_robot_backs_out_on_its_own_track_to_where_the_
 
 def test_nobody_backs_out_along_the_way_of_the_other() -> None:
     found = heard(HEAD_ON, 40, {"go_around": ("declined", "no room")})
-    assert {request.verb for _, request in found} == {"go_around"}
+    assert {request.verb for _, request in found} == {"go_around", "other_way"}
+
+
+def test_where_there_is_no_room_a_robot_takes_another_way_than_to_where_the_other_is() -> None:
+    found = heard(HEAD_ON, 40, {"go_around": ("declined", "no room")})
+    request = next(request for _, request in found if request.verb == "other_way")
+    other = next(robot for robot in HEAD_ON if robot.uuid == request.other)
+    assert request.at == pytest.approx((other.x_m, other.y_m))
+
+
+def test_a_busy_robot_is_asked_again_soon_and_ever_more_seldom() -> None:
+    found = heard(HEAD_ON, 60, dict.fromkeys(get_args(Verb), ("declined", "busy")))
+    seconds = [second for second, request in found if request.robot == HEAD_ON[0].uuid and not request.withdrawn]
+    pauses_s = [after - before for before, after in pairwise(seconds)]
+    assert 3 <= pauses_s[0] <= 6
+    assert pauses_s == sorted(pauses_s)
+    assert 20 <= pauses_s[-1] <= 24
 
 
 def test_a_verb_that_a_vendor_cannot_do_is_not_asked_of_it_for_long() -> None:
-    found = heard(HEAD_ON, 200, {"go_around": ("declined", "cannot")})
+    found = heard(HEAD_ON, 200, dict.fromkeys(("go_around", "other_way"), ("declined", "cannot")))
     for maker in HEAD_ON:
-        assert sum(request.robot == maker.uuid and not request.withdrawn for _, request in found) <= 2
+        assert sum(request.robot == maker.uuid and not request.withdrawn for _, request in found) <= 4
 
 
 def test_of_two_before_a_free_crossing_one_goes_first_and_the_other_waits_for_it() -> None:
@@ -159,8 +176,25 @@ def test_a_robot_that_stands_long_in_the_way_is_gone_around() -> None:
     assert second >= 6 + 4
 
 
+def test_a_robot_that_stands_long_in_the_way_and_leaves_no_room_is_left_backwards_or_by_another_way() -> None:
+    waiter, parked = Robot("a", "Alder", 0.0, 0.0, EAST), Robot("b", "Birch", 1.6, 0.0, NORTH, means_to_go=False)
+    found = heard((waiter, parked), 40, {"go_around": ("declined", "no room")})
+    second = next(second for second, request in found if request.verb in ("back_out", "other_way"))
+    assert 6 + 12 <= second <= 6 + 16
+
+
+def test_those_behind_two_that_can_do_nothing_are_asked_to_make_room() -> None:
+    behind = Robot("c", "Cedar", -1.4, 0.0, EAST)
+    declined = {"go_around": ("declined", "no room"), "other_way": ("declined", "no other way")}
+    found = heard((*HEAD_ON, behind), 16, declined)
+    second, request = next((second, request) for second, request in found if request.robot == behind.uuid)
+    assert second >= 6 + 4
+    assert (request.verb, request.other) == ("other_way", HEAD_ON[0].uuid)
+
+
 def test_robots_of_one_vendor_are_left_to_it() -> None:
-    assert heard(tuple(robot._replace(maker="Alder") for robot in HEAD_ON)) == []
+    found = heard(tuple(robot._replace(maker="Alder") for robot in HEAD_ON))
+    assert 6 + 8 <= found[0][0] <= 6 + 10
 
 
 def test_nothing_is_asked_where_nobody_stands_for_another() -> None:

@@ -64,7 +64,7 @@ def test_what_is_known_of_robots_that_have_left_does_not_grow(tmp_path: Path) ->
         assert asked >= pairs
         return _entries(adviser._advice) + len(adviser._identities)
 
-    assert kept_after(24) == kept_after(6)
+    assert kept_after(24) == kept_after(12)
 
 
 def _by_turns(turn: int, _: Request) -> tuple[str, ...]:
