@@ -25,4 +25,4 @@ class Request:
     saving_s: float | None = None
     """Seconds that all robots are expected to save in the next minute."""
     saving_interval_s: tuple[float, float] | None = None
-    """80 % interval of these seconds, by how long such standoffs last."""
+    """80 % interval of these seconds."""

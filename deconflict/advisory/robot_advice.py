@@ -28,7 +28,5 @@ class RobotAdvice(Advisory):
     saving_s: float | None = Field(
         default=None, description="seconds that all robots are expected to save in the next minute"
     )
-    saving_interval_s: tuple[float, float] | None = Field(
-        default=None, description="80 % interval of these seconds, by how long such standoffs last"
-    )
+    saving_interval_s: tuple[float, float] | None = Field(default=None, description="80 % interval of these seconds")
     begun_at: datetime | None = Field(default=None, description="when the robot had visibly begun")
