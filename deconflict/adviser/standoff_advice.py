@@ -36,7 +36,8 @@ LATEST_S = 20.0
 VERBS: tuple[Verb, ...] = ("go_around", "go_first", "other_way", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
 RING_VERBS: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
-SEARCHED_S = 2.0
+SEARCHED_S, SEARCHES = 2.0, 6
+"""A place for a robot is searched again after this time, and for so many robots in a step at most."""
 WHOLE_WAY_M = 20.0
 """A robot backs out to where the other, which passes, will not come on the next metres of its way."""
 LIKELY = 0.3
@@ -59,6 +60,7 @@ class StandoffAdvice:
         """By robot that is asked to wait, the robot that goes first."""
         self._searched_s: dict[str, float] = {}
         """By robot: when no place to back out to was found."""
+        self._searches = 0
         self._made = 0
         self._standing = Standing({}, [])
 
@@ -85,7 +87,7 @@ class StandoffAdvice:
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
-        self._standing = standing(robots, now_s)
+        self._standing, self._searches = standing(robots, now_s), 0
         self._observe_standing(now_s)
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
         for ring in self._standing.rings:
@@ -241,8 +243,9 @@ class StandoffAdvice:
 
     def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
         """Where a robot can back out to. Not searched again soon after none was found."""
-        if now_s - self._searched_s.get(option.robot, -inf) < SEARCHED_S:
+        if now_s - self._searched_s.get(option.robot, -inf) < SEARCHED_S or self._searches >= SEARCHES:
             return None
+        self._searches += 1
         numbers = robots.column({option.robot: 1, option.other: 2})
         slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
         passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
