@@ -15,7 +15,7 @@ def answered(following: Following, verb: Verb, answer: str, why: str, at_m: tupl
 
 
 def test_what_is_declined_at_many_places_is_unlikely_at_another() -> None:
-    following = Following()
+    following = Following({})
     before = following.possible("go_around", FAR_M)
     for k in range(20):
         answered(following, "go_around", "declined", "no room", (10.0 * k, 0.0), float(k))
@@ -25,7 +25,7 @@ def test_what_is_declined_at_many_places_is_unlikely_at_another() -> None:
 
 
 def test_a_busy_robot_is_asked_nothing_and_no_place_is_blamed() -> None:
-    following = Following()
+    following = Following({})
     answered(following, "go_around", "declined", "busy", (0.0, 0.0), 100.0)
     other = Option("a", "back_out", "c")
     assert not following.may_be_asked(other, "Alder", 102.0)
