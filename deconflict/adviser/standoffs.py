@@ -6,7 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from deconflict.adviser.ways import FAR_REACH_M, first_in_way, meetings, wanted_ways
+from deconflict.contention.robots.record_kernels import RESTS_S
 from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.contention.waiting.crossings import Crossing
 from deconflict.contention.waiting.deadlocks import Want, rings
 from ingest.batch import Bools, Ints
 
@@ -14,8 +16,6 @@ HEARD_WITHIN_S = 5.0
 """Where a robot is that was last heard longer ago is doubted."""
 CROSSING_S = 8.0
 """Robots that have stood for so long before a free crossing wait for each other, whatever they say."""
-RESTS_S = 0.8
-"""A robot that rests for so long between two reports stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +34,6 @@ class Waiting:
     @property
     def both_since_s(self) -> float:
         return max(self.since_s, self.other_since_s)
-
-
-@dataclass(frozen=True, slots=True)
-class Crossing:
-    """Two robots that stand before the place where their ways cross, with nobody in it."""
-
-    robots: tuple[str, str]
-    since_s: float
-    """Since when both rest, seconds since the epoch."""
-    before_m: tuple[tuple[float, float], tuple[float, float]]
-    """Of each, the first point of its way where it would be in the other's."""
 
 
 @dataclass(frozen=True)

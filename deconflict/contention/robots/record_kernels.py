@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.ops import substring
 
 from deconflict.contention.robots.bounding_boxes import write_box
-from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, Lookahead, PathsAhead
+from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, STEPS, Lookahead, PathsAhead
 from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import copy_rows, inner, kernel
 
@@ -21,6 +21,8 @@ STANDS_M = 0.1
 """A robot that has moved no farther than this stands."""
 RESTS_M, RESTS_RAD = 0.05, 0.05
 """A robot whose reports differ by no more than this is at rest, wherever it says that it will be."""
+RESTS_S = 0.8
+"""A robot that rests for so long between two reports stands there."""
 STANDS_S = 3.0
 """A robot that is forecast to move stands only after this long."""
 WAY_M = 0.5
@@ -173,6 +175,18 @@ def _update_rest(robot: Any, event_s: float, pose: Floats) -> None:
         robot.rests_s, robot.reported_x_m, robot.reported_y_m, robot.reported_yaw_rad = event_s, x_m, y_m, yaw_rad
 
 
+@kernel(numba.boolean[::1](_RECORDS, _INTS, _FLOATS, numba.types.Array(numba.float64, 2, "C", readonly=True)))
+def update_rests(robots: Records, slots: Ints, event_s: Floats, reported: Floats) -> Bools:
+    """Update where n robots are by their newest reports, `reported` (n, 3) with x, y and yaw; (n,) which of them rest
+    there. Call it before `update_records`."""
+    rests = np.zeros(len(slots), np.bool_)
+    for row in range(len(slots)):
+        robot = robots[slots[row]]
+        _update_rest(robot, event_s[row], reported[row])
+        rests[row] = event_s[row] - robot.rests_s >= RESTS_S
+    return rests
+
+
 @inner
 def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Outlines, spare_m: float) -> int:
     """Update whether a robot is near a resource and its path near a zone; bits if it is, or was before."""
@@ -191,7 +205,6 @@ def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Out
         numba.float64[:, :, ::1],
         *[_INTS] * 2,
         _FLOATS,
-        numba.types.Array(numba.float64, 2, "C", readonly=True),
         _BOOLS,
         _INTS,
         LOOKAHEAD,
@@ -209,7 +222,6 @@ def update_records(
     slots: Ints,
     floor_numbers: Ints,
     event_s: Floats,
-    reported: Floats,
     resting: Bools,
     basis: Ints,
     view: Lookahead,
@@ -223,8 +235,7 @@ def update_records(
 ) -> Ints:
     """Update the records of n robots, and the paths of those that move; (n,) bits of what has to be updated with them.
 
-    `floor_numbers` are the table's numbers of the batch's floors. `reported` (n, 3) are the x, y and yaw of the newest
-    reports. `sizes_m` are length, width, bottom and top. `stops`
+    `floor_numbers` are the table's numbers of the batch's floors. `sizes_m` are length, width, bottom and top. `stops`
     are how many stops each robot has, `bound` whether any of them may be in a resource. A zone may be on a robot's way
     if the path comes as near to it as the envelope reaches and `spare_m`.
     """
@@ -246,7 +257,6 @@ def update_records(
             copy_rows(paths.lines_m[row], kept_paths[slots[row]])
         stale[row] |= _update_waiting(robot, was_moving, has_moved, resting[row])
         _update_standing(robot, event_s[row])
-        _update_rest(robot, event_s[row], reported[row])
         stale[row] |= _update_near(robot, paths.boxes_m[row], resources, zones, spare_m)
         if bound[row]:
             stale[row] |= STOPS
@@ -310,3 +320,10 @@ def rest_of(path: shapely.LineString, here: shapely.Point, length_m: float) -> s
     if path.length - done_m < WAY_M or shapely.distance(path, here) > length_m:
         return None
     return path if done_m == 0 else substring(path, done_m, path.length)
+
+
+def steps_along(path: shapely.LineString) -> Floats:
+    """(STEPS + 1, 2) points along a path, equally far from each other."""
+    points = shapely.line_interpolate_point(path, np.linspace(0.0, 1.0, STEPS + 1), normalized=True)
+    steps_m: Floats = shapely.get_coordinates(points)
+    return steps_m

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deconflict.contention.robots import record_kernels
 from deconflict.contention.robots.arrival_forecast import ArrivalCorrections, ArrivalForecast
 from deconflict.contention.robots.battery_use import BatteryUse
-from deconflict.contention.robots.bodies_ahead import bodies_ahead
+from deconflict.contention.robots.bodies_ahead import bodies_ahead, reported_poses
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
 from deconflict.contention.robots.destinations import PlannedStop, is_at, postpone_overdue, write_stops
 from deconflict.contention.robots.lookahead import (
@@ -24,20 +24,25 @@ from deconflict.contention.robots.lookahead import (
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from deconflict.contention.robots.record_kernels import (
+    RESTS_S,
     ROBOT,
     STANDS_M,
     STOP,
     STRAIGHT,
     Outlines,
     rest_of,
+    steps_along,
     update_records,
+    update_rests,
 )
-from deconflict.contention.robots.robot_view import RobotView, first_fields, reported_poses
+from deconflict.contention.robots.robot_view import RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.trailers import rows_of_trains
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
+WAITING = "waitingExternalEvent"
+"""State of a robot that would go on, but for something around it."""
 RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 """States of robots that are not on their way."""
 
@@ -107,10 +112,10 @@ class RobotTable(Mapping[str, RobotView]):
         if not len(batch):
             return []
         self._views.clear()
-        view, f = look_ahead(batch.forecasts, batch.now_s), batch.forecasts
-        paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
         slots, _ = self._slots.assign(batch.robots)
         self._grow(len(self._slots))
+        view, f = self._look_ahead(batch, slots), batch.forecasts
+        paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
         self._names.update(zip(batch.robots, first_fields(batch), strict=True))
         level_before_pct = self._add_levels(batch, slots)
@@ -123,7 +128,6 @@ class RobotTable(Mapping[str, RobotView]):
             slots,
             floor_numbers,
             ready(batch.event_s),
-            reported_poses(f),
             np.array([state in RESTING for state in batch.states], np.bool_),
             ready(batch.basis, np.int64),
             view,
@@ -140,6 +144,14 @@ class RobotTable(Mapping[str, RobotView]):
         if len(batch.destinations.t_s):
             postpone_overdue(self.records, self.stops, slots, batch.now_s, corrections)
         return left
+
+    def _look_ahead(self, batch: Batch, slots: Ints) -> Lookahead:
+        """The robots of a batch from now on. One that rests is still where it was reported, wherever its path leads."""
+        view, reported = look_ahead(batch.forecasts, batch.now_s), reported_poses(batch.forecasts)
+        rests = update_rests(self.records, slots, ready(batch.event_s), reported) & (view.floor[:, 0] >= 0)
+        for column, axis in ((view.x_m, 0), (view.y_m, 1), (view.yaw_rad, 2)):
+            column[rests, 0] = reported[rests, axis]
+        return view
 
     def _add_levels(self, batch: Batch, slots: Ints) -> Floats:
         """Add levels of batteries, if there are chargers; (n,) the levels before, nan if not known."""
@@ -200,7 +212,9 @@ class RobotTable(Mapping[str, RobotView]):
             return
         forecasts = batch.forecasts.take(rows)
         bodies = bodies_ahead(forecasts, view.at_rows(rows), paths.at_rows(rows), batch.now_s)
-        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies)
+        records = self.records[slots[rows]]
+        rests = (records["event_s"] - records["rests_s"] >= RESTS_S).tolist()
+        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, rests)
         self._passages |= {int(slots[rows[row]]): passages for row, passages in found.items()}
 
     def _update_paths_left(self, batch: Batch, view: Lookahead, slots: Ints, stale: Ints) -> None:
@@ -336,10 +350,20 @@ class RobotTable(Mapping[str, RobotView]):
         record = self.records[self._slots.by_uuid[uuid]]
         return float(record["reported_x_m"]), float(record["reported_y_m"]), float(record["reported_yaw_rad"])
 
+    def rests_since_s(self, uuid: str) -> float:
+        """Since when a robot is reported where it is."""
+        return float(self.records["rests_s"][self._slots.by_uuid[uuid]])
+
     def ways_m(self, slots: Ints) -> Floats:
-        """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. Those that do not go stay."""
+        """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. A robot that says that it waits on
+        its path has what is left of it. All others stay."""
         here_m = np.stack([self.records[name][slots] for name in ("x_m", "y_m")], axis=1)[:, None]
-        return np.where(self.records["goes"][slots][:, None, None], self._paths[slots], here_m)
+        ways_m: Floats = np.where(self.records["goes"][slots][:, None, None], self._paths[slots], here_m)
+        for row, slot in enumerate(slots.tolist()):
+            left = self._paths_left.get(slot)
+            if left is not None and self._names[self.uuids[slot]][2] == WAITING:
+                ways_m[row] = steps_along(left)
+        return ways_m
 
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""
