@@ -5,17 +5,16 @@ from functools import cached_property
 
 import numpy as np
 
-from deconflict.adviser.ways import FAR_REACH_M, first_in_way, meetings, wanted_ways
+from deconflict.adviser.ways import first_in_way, meetings, wanted_ways
 from deconflict.contention.robots.record_kernels import RESTS_S
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.crossings import Crossing
 from deconflict.contention.waiting.deadlocks import Want, rings
+from deconflict.foresight.motion_assumptions import CROSSING_M, CROSSING_S
 from ingest.batch import Bools, Ints
 
 HEARD_WITHIN_S = 5.0
 """Where a robot is that was last heard longer ago is doubted."""
-CROSSING_S = 8.0
-"""Robots that have stood for so long before a free crossing wait for each other, whatever they say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +88,7 @@ def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now
         for slot in slots[now_s - robots.records["rests_s"][slots] >= CROSSING_S].tolist()
         if robots.uuids[slot] not in waiting
     ]
-    ways = wanted_ways(robots, np.array(long, np.int64), FAR_REACH_M)
+    ways = wanted_ways(robots, np.array(long, np.int64), CROSSING_M)
     uuids, rests_s = robots.uuids, robots.records["rests_s"]
     return [
         Crossing((uuids[a], uuids[b]), float(rests_s[[a, b]].max()), before_m)

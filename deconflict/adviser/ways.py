@@ -22,9 +22,6 @@ LEAST_WAY_M = 0.1
 TURNED_RAD = 0.3
 """A way that begins in another direction needs room for the robot to turn."""
 
-FAR_REACH_M = 4.6
-"""The same for ways that cross where nobody is: robots stop before a crossing as large as this."""
-
 
 Point = tuple[float, float]
 """x and y in metres."""

@@ -171,12 +171,10 @@ class PlaceGeometry:
         """The same for zones."""
         return [(floor.datum, floor.bounds_m) for floor in self._zones]
 
-    def passages(
-        self, datums: Sequence[str], bodies: BodiesAhead, rests: Sequence[bool]
-    ) -> dict[int, dict[str, ZonePassage]]:
+    def passages(self, datums: Sequence[str], bodies: BodiesAhead, rests: Bools) -> dict[int, dict[str, ZonePassage]]:
         """By row and zone, the passages of each robot with its trailers while they stay on its floor.
 
-        `rests` is by row whether the robot rests where it was last reported.
+        `rests` (rows,) is whether a robot rests where it was last reported.
         """
         found: dict[int, dict[str, ZonePassage]] = {}
         if not self._zones:
@@ -194,13 +192,14 @@ class PlaceGeometry:
             who = rows[near]
             inside = floor.touched(index, seen, who, length_m[who], width_m[who])
             inside &= seen.floor[who] == view.floor[who, :1]
+            inside[:, 1] = np.where(rests[robot[who]], inside[:, 0], inside[:, 1])
             pairs = np.flatnonzero(inside[:, 1:].any(axis=1))
             rows, zones, inside = _of_robots(robot[who[pairs]], index[pairs], inside[pairs])
             was_inside, runs = inside[:, 0].tolist(), _first_runs(inside[:, 1:])
             for row, at, was, first, end in zip(rows.tolist(), zones.tolist(), was_inside, *runs, strict=True):
                 zone = floor.ids[at]
                 passage = self._passage(zone, view, row, first, end)
-                found.setdefault(row, {})[zone] = replace(passage, was_inside=was, rests=rests[row])
+                found.setdefault(row, {})[zone] = replace(passage, was_inside=was, rests=bool(rests[row]))
         return found
 
     def _passage(self, zone: str, view: Lookahead, row: int, first: int, end: int) -> ZonePassage:

@@ -175,23 +175,12 @@ def _update_rest(robot: Any, event_s: float, pose: Floats) -> None:
         robot.rests_s, robot.reported_x_m, robot.reported_y_m, robot.reported_yaw_rad = event_s, x_m, y_m, yaw_rad
 
 
-@kernel(numba.boolean[::1](_RECORDS, _INTS, _FLOATS, numba.types.Array(numba.float64, 2, "C", readonly=True)))
-def update_rests(robots: Records, slots: Ints, event_s: Floats, reported: Floats) -> Bools:
-    """Update where n robots are by their newest reports, `reported` (n, 3) with x, y and yaw; (n,) which of them rest
-    there. Call it before `update_records`."""
-    rests = np.zeros(len(slots), np.bool_)
-    for row in range(len(slots)):
-        robot = robots[slots[row]]
-        _update_rest(robot, event_s[row], reported[row])
-        rests[row] = event_s[row] - robot.rests_s >= RESTS_S
-    return rests
-
-
 @inner
 def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Outlines, spare_m: float) -> int:
     """Update whether a robot is near a resource and its path near a zone; bits if it is, or was before."""
     was_beside, passed = robot.beside, robot.passes
-    floor, x, y = robot.floor, robot.x_m, robot.y_m
+    rests = robot.event_s - robot.rests_s >= RESTS_S
+    floor, x, y = robot.floor, robot.reported_x_m if rests else robot.x_m, robot.reported_y_m if rests else robot.y_m
     reach_m = hypot(robot.length_m, robot.width_m) / 2 + spare_m
     west, south, east, north = path_box_m
     robot.beside = _touches(floor, x, y, x, y, resources)
@@ -205,6 +194,7 @@ def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Out
         numba.float64[:, :, ::1],
         *[_INTS] * 2,
         _FLOATS,
+        numba.types.Array(numba.float64, 2, "C", readonly=True),
         _BOOLS,
         _INTS,
         LOOKAHEAD,
@@ -222,6 +212,7 @@ def update_records(
     slots: Ints,
     floor_numbers: Ints,
     event_s: Floats,
+    reported: Floats,
     resting: Bools,
     basis: Ints,
     view: Lookahead,
@@ -235,7 +226,8 @@ def update_records(
 ) -> Ints:
     """Update the records of n robots, and the paths of those that move; (n,) bits of what has to be updated with them.
 
-    `floor_numbers` are the table's numbers of the batch's floors. `sizes_m` are length, width, bottom and top. `stops`
+    `floor_numbers` are the table's numbers of the batch's floors. `reported` (n, 3) are the x, y and yaw of the newest
+    reports. `sizes_m` are length, width, bottom and top. `stops`
     are how many stops each robot has, `bound` whether any of them may be in a resource. A zone may be on a robot's way
     if the path comes as near to it as the envelope reaches and `spare_m`.
     """
@@ -257,6 +249,7 @@ def update_records(
             copy_rows(paths.lines_m[row], kept_paths[slots[row]])
         stale[row] |= _update_waiting(robot, was_moving, has_moved, resting[row])
         _update_standing(robot, event_s[row])
+        _update_rest(robot, event_s[row], reported[row])
         stale[row] |= _update_near(robot, paths.boxes_m[row], resources, zones, spare_m)
         if bound[row]:
             stale[row] |= STOPS

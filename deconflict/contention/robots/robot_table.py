@@ -33,7 +33,6 @@ from deconflict.contention.robots.record_kernels import (
     rest_of,
     steps_along,
     update_records,
-    update_rests,
 )
 from deconflict.contention.robots.robot_view import RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
@@ -112,10 +111,10 @@ class RobotTable(Mapping[str, RobotView]):
         if not len(batch):
             return []
         self._views.clear()
+        view, f = look_ahead(batch.forecasts, batch.now_s), batch.forecasts
+        paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
         slots, _ = self._slots.assign(batch.robots)
         self._grow(len(self._slots))
-        view, f = self._look_ahead(batch, slots), batch.forecasts
-        paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
         self._names.update(zip(batch.robots, first_fields(batch), strict=True))
         level_before_pct = self._add_levels(batch, slots)
@@ -128,6 +127,7 @@ class RobotTable(Mapping[str, RobotView]):
             slots,
             floor_numbers,
             ready(batch.event_s),
+            reported_poses(f),
             np.array([state in RESTING for state in batch.states], np.bool_),
             ready(batch.basis, np.int64),
             view,
@@ -144,14 +144,6 @@ class RobotTable(Mapping[str, RobotView]):
         if len(batch.destinations.t_s):
             postpone_overdue(self.records, self.stops, slots, batch.now_s, corrections)
         return left
-
-    def _look_ahead(self, batch: Batch, slots: Ints) -> Lookahead:
-        """The robots of a batch from now on. One that rests is still where it was reported, wherever its path leads."""
-        view, reported = look_ahead(batch.forecasts, batch.now_s), reported_poses(batch.forecasts)
-        rests = update_rests(self.records, slots, ready(batch.event_s), reported) & (view.floor[:, 0] >= 0)
-        for column, axis in ((view.x_m, 0), (view.y_m, 1), (view.yaw_rad, 2)):
-            column[rests, 0] = reported[rests, axis]
-        return view
 
     def _add_levels(self, batch: Batch, slots: Ints) -> Floats:
         """Add levels of batteries, if there are chargers; (n,) the levels before, nan if not known."""
@@ -187,7 +179,10 @@ class RobotTable(Mapping[str, RobotView]):
         if not len(rows):
             return []
         left = []
-        here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), view.x_m[rows, 0], view.y_m[rows, 0])
+        records, rests = self.records[slots[rows]], self._rests(slots[rows])
+        x_m = np.where(rests, records["reported_x_m"], view.x_m[rows, 0])
+        y_m = np.where(rests, records["reported_y_m"], view.y_m[rows, 0])
+        here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), x_m, y_m)
         chargers = self._geometry.chargers
         for row, slot, place in zip(rows.tolist(), slots[rows].tolist(), here, strict=True):
             (before, came_s), event_s = self._here.get(slot, (None, 0.0)), float(batch.event_s[row])
@@ -206,15 +201,18 @@ class RobotTable(Mapping[str, RobotView]):
                 self.records["here"][slot] = place is not None
         return left
 
+    def _rests(self, slots: Ints) -> Bools:
+        """(n,) which robots rest where they are reported, wherever their paths lead."""
+        rests: Bools = self.records["event_s"][slots] - self.records["rests_s"][slots] >= RESTS_S
+        return rests
+
     def _update_passages(self, batch: Batch, view: Lookahead, paths: PathsAhead, slots: Ints, rows: Ints) -> None:
         """Update which zones are on the way of the robots of `rows`."""
         if not len(rows):
             return
         forecasts = batch.forecasts.take(rows)
         bodies = bodies_ahead(forecasts, view.at_rows(rows), paths.at_rows(rows), batch.now_s)
-        records = self.records[slots[rows]]
-        rests = (records["event_s"] - records["rests_s"] >= RESTS_S).tolist()
-        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, rests)
+        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, self._rests(slots[rows]))
         self._passages |= {int(slots[rows[row]]): passages for row, passages in found.items()}
 
     def _update_paths_left(self, batch: Batch, view: Lookahead, slots: Ints, stale: Ints) -> None:
