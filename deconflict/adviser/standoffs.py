@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from deconflict.adviser.ways import first_in_way, meetings, wanted_ways
-from deconflict.contention.robots.record_kernels import RESTS_S
+from deconflict.contention.robots.record_kernels import resting
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.crossings import Crossing
 from deconflict.contention.waiting.deadlocks import Want, rings
@@ -72,7 +72,7 @@ def standing(robots: RobotTable, now_s: float) -> Standing:
     """Who stands for whom, by the newest reports."""
     records = robots.records
     heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
-    rests = heard & (records["event_s"] - records["rests_s"] >= RESTS_S)
+    rests = heard & resting(records)
     ways = wanted_ways(robots, np.flatnonzero(rests))
     others = first_in_way(robots, ways, np.flatnonzero(heard))
     waiting = _waiting(robots, ways.slots[others >= 0], others[others >= 0], rests)

@@ -307,6 +307,18 @@ def collect_boxes(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats
     return ends_m, standing_m, going_m, end, stander, goer
 
 
+def resting(records: Records) -> Bools:
+    """(n,) which robots rest where they are reported, wherever their paths lead."""
+    rests: Bools = records["event_s"] - records["rests_s"] >= RESTS_S
+    return rests
+
+
+def bodies_at(records: Records, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
+    """x and y (n,) of robots: as reported if they rest, else as they are believed to be, `x_m` and `y_m` (n,)."""
+    rests = resting(records)
+    return np.where(rests, records["reported_x_m"], x_m), np.where(rests, records["reported_y_m"], y_m)
+
+
 def rest_of(path: shapely.LineString, here: shapely.Point, length_m: float) -> shapely.LineString | None:
     """What is left of the path of a robot that stands `here`; None if it has reached its end, or is off it."""
     done_m = float(shapely.line_locate_point(path, here))

@@ -24,14 +24,14 @@ from deconflict.contention.robots.lookahead import (
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from deconflict.contention.robots.record_kernels import (
-    RESTS_S,
     ROBOT,
     STANDS_M,
     STOP,
     STRAIGHT,
     Outlines,
+    bodies_at,
     rest_of,
-    steps_along,
+    resting,
     update_records,
 )
 from deconflict.contention.robots.robot_view import RobotView, first_fields
@@ -40,8 +40,6 @@ from deconflict.sweep.shapes.trailers import rows_of_trains
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import ready
 
-WAITING = "waitingExternalEvent"
-"""State of a robot that would go on, but for something around it."""
 RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 """States of robots that are not on their way."""
 
@@ -178,12 +176,9 @@ class RobotTable(Mapping[str, RobotView]):
         """Update which robot has which resource; for what it returns see `update`."""
         if not len(rows):
             return []
-        left = []
-        records, rests = self.records[slots[rows]], self._rests(slots[rows])
-        x_m = np.where(rests, records["reported_x_m"], view.x_m[rows, 0])
-        y_m = np.where(rests, records["reported_y_m"], view.y_m[rows, 0])
+        left, chargers = list[tuple[str, float]](), self._geometry.chargers
+        x_m, y_m = bodies_at(self.records[slots[rows]], view.x_m[rows, 0], view.y_m[rows, 0])
         here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), x_m, y_m)
-        chargers = self._geometry.chargers
         for row, slot, place in zip(rows.tolist(), slots[rows].tolist(), here, strict=True):
             (before, came_s), event_s = self._here.get(slot, (None, 0.0)), float(batch.event_s[row])
             if place != before:
@@ -201,18 +196,13 @@ class RobotTable(Mapping[str, RobotView]):
                 self.records["here"][slot] = place is not None
         return left
 
-    def _rests(self, slots: Ints) -> Bools:
-        """(n,) which robots rest where they are reported, wherever their paths lead."""
-        rests: Bools = self.records["event_s"][slots] - self.records["rests_s"][slots] >= RESTS_S
-        return rests
-
     def _update_passages(self, batch: Batch, view: Lookahead, paths: PathsAhead, slots: Ints, rows: Ints) -> None:
         """Update which zones are on the way of the robots of `rows`."""
         if not len(rows):
             return
         forecasts = batch.forecasts.take(rows)
         bodies = bodies_ahead(forecasts, view.at_rows(rows), paths.at_rows(rows), batch.now_s)
-        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, self._rests(slots[rows]))
+        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, resting(self.records[slots[rows]]))
         self._passages |= {int(slots[rows[row]]): passages for row, passages in found.items()}
 
     def _update_paths_left(self, batch: Batch, view: Lookahead, slots: Ints, stale: Ints) -> None:
@@ -351,17 +341,6 @@ class RobotTable(Mapping[str, RobotView]):
     def rests_since_s(self, uuid: str) -> float:
         """Since when a robot is reported where it is."""
         return float(self.records["rests_s"][self._slots.by_uuid[uuid]])
-
-    def ways_m(self, slots: Ints) -> Floats:
-        """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. A robot that says that it waits on
-        its path has what is left of it. All others stay."""
-        here_m = np.stack([self.records[name][slots] for name in ("x_m", "y_m")], axis=1)[:, None]
-        ways_m: Floats = np.where(self.records["goes"][slots][:, None, None], self._paths[slots], here_m)
-        for row, slot in enumerate(slots.tolist()):
-            left = self._paths_left.get(slot)
-            if left is not None and self._names[self.uuids[slot]][2] == WAITING:
-                ways_m[row] = steps_along(left)
-        return ways_m
 
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""
