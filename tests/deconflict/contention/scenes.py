@@ -128,6 +128,7 @@ class Scene:
                     self.fleet.receive(script.says(name, t), NOW_S + t, LINE)
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             fresh += [advisory for advisory in self.engine.step(NOW_S + t) if advisory.kind != "conflict"]
+            self.engine.advise(NOW_S + t)
         self.advisories += fresh
         return fresh
 
