@@ -79,6 +79,15 @@ def _standing_way(robots: KnownRobots, slot: int) -> Floats:
 
 
 @inner
+def _is_free(robots: KnownRobots, slot: int, other: int) -> bool:
+    """Whether nobody is on the way of a robot that stands for another one."""
+    at_s = robots.t_s[slot, robots.newest[slot]]
+    losing = LosingRobot(slot, at_s, at_s, 0.0, _standing_way(robots, slot), 0.0, other)
+    _, is_on_way = find_blocker(robots, losing)
+    return not is_on_way
+
+
+@inner
 def _may_meet(robots: KnownRobots, slot: int, other: int) -> bool:
     """Whether two robots of two vendors, both heard lately, are near each other on one floor and at one height."""
     newest, others_newest, levels_m = robots.newest[slot], robots.newest[other], robots.levels_m
@@ -111,7 +120,6 @@ def mutual_wait(robots: KnownRobots, states: Losing, slot: int) -> int:
         away_m = hypot(there[0] - way[0, 0], there[1] - way[0, 1])
         if away_m < least_m and _ways_cross(robots, slot, way, other, _standing_way(robots, other)):
             found, least_m = other, away_m
-    if found != NOBODY:
-        _, is_on_way = find_blocker(robots, LosingRobot(slot, now_s, now_s, 0.0, way, 0.0, found))
-        found = NOBODY if is_on_way else found
+    if found == NOBODY or not _is_free(robots, slot, found) or not _is_free(robots, found, slot):
+        return NOBODY
     return found
