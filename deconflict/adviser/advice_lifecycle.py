@@ -15,7 +15,7 @@ from deconflict.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Locati
 from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
-from deconflict.contention.waiting.crossings import Crossing
+from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.settings.site import Site
 from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures

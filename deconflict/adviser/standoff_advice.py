@@ -14,7 +14,7 @@ from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import ExpectedSaving, Worth
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
-from deconflict.contention.waiting.crossings import Crossing
+from deconflict.contention.waiting.free_crossings import Crossing
 from ingest.batch import Batch
 from ingest.settings import Vendor
 

@@ -8,8 +8,8 @@ import numpy as np
 from deconflict.adviser.ways import first_in_way, meetings, wanted_ways
 from deconflict.contention.robots.record_kernels import resting
 from deconflict.contention.robots.robot_table import RobotTable
-from deconflict.contention.waiting.crossings import Crossing
 from deconflict.contention.waiting.deadlocks import Want, rings
+from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.foresight.motion_assumptions import CROSSING_M, CROSSING_S
 from ingest.batch import Bools, Ints
 

@@ -27,15 +27,15 @@ from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.blockage_advice import blockage_advice
 from deconflict.contention.waiting.blockages import Blockage, blockages
-from deconflict.contention.waiting.crossings import (
+from deconflict.contention.waiting.deadlocks import RingLink, rings
+from deconflict.contention.waiting.detours import Refuge
+from deconflict.contention.waiting.free_crossings import (
     Crossing,
     crossing_advice,
     crossing_of,
     crossing_wants,
     mutual_waits,
 )
-from deconflict.contention.waiting.deadlocks import RingLink, rings
-from deconflict.contention.waiting.detours import Refuge
 from deconflict.contention.waiting.wait_graph import (
     Hindrance,
     Leg,

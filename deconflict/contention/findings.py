@@ -14,8 +14,8 @@ from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.slot_actions import with_queue_actions, with_ring_actions
 from deconflict.contention.waiting.blockages import Blockage
-from deconflict.contention.waiting.crossings import Crossing
 from deconflict.contention.waiting.deadlocks import RingLink
+from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.contention.waiting.standing_reasons import state_phrase
 
 

@@ -182,12 +182,13 @@ class PlaceGeometry:
         robot, view, paths, length_m, width_m, reported = bodies
         seen = view.after(*reported.T)
         datums, reach_m = [datums[row] for row in robot.tolist()], np.hypot(length_m, width_m) / 2
-        boxes_m = enlarged(paths.boxes_m, reach_m)
+        lines_m = np.concatenate([reported[:, None, :2], paths.lines_m], axis=1)
+        boxes_m = enlarged(np.hstack([lines_m.min(axis=1), lines_m.max(axis=1)]), reach_m)
         for floor in self._zones:
             rows = floor.near(datums, boxes_m)
             if not len(rows):
                 continue
-            lines = shapely.linestrings(paths.lines_m[rows])
+            lines = shapely.linestrings(lines_m[rows])
             near, index = floor.tree.query(lines, predicate="dwithin", distance=reach_m[rows])
             who = rows[near]
             inside = floor.touched(index, seen, who, length_m[who], width_m[who])

@@ -107,6 +107,8 @@ MOVES = 1 << 5
 """Bit: it has moved since it stopped on its path."""
 WAIT_ENDS = 1 << 6
 """Bit: it moves on, or rests."""
+AT_REST = 1 << 7
+"""Bit: it rests where it is reported, wherever its path leads."""
 
 
 class Outlines(NamedTuple):
@@ -183,9 +185,11 @@ def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Out
     floor, x, y = robot.floor, robot.reported_x_m if rests else robot.x_m, robot.reported_y_m if rests else robot.y_m
     reach_m = hypot(robot.length_m, robot.width_m) / 2 + spare_m
     west, south, east, north = path_box_m
+    west, south, east, north = min(west, x), min(south, y), max(east, x), max(north, y)
     robot.beside = _touches(floor, x, y, x, y, resources)
     robot.passes = _touches(floor, west - reach_m, south - reach_m, east + reach_m, north + reach_m, zones)
-    return (RESOURCE if robot.beside or was_beside else 0) | (PASSAGES if robot.passes or passed else 0)
+    bits = AT_REST if rests else 0
+    return bits | (RESOURCE if robot.beside or was_beside else 0) | (PASSAGES if robot.passes or passed else 0)
 
 
 @kernel(
@@ -311,12 +315,6 @@ def resting(records: Records) -> Bools:
     """(n,) which robots rest where they are reported, wherever their paths lead."""
     rests: Bools = records["event_s"] - records["rests_s"] >= RESTS_S
     return rests
-
-
-def bodies_at(records: Records, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
-    """x and y (n,) of robots: as reported if they rest, else as they are believed to be, `x_m` and `y_m` (n,)."""
-    rests = resting(records)
-    return np.where(rests, records["reported_x_m"], x_m), np.where(rests, records["reported_y_m"], y_m)
 
 
 def rest_of(path: shapely.LineString, here: shapely.Point, length_m: float) -> shapely.LineString | None:

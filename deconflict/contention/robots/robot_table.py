@@ -24,14 +24,13 @@ from deconflict.contention.robots.lookahead import (
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from deconflict.contention.robots.record_kernels import (
+    AT_REST,
     ROBOT,
     STANDS_M,
     STOP,
     STRAIGHT,
     Outlines,
-    bodies_at,
     rest_of,
-    resting,
     update_records,
 )
 from deconflict.contention.robots.robot_view import RobotView, first_fields
@@ -115,9 +114,7 @@ class RobotTable(Mapping[str, RobotView]):
         self._grow(len(self._slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
         self._names.update(zip(batch.robots, first_fields(batch), strict=True))
-        level_before_pct = self._add_levels(batch, slots)
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
-        sizes_m = ready(f.length_m), ready(f.width_m), ready(f.bottom_m), ready(f.top_m)
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         stale = update_records(
             self.records,
@@ -130,7 +127,7 @@ class RobotTable(Mapping[str, RobotView]):
             ready(batch.basis, np.int64),
             view,
             paths,
-            sizes_m,
+            (ready(f.length_m), ready(f.width_m), ready(f.bottom_m), ready(f.top_m)),
             counts,
             bound,
             self._resources,
@@ -138,7 +135,7 @@ class RobotTable(Mapping[str, RobotView]):
             ROUNDING_M,
         )
         stale[rows_of_trains(f)] |= record_kernels.PASSAGES
-        left = self._update_places(batch, view, paths, slots, stale, level_before_pct) if stale.any() else []
+        left = self._update_places(batch, view, paths, slots, stale, self._add_levels(batch, slots))
         if len(batch.destinations.t_s):
             postpone_overdue(self.records, self.stops, slots, batch.now_s, corrections)
         return left
@@ -157,27 +154,30 @@ class RobotTable(Mapping[str, RobotView]):
 
         If a robot is in the batch twice, its second row decides where it goes.
         """
+        if not (stale & ~AT_REST).any():
+            return []
         newest = self.records["row"][slots] == np.arange(len(slots))
         rows = np.flatnonzero(stale & record_kernels.PASSAGES)
         for slot in slots[rows].tolist():
             self._passages.pop(slot, None)
-        self._update_passages(batch, view, paths, slots, rows[newest[rows]])
+        self._update_passages(batch, view, paths, slots, rows[newest[rows]], stale)
         self._update_paths_left(batch, view, slots, stale)
         rows = np.flatnonzero(stale & record_kernels.RESOURCE)
-        left = self._update_resources(batch, view, slots, rows, level_before_pct)
+        left = self._update_resources(batch, view, slots, rows, stale, level_before_pct)
         self._locate_stops(slots[newest & (stale & record_kernels.STOPS > 0)])
         ends = np.flatnonzero(newest & (stale & record_kernels.PATH_END > 0))
         self._infer_stops(batch, view, slots, ends[self.records["stops"][slots[ends]] == 0])
         return left
 
     def _update_resources(
-        self, batch: Batch, view: Lookahead, slots: Ints, rows: Ints, level_before_pct: Floats
+        self, batch: Batch, view: Lookahead, slots: Ints, rows: Ints, stale: Ints, level_before_pct: Floats
     ) -> list[tuple[str, float]]:
         """Update which robot has which resource; for what it returns see `update`."""
         if not len(rows):
             return []
         left, chargers = list[tuple[str, float]](), self._geometry.chargers
-        x_m, y_m = bodies_at(self.records[slots[rows]], view.x_m[rows, 0], view.y_m[rows, 0])
+        reported_m, believed_m = reported_poses(batch.forecasts)[rows].T, (view.x_m[rows, 0], view.y_m[rows, 0])
+        x_m, y_m = (np.where(stale[rows] & AT_REST, *at_m) for at_m in zip(reported_m, believed_m, strict=False))
         here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), x_m, y_m)
         for row, slot, place in zip(rows.tolist(), slots[rows].tolist(), here, strict=True):
             (before, came_s), event_s = self._here.get(slot, (None, 0.0)), float(batch.event_s[row])
@@ -196,13 +196,14 @@ class RobotTable(Mapping[str, RobotView]):
                 self.records["here"][slot] = place is not None
         return left
 
-    def _update_passages(self, batch: Batch, view: Lookahead, paths: PathsAhead, slots: Ints, rows: Ints) -> None:
+    def _update_passages(
+        self, batch: Batch, view: Lookahead, paths: PathsAhead, slots: Ints, rows: Ints, stale: Ints
+    ) -> None:
         """Update which zones are on the way of the robots of `rows`."""
         if not len(rows):
             return
-        forecasts = batch.forecasts.take(rows)
-        bodies = bodies_ahead(forecasts, view.at_rows(rows), paths.at_rows(rows), batch.now_s)
-        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, resting(self.records[slots[rows]]))
+        bodies = bodies_ahead(batch.forecasts.take(rows), view.at_rows(rows), paths.at_rows(rows), batch.now_s)
+        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, stale[rows] & AT_REST > 0)
         self._passages |= {int(slots[rows[row]]): passages for row, passages in found.items()}
 
     def _update_paths_left(self, batch: Batch, view: Lookahead, slots: Ints, stale: Ints) -> None:
@@ -226,11 +227,10 @@ class RobotTable(Mapping[str, RobotView]):
             return
         which, number = np.nonzero(np.arange(self.stops.shape[1]) < self.records["stops"][slots][:, None])
         stops = self.stops[slots[which], number]
-        datums = [self.datum(floor) for floor in stops["floor"].tolist()]
+        datums = list(map(self.datum, stops["floor"].tolist()))
         found = self._geometry.resources_at(datums, stops["x_m"].copy(), stops["y_m"].copy())
-        self.stops["resource"][slots[which], number] = [
-            -1 if place is None else self._place_number[place] for place in found
-        ]
+        numbers = [-1 if place is None else self._place_number[place] for place in found]
+        self.stops["resource"][slots[which], number] = numbers
         for slot in slots.tolist():
             if slot in self._here:
                 self._drop_reached_stops(slot, self._place_number[self._here[slot][0]])
@@ -277,9 +277,8 @@ class RobotTable(Mapping[str, RobotView]):
 
     def _grow(self, slots: int) -> None:
         if slots > len(self.records):
-            more = (0, slots)
-            self.records, self.stops = np.pad(self.records, more), np.pad(self.stops, (more, (0, 0)))
-            self._paths = np.pad(self._paths, (more, (0, 0), (0, 0)))
+            self.records, self.stops = np.pad(self.records, (0, slots)), np.pad(self.stops, ((0, slots), (0, 0)))
+            self._paths = np.pad(self._paths, ((0, slots), (0, 0), (0, 0)))
             self.batteries.make_room(len(self.records))
 
     def datum(self, floor: int) -> str:
@@ -345,6 +344,6 @@ class RobotTable(Mapping[str, RobotView]):
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""
         left = [self._paths_left.get(slot) for slot in slots]
-        moving = [slot for slot, path in zip(slots, left, strict=True) if path is None]
-        lines = iter(shapely.linestrings(self._paths[moving]))
+        moving_m = self._paths[[slot for slot, path in zip(slots, left, strict=True) if path is None]]
+        lines = iter(shapely.linestrings(moving_m))
         return [next(lines) if path is None else path for path in left]

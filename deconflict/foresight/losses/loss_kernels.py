@@ -3,7 +3,9 @@
 A robot loses what it needs longer than planned from one report to the next. Planned is the shortest time of its recent
 forecasts, and of those that it made before it began to lose time: later ones already allow for braking. While it loses
 time, it has a blocker (see `blockers`). Once that one has left the way, what the robot loses until it drives as planned
-is still because of it.
+is still because of it. Where nobody is in its way, it may stand for a robot that stands for it (see `crossing_waits`).
+
+`lost_times` is long because it is one loop that passes the state of a robot from step to step.
 """
 
 from math import hypot, inf
@@ -20,6 +22,7 @@ from deconflict.foresight.losses.blockers import (
     find_blocker,
     way_ahead,
 )
+from deconflict.foresight.losses.crossing_waits import mutual_wait, note_standing
 from deconflict.foresight.losses.losing import (
     APART_S,
     GOES,
@@ -34,7 +37,6 @@ from deconflict.foresight.losses.losing import (
     LostTimes,
 )
 from deconflict.foresight.losses.loss import NOBODY
-from deconflict.foresight.losses.mutual_waits import mutual_wait, note_standing
 from deconflict.foresight.losses.planned_times import beside_s, planned_s, way_between_m
 from deconflict.foresight.losses.usual_times import USUAL, UsualTimes, learn_pass, usual_s
 from deconflict.foresight.motion_assumptions import MOVES_MPS

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -19,7 +20,7 @@ def standoff(number: int) -> tuple[Robot, Robot]:
     draw = Random(number)
     stops_s = draw.randint(8, 10), draw.randint(8, 12)
     before_m = draw.uniform(2.6, 3.8), draw.uniform(2.6, 3.8)
-    waits = {"state": "waitingExternalEvent", "withdraws_path": True} if number % 2 else {}
+    waits: dict[str, Any] = {"state": "waitingExternalEvent", "withdraws_path": True} if number % 2 else {}
     basis = (Basis.PATH, Basis.ORDER)[number % 2]
     east = Robot((-before_m[0] - stops_s[0], 0.0), 1.0, stops_s=stops_s[0], until_s=UNTIL_S, basis=basis, **waits)
     north = Robot(
@@ -67,7 +68,7 @@ def test_nothing_is_booked_twice_over_parts_of_a_long_wait() -> None:
     ids=["one vendor", "it charges", "it has just stopped", "it says no way", "it is far away"],
 )
 @pytest.mark.parametrize("number", range(2))
-def test_no_mutual_wait_is_booked_of_anything_else(changes: dict[str, object], number: int) -> None:
+def test_no_mutual_wait_is_booked_of_anything_else(changes: dict[str, Any], number: int) -> None:
     east, north = standoff(number)
     found = losses([east, replace(north, **changes)], 39)
     if changes.get("vendor") == "Alder":
