@@ -6,6 +6,7 @@ from math import atan2, hypot
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.engine import Engine
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
@@ -110,6 +111,8 @@ class Scene:
     site: Site
     robots: dict[str, Script]
     advisories: list[AnyAdvisory] = field(default_factory=list)
+    asked: list[RobotAdvice] = field(default_factory=list)
+    """Revisions of advice to robots."""
 
     def __post_init__(self) -> None:
         frames = FrameRegistry(self.site.datums, self.site.vendors)
@@ -128,7 +131,7 @@ class Scene:
                     self.fleet.receive(script.says(name, t), NOW_S + t, LINE)
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             fresh += [advisory for advisory in self.engine.step(NOW_S + t) if advisory.kind != "conflict"]
-            self.engine.advise(NOW_S + t)
+            self.asked += self.engine.advise(NOW_S + t)
         self.advisories += fresh
         return fresh
 
