@@ -147,3 +147,26 @@ def cleared(advisories: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
 def after_s(advisory: AnyAdvisory) -> float:
     """When it was raised, since the start."""
     return advisory.raised_at.timestamp() - NOW_S
+
+
+SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
+LAG_S = 0.6
+"""Reports arrive so late."""
+
+
+@dataclass
+class Onwards(Script):
+    """A robot that means to go straight on at 1 m/s, whatever it does."""
+
+    def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
+        t = max(t - LAG_S, 0.0)
+        x, y, yaw_rad = self.at(t)
+        dx, dy = SIDES[round(yaw_rad / 1.5708) % 4]
+        ahead = points(*((start_s + t + k, x + k * dx, y + k * dy, yaw_rad) for k in range(1, 11)))
+        return status(name, start_s + t, x, y, yaw_rad, path=ahead)
+
+
+def comes(side: int, to_m: float, vendor: str = "Alder", at_s: float = 8.0) -> Onwards:
+    """It comes from one side, and stops with its centre `to_m` before the middle at second `at_s`."""
+    dx, dy = SIDES[side % 4]
+    return Onwards([(0, -(at_s + to_m) * dx, -(at_s + to_m) * dy), (at_s, -to_m * dx, -to_m * dy)], vendor=vendor)

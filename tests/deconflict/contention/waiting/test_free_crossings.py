@@ -11,8 +11,7 @@ from deconflict.advisories.words.finding_words import mutual_wait
 from deconflict.advisories.words.words import RevisionWords
 from deconflict.advisory import Action, AdvisoryState, AnyAdvisory, DeadlockAdvisory
 from ingest.settings import Vendor
-from tests.deconflict.contention.scenes import NOW_S, Scene, cleared, raised, site
-from tests.deconflict.contention.test_bodies_in_places import comes
+from tests.deconflict.contention.scenes import NOW_S, Scene, cleared, comes, raised, site
 from tests.helpers.saying import robot
 
 
@@ -77,8 +76,8 @@ def test_a_wait_without_a_time_is_one_until_the_other_has_passed() -> None:
 
 
 def test_people_read_how_long_they_have_stood_and_who_goes_first() -> None:
-    said: RevisionWords = mutual_wait(["A 1", "B 2"], 11.0, "B 2")
-    assert said.summary == (
+    told: RevisionWords = mutual_wait(["A 1", "B 2"], 11.0, "B 2")
+    assert told.summary == (
         "A 1 and B 2 have stood for 11 s before a free crossing: each waits for the other; B 2 should go first"
     )
-    assert "11 s" not in said.headline
+    assert "11 s" not in told.headline
