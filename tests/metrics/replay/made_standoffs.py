@@ -99,7 +99,12 @@ class Standoff:
                 left = self._nodes(row, released=goes)[1 if second < self.stops_s[row] else 2 :]
                 drives = goes or second < self.stops_s[row]
                 speed = {"vx": 1.0 if drives else 0.0, "vy": 0.0, "omega": 0.0}
-                keys = {"driving": drives, "velocity": speed, "newBaseRequest": not drives, "orderUpdateId": int(goes)}
+                keys: dict[str, Any] = {
+                    "driving": drives,
+                    "velocity": speed,
+                    "newBaseRequest": not drives,
+                    "orderUpdateId": int(goes),
+                }
                 raw = under_way(t_s, *self.place(row, at_m), left, theta=self.heading_rad(row), **keys)
                 say("state", row, t_s + 0.05, raw)
         return lines

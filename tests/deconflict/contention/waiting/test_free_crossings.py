@@ -76,8 +76,8 @@ def test_a_wait_without_a_time_is_one_until_the_other_has_passed() -> None:
 
 
 def test_people_read_how_long_they_have_stood_and_who_goes_first() -> None:
-    told: RevisionWords = mutual_wait(["A 1", "B 2"], 11.0, "B 2")
-    assert told.summary == (
+    sentences: RevisionWords = mutual_wait(["A 1", "B 2"], 11.0, "B 2")
+    assert sentences.summary == (
         "A 1 and B 2 have stood for 11 s before a free crossing: each waits for the other; B 2 should go first"
     )
-    assert "11 s" not in told.headline
+    assert "11 s" not in sentences.headline
