@@ -2,7 +2,9 @@
 
 FOLDER is `field-cases` in the folder that DECONFLICT_RECORDINGS names, if it is not given. Each `NAME.jsonl.gz` is
 replayed, with the site `NAME.site.toml` if there is one. A case has a time to the conflict that is to be stated when
-the first warning of its pair is raised, or that there is to be no warning. Exit code 1 if a case is not right.
+the first warning of its pair is raised, or that there is to be no warning. In a case of a mutual wait two robots stand
+for each other before a free crossing: people are to be told soon, and the time is to be booked. Exit code 1 if a case
+is not right.
 """
 
 import argparse
@@ -10,10 +12,11 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from benchmarks.planned_floors.comparison.service_parts import unchanged
-from benchmarks.planned_floors.comparison.service_replay import replayed
+from benchmarks.planned_floors.comparison.service_replay import Published, replayed
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import site_from_toml
 
@@ -44,7 +47,32 @@ LEADS_S: dict[str, float | None] = {
     "slower-than-the-limit.control": 8.5,
     "turns-on-the-spot": 0.6,
 }
-"""By case. In `turns-on-the-spot` and `long-order` the robot gets its order, or is first heard, that shortly before."""
+"""By case of a conflict. In `turns-on-the-spot` and `long-order` the robot gets its order, or is first heard, that
+shortly before."""
+
+
+BOTH_STAND = {
+    "crossing-paths": "2026-11-28T09:00:08.700000Z",
+    "crossing-vda": "2026-11-28T09:00:08.700000Z",
+}
+"""By case of a mutual wait, from when both stand."""
+FOUND_WITHIN_S, BOOKED_S = 15.0, 200.0
+"""A mutual wait is to be found so soon, and so much is to be booked: twice the two minutes, but for the last part."""
+
+
+@dataclass(frozen=True, slots=True)
+class MutualWaitResult:
+    name: str
+    found_s: float | None
+    """How long after both stood people were told; None if never."""
+    lost_s: float
+    crowded: int
+    """Advisories that say that more robots are in a place than it takes."""
+
+    @property
+    def is_right(self) -> bool:
+        is_found = self.found_s is not None and 0.0 <= self.found_s <= FOUND_WITHIN_S
+        return is_found and self.lost_s >= BOOKED_S and not self.crowded
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +91,29 @@ class CaseResult:
 
 def result(folder: Path, name: str) -> CaseResult:
     """What the service warns of in one case."""
-    site_file = folder / f"{name}.site.toml"
-    site = site_from_toml(site_file.read_bytes(), site_file) if site_file.is_file() else Site()
-    published = replayed(folder / f"{name}.jsonl.gz", site, {"service": unchanged})["service"]
+    published = _published(folder, name)
     conflicts = [revision for revision in published.revisions if revision["kind"] == "conflict"]
     return CaseResult(name, LEADS_S[name], conflicts[0]["time_to_conflict_s"] if conflicts else None)
+
+
+def mutual_wait_result(folder: Path, name: str) -> MutualWaitResult:
+    """When people are told of a mutual wait, and what is booked."""
+    published = _published(folder, name)
+    raised = [revision for revision in published.revisions if revision["state"] == "raised"]
+    waits_s = [moment_s(revision["raised_at"]) for revision in raised if revision["kind"] == "deadlock"]
+    crowded = sum(revision["kind"] == "double_occupancy" for revision in raised)
+    found_s = min(waits_s) - moment_s(BOTH_STAND[name]) if waits_s else None
+    return MutualWaitResult(name, found_s, published.lost_s, crowded)
+
+
+def moment_s(text: str) -> float:
+    return datetime.fromisoformat(text).timestamp()
+
+
+def _published(folder: Path, name: str) -> Published:
+    site_file = folder / f"{name}.site.toml"
+    site = site_from_toml(site_file.read_bytes(), site_file) if site_file.is_file() else Site()
+    return replayed(folder / f"{name}.jsonl.gz", site, {"service": unchanged})["service"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -84,8 +130,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for case in results:
         verdict = "right" if case.is_right else "WRONG"
         print(f"| {case.name} | {_shown(case.wanted_s)} | {_shown(case.stated_s)} | {verdict} |")
-    wrong = sum(not case.is_right for case in results)
-    print(f"\n{len(results) - wrong} of {len(results)} cases are right")
+    waits = [mutual_wait_result(folder, name) for name in BOTH_STAND if (folder / f"{name}.jsonl.gz").is_file()]
+    print("\n| mutual wait | found after, s | lost, s | too many in a place | |\n| --- | --- | --- | --- | --- |")
+    for wait in waits:
+        verdict = "right" if wait.is_right else "WRONG"
+        print(f"| {wait.name} | {_shown(wait.found_s)} | {wait.lost_s:.1f} | {wait.crowded} | {verdict} |")
+    cases = [*(case.is_right for case in results), *(wait.is_right for wait in waits)]
+    wrong = cases.count(False)
+    print(f"\n{len(cases) - wrong} of {len(cases)} cases are right")
     return int(wrong > 0)
 
 

@@ -15,6 +15,7 @@ from deconflict.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Locati
 from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
+from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.settings.site import Site
 from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures
@@ -56,6 +57,11 @@ class AdviceLifecycle:
     def open(self) -> list[RobotAdvice]:
         """The newest revision of all that is open."""
         return [*self._restored, *self._open.values()]
+
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Where robots stand for each other before a free crossing, by the last look."""
+        return self._standoffs.crossings
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots of a batch were updated."""

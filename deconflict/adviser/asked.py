@@ -45,6 +45,11 @@ class Asked:
     waits: Request | None = None
     """The request of another robot to wait while this one goes first."""
 
+    @property
+    def is_agreed(self) -> bool:
+        """Whether its vendor has accepted it."""
+        return self.answer in {"accepted", "done"}
+
 
 class Option(NamedTuple):
     """Something that a robot could be asked for."""

@@ -9,12 +9,13 @@ import numpy as np
 
 from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.request import Request, Verb
-from deconflict.adviser.standoffs import Crossing, Standing, Waiting, standing
+from deconflict.adviser.standoffs import Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import ExpectedSaving, Worth
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.contention.waiting.free_crossings import Crossing
 from ingest.batch import Batch
 from ingest.settings import Vendor
 
@@ -76,6 +77,15 @@ class StandoffAdvice:
     def worth(self) -> Worth:
         """What was learned of standoffs, and what vendors yielded."""
         return self._worth
+
+    @property
+    def crossings(self) -> list[Crossing]:
+        """Where robots stand for each other before a free crossing, with the robot that has agreed to go first."""
+        agreed = [uuid for uuid, asked in self._open.items() if asked.request.verb == "go_first" and asked.is_agreed]
+        return [
+            replace(crossing, goes_first=next((uuid for uuid in crossing.robots if uuid in agreed), None))
+            for crossing in self._standing.crossings
+        ]
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots were updated."""

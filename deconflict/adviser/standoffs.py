@@ -5,17 +5,16 @@ from functools import cached_property
 
 import numpy as np
 
-from deconflict.adviser.ways import FAR_REACH_M, first_in_way, meetings, wanted_ways
+from deconflict.adviser.ways import first_in_way, meetings, wanted_ways
+from deconflict.contention.robots.record_kernels import resting
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.deadlocks import Want, rings
+from deconflict.contention.waiting.free_crossings import Crossing
+from deconflict.foresight.motion_assumptions import CROSSING_M, CROSSING_S
 from ingest.batch import Bools, Ints
 
 HEARD_WITHIN_S = 5.0
 """Where a robot is that was last heard longer ago is doubted."""
-CROSSING_S = 8.0
-"""Robots that have stood for so long before a free crossing wait for each other, whatever they say."""
-RESTS_S = 0.8
-"""A robot that rests for so long between two reports stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +33,6 @@ class Waiting:
     @property
     def both_since_s(self) -> float:
         return max(self.since_s, self.other_since_s)
-
-
-@dataclass(frozen=True, slots=True)
-class Crossing:
-    """Two robots that stand before the place where their ways cross, with nobody in it."""
-
-    robots: tuple[str, str]
-    since_s: float
-    """Since when both rest, seconds since the epoch."""
-    before_m: tuple[tuple[float, float], tuple[float, float]]
-    """Of each, the first point of its way where it would be in the other's."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +83,7 @@ def standing(robots: RobotTable, now_s: float) -> Standing:
     """Who stands for whom, by the newest reports."""
     records = robots.records
     heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
-    rests = heard & (records["event_s"] - records["rests_s"] >= RESTS_S)
+    rests = heard & resting(records)
     ways = wanted_ways(robots, np.flatnonzero(rests))
     others = first_in_way(robots, ways, np.flatnonzero(heard))
     waiting = _waiting(robots, ways.slots[others >= 0], others[others >= 0], rests)
@@ -111,7 +99,7 @@ def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now
         for slot in slots[now_s - robots.records["rests_s"][slots] >= CROSSING_S].tolist()
         if robots.uuids[slot] not in waiting
     ]
-    ways = wanted_ways(robots, np.array(long, np.int64), FAR_REACH_M)
+    ways = wanted_ways(robots, np.array(long, np.int64), CROSSING_M)
     uuids, rests_s = robots.uuids, robots.records["rests_s"]
     return [
         Crossing((uuids[a], uuids[b]), float(rests_s[[a, b]].max()), before_m)

@@ -3,11 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from deconflict.adviser.box_kernels import touching
 from deconflict.contention.robots.bounding_boxes import touching_boxes
-from deconflict.contention.robots.lookahead import STEP_S
-from deconflict.contention.robots.record_kernels import Records
+from deconflict.contention.robots.lookahead import STEP_S, STEPS
+from deconflict.contention.robots.record_kernels import Records, steps_along
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Bools, Floats, Ints
@@ -19,12 +20,11 @@ MARGIN_M, BESIDE_M = 0.45, 0.05
 """Room that a robot keeps free in front of its body and at each side."""
 WITHIN_S = 5.0
 """A robot that means to go on only later than this waits for something of its own."""
+WAITING = "waitingExternalEvent"
+"""State of a robot that would go on, but for something around it."""
 LEAST_WAY_M = 0.1
 TURNED_RAD = 0.3
 """A way that begins in another direction needs room for the robot to turn."""
-
-FAR_REACH_M = 4.6
-"""The same for ways that cross where nobody is: robots stop before a crossing as large as this."""
 
 
 Point = tuple[float, float]
@@ -56,12 +56,25 @@ def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M, withi
     records = robots.records[slots]
     here_m = np.stack([records["reported_x_m"], records["reported_y_m"]], axis=1)[:, None]
     soon = round(within_s / STEP_S)
-    points_m = np.concatenate([here_m, robots.ways_m(slots)[:, : soon + 1]], axis=1)
+    points_m = np.concatenate([here_m, _steps_m(robots, slots)[:, : soon + 1]], axis=1)
     legs_m = np.hypot(*np.moveaxis(np.diff(points_m, axis=1), -1, 0))
     gone_m = np.concatenate([np.zeros((len(slots), 1)), legs_m.cumsum(axis=1)], axis=1)
     goes = gone_m[:, -1] >= LEAST_WAY_M
     along_m = np.arange(0.0, reach_m + STRIDE_M / 2, STRIDE_M)
     return Ways(slots[goes], _boxes(records[goes], points_m[goes], gone_m[goes], along_m))
+
+
+def _steps_m(robots: RobotTable, slots: Ints) -> Floats:
+    """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. A robot that says that it waits on its
+    path has what is left of it. All others stay."""
+    records = robots.records[slots]
+    steps_m = np.stack([records["x_m"], records["y_m"]], axis=1)[:, None].repeat(STEPS + 1, axis=1)
+    waits = [robots[robots.uuids[slot]].state == WAITING for slot in slots[records["waits"]].tolist()]
+    on_way = records["goes"].copy()
+    on_way[np.flatnonzero(records["waits"])[waits]] = True
+    for row, path in zip(np.flatnonzero(on_way).tolist(), robots.paths(slots[on_way].tolist()), strict=True):
+        steps_m[row] = shapely.get_coordinates(path) if records["goes"][row] else steps_along(path)
+    return steps_m
 
 
 def _boxes(records: Records, points_m: Floats, gone_m: Floats, along_m: Floats) -> Boxes:

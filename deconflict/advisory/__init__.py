@@ -85,7 +85,7 @@ class Action(Published):
     seconds: float | None = Field(
         default=None,
         gt=0,
-        description="how long to wait, or to keep the lower speed",
+        description="how long to wait, or to keep the lower speed; null if it waits for the one that goes first",
     )
     speed_mps: float | None = Field(default=None, gt=0, description="the speed to slow down to")
     where: str = Field(default="", description="where to go or to look, for people; empty if it is the robot's place")

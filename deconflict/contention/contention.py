@@ -29,6 +29,13 @@ from deconflict.contention.waiting.blockage_advice import blockage_advice
 from deconflict.contention.waiting.blockages import Blockage, blockages
 from deconflict.contention.waiting.deadlocks import RingLink, rings
 from deconflict.contention.waiting.detours import Refuge
+from deconflict.contention.waiting.free_crossings import (
+    Crossing,
+    crossing_advice,
+    crossing_of,
+    crossing_wants,
+    mutual_waits,
+)
 from deconflict.contention.waiting.wait_graph import (
     Hindrance,
     Leg,
@@ -83,6 +90,8 @@ class Contention:
         """When the last look was, and the last forecast of who will need a charger."""
         self._queues: dict[str, QueueForecast] = {}
         self._rings: list[tuple[RingLink, ...]] = []
+        self.crossings: Sequence[Crossing] = ()
+        """Where robots stood for each other before a free crossing when it was last looked for."""
         self._needs: list[ChargingNeed] = []
         self._shortages: list[ChargerShortage] = []
         measures.call_before_reading(self._measure)
@@ -183,10 +192,11 @@ class Contention:
                 yield findings.shortage(self.geometry, shortage, self.robots, now_s)
 
     def _double_occupancies(self, now_s: float) -> Iterable[Finding]:
-        """Places with more robots inside than their capacity."""
+        """Places with more robots inside, also by their newest reports, than their capacity."""
         for place, queue in self._queues.items():
             if queue.inside > self.geometry.capacity(place):
-                group = largest_group_at_one_height(queue.entries[: queue.inside])
+                inside = [entry for entry in queue.entries[: queue.inside] if self.robots[entry.robot].was_in(place)]
+                group = largest_group_at_one_height(inside)
                 if len(group) > self.geometry.capacity(place):
                     yield findings.double_occupancy(self.geometry, place, queue, group, now_s)
 
@@ -198,11 +208,16 @@ class Contention:
         capacity = {resource.id: resource.capacity for resource in self.geometry.resources.values()}
         wants = place_wants(journeys, capacity)
         for_good = [each for each in in_way if self.robots[each.waiter].vendor not in self._people]
-        self._rings = rings([*wants, *aisle_wants(passing, aisles), *way_wants(for_good, self.robots, aisles, now_s)])
+        crossings = mutual_waits(self.crossings, self.robots, self._people)
+        wants += [*aisle_wants(passing, aisles), *crossing_wants(crossings.values())]
+        self._rings = rings([*wants, *way_wants(for_good, self.robots, aisles, now_s)])
         found = blockages(in_way, self.robots)
         found = self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s)
         refuges = self._refuges() if self._rings or found else []
         for ring in self._rings:
+            if crossing := crossing_of(ring, crossings):
+                yield findings.mutual_wait(ring, crossing, crossing_advice(crossing, self.robots), self.robots, now_s)
+                continue
             advice = self._advice.way_out(ring, self.robots, refuges, now_s)
             yield findings.deadlock(self.geometry, ring, advice, self.robots, now_s)
         for blocked in found:

@@ -1,11 +1,12 @@
 """The findings of a look: their text, location, severity and evidence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from deconflict.advisories.finding_lifecycle import Finding
 from deconflict.advisories.severity import severity_of_deadlock, severity_of_finding
 from deconflict.advisories.words import finding_words
 from deconflict.advisories.words.finding_words import Named, advised_slots, shortened, way_out
+from deconflict.advisories.words.words import RevisionWords
 from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast
@@ -14,6 +15,7 @@ from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.slot_actions import with_queue_actions, with_ring_actions
 from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.deadlocks import RingLink
+from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.contention.waiting.standing_reasons import state_phrase
 
 
@@ -106,25 +108,61 @@ def deadlock(
 ) -> Finding:
     """Robots that will wait for each other in a ring, from when the last of them waits."""
     begins_s = max(*(link.from_s for link in ring), now_s)
-    first = ring[0]
     places, name = {link.where for link in ring}, _namer(robots)
     zone = next((link.where for link in ring if link.where != "path"), None)
-    waiter = robots[first.waiter]
-    left_s = begins_s - now_s
-    return Finding(
-        kind="deadlock",
-        about=" ".join(sorted({link.waiter for link in ring})),
-        severity=severity_of_deadlock(left_s),
-        robots=tuple(sorted({link.waiter for link in ring})),
-        predicted_s=begins_s,
-        location=geometry.location(zone) if zone else Location(datum=waiter.datum, x=waiter.x_m, y=waiter.y_m),
-        words=lambda: finding_words.deadlock(
+    waiter = robots[ring[0].waiter]
+    return _ring_finding(
+        ring,
+        geometry.location(zone) if zone else Location(datum=waiter.datum, x=waiter.x_m, y=waiter.y_m),
+        lambda: finding_words.deadlock(
             [name(link.waiter) for link in ring],
             sorted({geometry.label(place) for place in places if place != "path"}),
-            left_s,
+            begins_s - now_s,
             way_out(advice, places, name, geometry.label),
         ),
-        recommendation=with_ring_actions(advice, ring, geometry, robots, now_s),
+        with_ring_actions(advice, ring, geometry, robots, now_s),
+        now_s,
+    )
+
+
+def mutual_wait(
+    ring: Sequence[RingLink],
+    crossing: Crossing,
+    advice: Recommendation,
+    robots: Mapping[str, RobotView],
+    now_s: float,
+) -> Finding:
+    """Robots that stand before a free crossing, each for the other. `ring` are their two waits."""
+    x_m, y_m = crossing.middle_m
+    first = robots[crossing.first]
+    names = [robots[link.waiter].name for link in ring]
+    return _ring_finding(
+        ring,
+        Location(datum=first.datum, x=round(x_m, 3), y=round(y_m, 3)),
+        lambda: finding_words.mutual_wait(names, now_s - crossing.since_s, first.name),
+        advice,
+        now_s,
+    )
+
+
+def _ring_finding(
+    ring: Sequence[RingLink],
+    location: Location,
+    words: Callable[[], RevisionWords],
+    advice: Recommendation | None,
+    now_s: float,
+) -> Finding:
+    begins_s = max(*(link.from_s for link in ring), now_s)
+    waiters = tuple(sorted({link.waiter for link in ring}))
+    return Finding(
+        kind="deadlock",
+        about=" ".join(waiters),
+        severity=severity_of_deadlock(begins_s - now_s),
+        robots=waiters,
+        predicted_s=begins_s,
+        location=location,
+        words=words,
+        recommendation=advice,
         evidence={
             "cycle": tuple(
                 Wait(waiter=link.waiter, holder=link.holder, where=link.where, from_at=moment(link.from_s))

@@ -78,5 +78,9 @@ class SharedAdvisories:
         return [*revisions, *self._claims.step(now_s)]
 
     def advise(self, now_s: float, answers: Iterable[AnsweredAdvice]) -> list[RobotAdvice]:
-        """What is asked of robots, and what changed of it."""
-        return self.asked.step(self.contention.robots, now_s, answers) if self._enabled else []
+        """What is asked of robots, and what changed of it. The next look of contention tells people of mutual waits."""
+        if not self._enabled:
+            return []
+        revisions = self.asked.step(self.contention.robots, now_s, answers)
+        self.contention.crossings = self.asked.crossings
+        return revisions

@@ -10,3 +10,7 @@ LOST_S, MOVES_MPS = 1.0, 0.3
 """A robot gives way if it drove at least this fast, and loses this much time."""
 RESTING_STATES = frozenset(("charging", "disabled", "offline"))
 """Operational states of robots that stay where they are."""
+CROSSING_S = 8.0
+"""Robots that have stood for so long before a free crossing wait for each other, whatever they say."""
+CROSSING_M = 4.6
+"""How far robots stop before it, at most: as far as the largest crossings need."""

@@ -23,11 +23,14 @@ class Published:
     """Revisions, as `deconflict replay --advisories` writes them."""
     samples: list[Sample] = field(default_factory=list)
     """Probabilities, once a second."""
+    lost_s: float = 0.0
+    """Seconds that robots lost to each other, in losses that have ended or parts of long ones."""
 
     def add_pass(self, engine: EngineRun, engine_pass: EnginePass) -> None:
         """Run one pass of the engine and keep its output."""
         output = engine.advance(engine_pass)
         self.revisions += [revision.model_dump(mode="json") for revision in output.advisories]
+        self.lost_s += sum(loss.lost_s for loss in output.losses)
         for (a, b), probability in output.probabilities:
             self.samples.append((min((a, b), (b, a)), engine_pass.now_s, probability))
 

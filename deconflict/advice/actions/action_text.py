@@ -9,7 +9,7 @@ def action_text(action: Action) -> str:
     seconds = f" for {action.seconds:g} s" if action.seconds else ""
     match action.action:
         case "wait":
-            return f"{name} should wait {action.seconds or 0.0:g} s{where}"
+            return f"{name} should wait{seconds.removeprefix(' for')}{where}"
         case "slow_down":
             return f"{name} should slow down to {action.speed_mps or 0.0:g} m/s{seconds}"
         case "take_another_route":

@@ -72,6 +72,15 @@ def deadlock(names: Sequence[str], labels: Sequence[str], left_s: float, way_out
     )
 
 
+def mutual_wait(names: Sequence[str], stood_s: float, first: str) -> RevisionWords:
+    """Robots stand before a free crossing, each for the other."""
+    return words(
+        lambda when: f"{shortened(names)} have stood{when} before a free crossing: each waits for the other",
+        f" for {stood_s:.0f} s",
+        f"{first} should go first",
+    )
+
+
 def way_out(advice: Recommendation | None, places: Collection[str], name: Named, label: Named) -> list[str]:
     """What ends a ring of waits at some places."""
     if advice is None or advice.note or not advice.slots:

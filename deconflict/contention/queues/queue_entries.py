@@ -51,8 +51,8 @@ class QueueEntries:
         for zone, passage in robot.passages.items():
             through_s = min(passage.leave_s, float(passage.t_s[-1]) + LOOK_S) - max(passage.enter_s, now_s)
             coming, service_s = not self._flows.is_inside(robot.uuid, zone), max(through_s, 0.0)
-            heights_m = robot.bottom_m, robot.top_m
-            entries[zone].append(QueueEntry(coming, passage.enter_s, robot.uuid, service_s, LOOK_S, *heights_m))
+            arrival_s, heights_m = max(passage.enter_s, now_s if coming else -inf), (robot.bottom_m, robot.top_m)
+            entries[zone].append(QueueEntry(coming, arrival_s, robot.uuid, service_s, LOOK_S, *heights_m))
 
     def _add_stops(
         self, entries: dict[str, list[QueueEntry]], robot: RobotView, usual_s: Mapping[str, float], now_s: float

@@ -65,7 +65,7 @@ class ZoneFlows:
         inside: dict[str, list[RobotView]] = {zone: [] for zone in self.by_zone}
         for robot in passing:
             for zone, passage in robot.passages.items():
-                if passage.enter_s <= now_s < passage.leave_s:
+                if passage.is_inside(now_s):
                     inside[zone].append(robot)
         for zone, flow in self.by_zone.items():
             group = largest_group_at_one_height(inside[zone])

@@ -30,6 +30,11 @@ class Lookahead(NamedTuple):
     yaw_rad: Floats
     floor: Ints
 
+    def after(self, x_m: Floats, y_m: Floats, yaw_rad: Floats) -> Self:
+        """The same after other poses (n,), which count as at the time and on the floor of the first."""
+        first = self.t_s[:, 0], x_m, y_m, yaw_rad, self.floor[:, 0]
+        return type(self)(*(np.column_stack(columns) for columns in zip(first, self, strict=True)))
+
     def at_rows(self, rows: Ints) -> Self:
         columns = (self.t_s[rows], self.x_m[rows], self.y_m[rows], self.yaw_rad[rows])
         return type(self)(*columns, self.floor[rows])

@@ -1,7 +1,7 @@
 """Geometry of places: which resource a point is in, which zones an envelope passes through."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import dist, inf
 
 import numpy as np
@@ -24,7 +24,7 @@ class ZonePassage:
 
     zone: str
     enter_s: float
-    """The first time at which it is in the zone; now if it is inside."""
+    """The first time from now on at which it will be in the zone by its path; now if it is inside."""
     leave_s: float
     """When it is out; inf if that is beyond the forecast."""
     t_s: Floats
@@ -33,6 +33,14 @@ class ZonePassage:
     """(k,) position of its centre along the aisle's axis; zeros if the zone has no axis."""
     across_m: float = 0.0
     """Mean distance of its centre to the left of the axis."""
+    was_inside: bool = False
+    """Whether a part of it was in the zone at its newest report."""
+    rests: bool = False
+    """Whether it rested there: then it is where it was, wherever its path leads."""
+
+    def is_inside(self, now_s: float) -> bool:
+        """Whether a part of it is in the zone."""
+        return self.was_inside if self.rests else self.enter_s <= now_s < self.leave_s
 
     @property
     def direction(self) -> int:
@@ -80,7 +88,7 @@ class _FloorOutlines:
         return np.array([row for row in rows if datums[row] == self.datum], np.int64)
 
     def touched(self, index: Ints, view: Lookahead, who: Ints, length_m: Floats, width_m: Floats) -> Bools:
-        """(pairs, STEPS + 1) whether the envelopes of the robots `who` touch the outlines `index`, both (pairs,).
+        """(pairs, k) whether the envelopes of the robots `who` touch the outlines `index`, both (pairs,).
 
         Shapes are compared only if the centre is near enough.
         """
@@ -163,29 +171,36 @@ class PlaceGeometry:
         """The same for zones."""
         return [(floor.datum, floor.bounds_m) for floor in self._zones]
 
-    def passages(self, datums: Sequence[str], bodies: BodiesAhead) -> dict[int, dict[str, ZonePassage]]:
-        """By row and zone, the passages of each robot with its trailers while they stay on its floor."""
+    def passages(self, datums: Sequence[str], bodies: BodiesAhead, rests: Bools) -> dict[int, dict[str, ZonePassage]]:
+        """By row and zone, the passages of each robot with its trailers while they stay on its floor.
+
+        `rests` (rows,) is whether a robot rests where it was last reported.
+        """
         found: dict[int, dict[str, ZonePassage]] = {}
         if not self._zones:
             return found
-        robot, view, paths, length_m, width_m = bodies
+        robot, view, paths, length_m, width_m, reported = bodies
+        seen = view.after(*reported.T)
         datums, reach_m = [datums[row] for row in robot.tolist()], np.hypot(length_m, width_m) / 2
-        boxes_m = enlarged(paths.boxes_m, reach_m)
+        lines_m = np.concatenate([reported[:, None, :2], paths.lines_m], axis=1)
+        boxes_m = enlarged(np.hstack([lines_m.min(axis=1), lines_m.max(axis=1)]), reach_m)
         for floor in self._zones:
             rows = floor.near(datums, boxes_m)
             if not len(rows):
                 continue
-            lines = shapely.linestrings(paths.lines_m[rows])
+            lines = shapely.linestrings(lines_m[rows])
             near, index = floor.tree.query(lines, predicate="dwithin", distance=reach_m[rows])
             who = rows[near]
-            inside = floor.touched(index, view, who, length_m[who], width_m[who])
-            inside &= view.floor[who] == view.floor[who, :1]
-            pairs = np.flatnonzero(inside.any(axis=1))
+            inside = floor.touched(index, seen, who, length_m[who], width_m[who])
+            inside &= seen.floor[who] == view.floor[who, :1]
+            inside[:, 1] = np.where(rests[robot[who]], inside[:, 0], inside[:, 1])
+            pairs = np.flatnonzero(inside[:, 1:].any(axis=1))
             rows, zones, inside = _of_robots(robot[who[pairs]], index[pairs], inside[pairs])
-            runs = zip(rows.tolist(), zones.tolist(), *_first_runs(inside), strict=True)
-            for row, at, first, end in runs:
+            was_inside, runs = inside[:, 0].tolist(), _first_runs(inside[:, 1:])
+            for row, at, was, first, end in zip(rows.tolist(), zones.tolist(), was_inside, *runs, strict=True):
                 zone = floor.ids[at]
-                found.setdefault(row, {})[zone] = self._passage(zone, view, row, first, end)
+                passage = self._passage(zone, view, row, first, end)
+                found.setdefault(row, {})[zone] = replace(passage, was_inside=was, rests=bool(rests[row]))
         return found
 
     def _passage(self, zone: str, view: Lookahead, row: int, first: int, end: int) -> ZonePassage:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.ops import substring
 
 from deconflict.contention.robots.bounding_boxes import write_box
-from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, Lookahead, PathsAhead
+from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, STEPS, Lookahead, PathsAhead
 from ingest.batch import Basis, Bools, Floats, Ints
 from ingest.kernels import copy_rows, inner, kernel
 
@@ -21,6 +21,8 @@ STANDS_M = 0.1
 """A robot that has moved no farther than this stands."""
 RESTS_M, RESTS_RAD = 0.05, 0.05
 """A robot whose reports differ by no more than this is at rest, wherever it says that it will be."""
+RESTS_S = 0.8
+"""A robot that rests for so long between two reports stands there."""
 STANDS_S = 3.0
 """A robot that is forecast to move stands only after this long."""
 WAY_M = 0.5
@@ -105,6 +107,8 @@ MOVES = 1 << 5
 """Bit: it has moved since it stopped on its path."""
 WAIT_ENDS = 1 << 6
 """Bit: it moves on, or rests."""
+AT_REST = 1 << 7
+"""Bit: it rests where it is reported, wherever its path leads."""
 
 
 class Outlines(NamedTuple):
@@ -177,12 +181,15 @@ def _update_rest(robot: Any, event_s: float, pose: Floats) -> None:
 def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Outlines, spare_m: float) -> int:
     """Update whether a robot is near a resource and its path near a zone; bits if it is, or was before."""
     was_beside, passed = robot.beside, robot.passes
-    floor, x, y = robot.floor, robot.x_m, robot.y_m
+    rests = robot.event_s - robot.rests_s >= RESTS_S
+    floor, x, y = robot.floor, robot.reported_x_m if rests else robot.x_m, robot.reported_y_m if rests else robot.y_m
     reach_m = hypot(robot.length_m, robot.width_m) / 2 + spare_m
     west, south, east, north = path_box_m
+    west, south, east, north = min(west, x), min(south, y), max(east, x), max(north, y)
     robot.beside = _touches(floor, x, y, x, y, resources)
     robot.passes = _touches(floor, west - reach_m, south - reach_m, east + reach_m, north + reach_m, zones)
-    return (RESOURCE if robot.beside or was_beside else 0) | (PASSAGES if robot.passes or passed else 0)
+    bits = AT_REST if rests else 0
+    return bits | (RESOURCE if robot.beside or was_beside else 0) | (PASSAGES if robot.passes or passed else 0)
 
 
 @kernel(
@@ -304,9 +311,22 @@ def collect_boxes(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats
     return ends_m, standing_m, going_m, end, stander, goer
 
 
+def resting(records: Records) -> Bools:
+    """(n,) which robots rest where they are reported, wherever their paths lead."""
+    rests: Bools = records["event_s"] - records["rests_s"] >= RESTS_S
+    return rests
+
+
 def rest_of(path: shapely.LineString, here: shapely.Point, length_m: float) -> shapely.LineString | None:
     """What is left of the path of a robot that stands `here`; None if it has reached its end, or is off it."""
     done_m = float(shapely.line_locate_point(path, here))
     if path.length - done_m < WAY_M or shapely.distance(path, here) > length_m:
         return None
     return path if done_m == 0 else substring(path, done_m, path.length)
+
+
+def steps_along(path: shapely.LineString) -> Floats:
+    """(STEPS + 1, 2) points along a path, equally far from each other."""
+    points = shapely.line_interpolate_point(path, np.linspace(0.0, 1.0, STEPS + 1), normalized=True)
+    steps_m: Floats = shapely.get_coordinates(points)
+    return steps_m

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deconflict.contention.robots import record_kernels
 from deconflict.contention.robots.arrival_forecast import ArrivalCorrections, ArrivalForecast
 from deconflict.contention.robots.battery_use import BatteryUse
-from deconflict.contention.robots.bodies_ahead import bodies_ahead
+from deconflict.contention.robots.bodies_ahead import bodies_ahead, reported_poses
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
 from deconflict.contention.robots.destinations import PlannedStop, is_at, postpone_overdue, write_stops
 from deconflict.contention.robots.lookahead import (
@@ -24,6 +24,7 @@ from deconflict.contention.robots.lookahead import (
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
 from deconflict.contention.robots.record_kernels import (
+    AT_REST,
     ROBOT,
     STANDS_M,
     STOP,
@@ -32,7 +33,7 @@ from deconflict.contention.robots.record_kernels import (
     rest_of,
     update_records,
 )
-from deconflict.contention.robots.robot_view import RobotView, first_fields, reported_poses
+from deconflict.contention.robots.robot_view import RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.trailers import rows_of_trains
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
@@ -113,9 +114,7 @@ class RobotTable(Mapping[str, RobotView]):
         self._grow(len(self._slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
         self._names.update(zip(batch.robots, first_fields(batch), strict=True))
-        level_before_pct = self._add_levels(batch, slots)
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
-        sizes_m = ready(f.length_m), ready(f.width_m), ready(f.bottom_m), ready(f.top_m)
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         stale = update_records(
             self.records,
@@ -128,7 +127,7 @@ class RobotTable(Mapping[str, RobotView]):
             ready(batch.basis, np.int64),
             view,
             paths,
-            sizes_m,
+            (ready(f.length_m), ready(f.width_m), ready(f.bottom_m), ready(f.top_m)),
             counts,
             bound,
             self._resources,
@@ -136,7 +135,7 @@ class RobotTable(Mapping[str, RobotView]):
             ROUNDING_M,
         )
         stale[rows_of_trains(f)] |= record_kernels.PASSAGES
-        left = self._update_places(batch, view, paths, slots, stale, level_before_pct) if stale.any() else []
+        left = self._update_places(batch, view, paths, slots, stale, self._add_levels(batch, slots))
         if len(batch.destinations.t_s):
             postpone_overdue(self.records, self.stops, slots, batch.now_s, corrections)
         return left
@@ -155,28 +154,31 @@ class RobotTable(Mapping[str, RobotView]):
 
         If a robot is in the batch twice, its second row decides where it goes.
         """
+        if not (stale & ~AT_REST).any():
+            return []
         newest = self.records["row"][slots] == np.arange(len(slots))
         rows = np.flatnonzero(stale & record_kernels.PASSAGES)
         for slot in slots[rows].tolist():
             self._passages.pop(slot, None)
-        self._update_passages(batch, view, paths, slots, rows[newest[rows]])
+        self._update_passages(batch, view, paths, slots, rows[newest[rows]], stale)
         self._update_paths_left(batch, view, slots, stale)
         rows = np.flatnonzero(stale & record_kernels.RESOURCE)
-        left = self._update_resources(batch, view, slots, rows, level_before_pct)
+        left = self._update_resources(batch, view, slots, rows, stale, level_before_pct)
         self._locate_stops(slots[newest & (stale & record_kernels.STOPS > 0)])
         ends = np.flatnonzero(newest & (stale & record_kernels.PATH_END > 0))
         self._infer_stops(batch, view, slots, ends[self.records["stops"][slots[ends]] == 0])
         return left
 
     def _update_resources(
-        self, batch: Batch, view: Lookahead, slots: Ints, rows: Ints, level_before_pct: Floats
+        self, batch: Batch, view: Lookahead, slots: Ints, rows: Ints, stale: Ints, level_before_pct: Floats
     ) -> list[tuple[str, float]]:
         """Update which robot has which resource; for what it returns see `update`."""
         if not len(rows):
             return []
-        left = []
-        here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), view.x_m[rows, 0], view.y_m[rows, 0])
-        chargers = self._geometry.chargers
+        left, chargers = list[tuple[str, float]](), self._geometry.chargers
+        reported_m, believed_m = reported_poses(batch.forecasts)[rows].T, (view.x_m[rows, 0], view.y_m[rows, 0])
+        x_m, y_m = (np.where(stale[rows] & AT_REST, *at_m) for at_m in zip(reported_m, believed_m, strict=False))
+        here = self._geometry.resources_at(batch.datums(view.floor[rows, 0]), x_m, y_m)
         for row, slot, place in zip(rows.tolist(), slots[rows].tolist(), here, strict=True):
             (before, came_s), event_s = self._here.get(slot, (None, 0.0)), float(batch.event_s[row])
             if place != before:
@@ -194,13 +196,14 @@ class RobotTable(Mapping[str, RobotView]):
                 self.records["here"][slot] = place is not None
         return left
 
-    def _update_passages(self, batch: Batch, view: Lookahead, paths: PathsAhead, slots: Ints, rows: Ints) -> None:
+    def _update_passages(
+        self, batch: Batch, view: Lookahead, paths: PathsAhead, slots: Ints, rows: Ints, stale: Ints
+    ) -> None:
         """Update which zones are on the way of the robots of `rows`."""
         if not len(rows):
             return
-        forecasts = batch.forecasts.take(rows)
-        bodies = bodies_ahead(forecasts, view.at_rows(rows), paths.at_rows(rows), batch.now_s)
-        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies)
+        bodies = bodies_ahead(batch.forecasts.take(rows), view.at_rows(rows), paths.at_rows(rows), batch.now_s)
+        found = self._geometry.passages(batch.datums(view.floor[rows, 0]), bodies, stale[rows] & AT_REST > 0)
         self._passages |= {int(slots[rows[row]]): passages for row, passages in found.items()}
 
     def _update_paths_left(self, batch: Batch, view: Lookahead, slots: Ints, stale: Ints) -> None:
@@ -224,11 +227,10 @@ class RobotTable(Mapping[str, RobotView]):
             return
         which, number = np.nonzero(np.arange(self.stops.shape[1]) < self.records["stops"][slots][:, None])
         stops = self.stops[slots[which], number]
-        datums = [self.datum(floor) for floor in stops["floor"].tolist()]
+        datums = list(map(self.datum, stops["floor"].tolist()))
         found = self._geometry.resources_at(datums, stops["x_m"].copy(), stops["y_m"].copy())
-        self.stops["resource"][slots[which], number] = [
-            -1 if place is None else self._place_number[place] for place in found
-        ]
+        numbers = [-1 if place is None else self._place_number[place] for place in found]
+        self.stops["resource"][slots[which], number] = numbers
         for slot in slots.tolist():
             if slot in self._here:
                 self._drop_reached_stops(slot, self._place_number[self._here[slot][0]])
@@ -275,9 +277,8 @@ class RobotTable(Mapping[str, RobotView]):
 
     def _grow(self, slots: int) -> None:
         if slots > len(self.records):
-            more = (0, slots)
-            self.records, self.stops = np.pad(self.records, more), np.pad(self.stops, (more, (0, 0)))
-            self._paths = np.pad(self._paths, (more, (0, 0), (0, 0)))
+            self.records, self.stops = np.pad(self.records, (0, slots)), np.pad(self.stops, ((0, slots), (0, 0)))
+            self._paths = np.pad(self._paths, ((0, slots), (0, 0), (0, 0)))
             self.batteries.make_room(len(self.records))
 
     def datum(self, floor: int) -> str:
@@ -336,14 +337,13 @@ class RobotTable(Mapping[str, RobotView]):
         record = self.records[self._slots.by_uuid[uuid]]
         return float(record["reported_x_m"]), float(record["reported_y_m"]), float(record["reported_yaw_rad"])
 
-    def ways_m(self, slots: Ints) -> Floats:
-        """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. Those that do not go stay."""
-        here_m = np.stack([self.records[name][slots] for name in ("x_m", "y_m")], axis=1)[:, None]
-        return np.where(self.records["goes"][slots][:, None, None], self._paths[slots], here_m)
+    def rests_since_s(self, uuid: str) -> float:
+        """Since when a robot is reported where it is."""
+        return float(self.records["rests_s"][self._slots.by_uuid[uuid]])
 
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""
         left = [self._paths_left.get(slot) for slot in slots]
-        moving = [slot for slot, path in zip(slots, left, strict=True) if path is None]
-        lines = iter(shapely.linestrings(self._paths[moving]))
+        moving_m = self._paths[[slot for slot, path in zip(slots, left, strict=True) if path is None]]
+        lines = iter(shapely.linestrings(moving_m))
         return [next(lines) if path is None else path for path in left]

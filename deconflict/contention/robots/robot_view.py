@@ -3,13 +3,11 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from deconflict.contention.robots.destinations import PlannedStop
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.place_geometry import ZonePassage
 from deconflict.sweep.shapes.trailers import rows_of_trains
-from ingest.batch import Batch, Floats, Forecasts
+from ingest.batch import Batch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,18 +58,17 @@ class RobotView:
     def is_inside(self, zone: str, now_s: float) -> bool:
         """Whether a part of it is in a zone."""
         passage = self.passages.get(zone)
-        return passage is not None and passage.enter_s <= now_s
+        return passage is not None and passage.is_inside(now_s)
+
+    def was_in(self, place: str) -> bool:
+        """Whether it had a resource, or a part of it was in a zone, at its newest report."""
+        passage = self.passages.get(place)
+        return passage.was_inside if passage else self.here == place
 
     @property
     def speed_mps(self) -> float:
         """Along its path; walking pace if it is not forecast to move."""
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
-
-
-def reported_poses(forecasts: Forecasts) -> Floats:
-    """(n, 3) x, y and yaw of each robot in its newest report: its first knot."""
-    first = forecasts.start[:-1]
-    return np.column_stack([forecasts.x_m[first], forecasts.y_m[first], forecasts.yaw_rad[first]])
 
 
 def first_fields(batch: Batch) -> Iterator[tuple[str, str, str, bool, float]]:

@@ -13,8 +13,9 @@ from deconflict.foresight.interactions.interaction_finder import Interaction, In
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
 from deconflict.foresight.losses.blockers import KnownRobots
+from deconflict.foresight.losses.losing import LOSING, ORDER, RESTS
 from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
-from deconflict.foresight.losses.loss_kernels import LOSING, ORDER, REFERENCES, RESTS, lost_times
+from deconflict.foresight.losses.loss_kernels import REFERENCES, lost_times
 from deconflict.foresight.losses.travel_states import travel_states
 from deconflict.foresight.losses.usual_times import MOST_KINDS, no_usual_times
 from deconflict.foresight.motion_assumptions import MOVES_MPS
@@ -208,7 +209,7 @@ class LossFinder:
             other[2] - here[2],
             stands=self._speed_mps(by) < MOVES_MPS,
             waits=self._states["blocker"][by] != NOBODY,
-            for_each_other=for_each_other,
+            for_each_other=for_each_other or bool(lost["is_mutual"]),
         )
         floor = int(robots.floor[row, robots.newest[row]])
         return _OpenLoss(by, root, kind, from_s, from_s, floor, float(here[0]), float(here[1]))

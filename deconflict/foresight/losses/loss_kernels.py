@@ -3,7 +3,9 @@
 A robot loses what it needs longer than planned from one report to the next. Planned is the shortest time of its recent
 forecasts, and of those that it made before it began to lose time: later ones already allow for braking. While it loses
 time, it has a blocker (see `blockers`). Once that one has left the way, what the robot loses until it drives as planned
-is still because of it.
+is still because of it. Where nobody is in its way, it may stand for a robot that stands for it (see `crossing_waits`).
+
+`lost_times` is long because it is one loop that passes the state of a robot from step to step.
 """
 
 from math import hypot, inf
@@ -11,7 +13,6 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.foresight.losses.blockers import (
     FARTHEST_M,
@@ -21,8 +22,22 @@ from deconflict.foresight.losses.blockers import (
     find_blocker,
     way_ahead,
 )
+from deconflict.foresight.losses.crossing_waits import mutual_wait, note_standing
+from deconflict.foresight.losses.losing import (
+    APART_S,
+    GOES,
+    LOSING_TYPE,
+    LOST,
+    LOST_TYPE,
+    NO_WAY,
+    ORDER,
+    STANDS_M,
+    WAITS,
+    Losing,
+    LostTimes,
+)
 from deconflict.foresight.losses.loss import NOBODY
-from deconflict.foresight.losses.planned_times import TURN_M, beside_s, planned_s
+from deconflict.foresight.losses.planned_times import beside_s, planned_s, way_between_m
 from deconflict.foresight.losses.usual_times import USUAL, UsualTimes, learn_pass, usual_s
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Floats, Ints
@@ -33,8 +48,6 @@ REFERENCES = 5
 """Forecasts from before a robot began to lose time that are kept until it drives as planned."""
 CREEPS_MPS = 0.15
 """A robot without a path loses time from when it is slower: it may be slow in a bend, or where it arrives."""
-STANDS_M = 0.05
-"""A robot that came less far stands."""
 LOSES_SHARE = 0.1
 """A robot loses time if it needs this share of a second longer for each second."""
 RISES_MPS = 0.1
@@ -43,71 +56,23 @@ KEEPS_S = 12.0
 """After a blocker was last in the way, it stays the cause for this long."""
 BEFORE_S = 2.5
 """What a robot lost this long before its blocker was seen is because of it, too."""
-APART_S = 6.0
-"""Reports further apart do not tell how much time was lost."""
 AGAIN_USUAL_S = 5.0
 """A robot drives as usual again this long after it last lost time."""
 FASTEST_MPS, FADES = 2.0, 0.999
 """Greatest usual speed, and how much of it is left after a report of a slower robot."""
-RESTS, WAITS, GOES = range(3)
-"""What a robot says of itself: it is not on its way, it waits, or it is on its way."""
-NO_WAY, VELOCITY, ORDER, PATH = range(4)
-"""What the forecast of a robot tells: not where it goes, only whither it drives now, its way, or its way and times."""
 BENDS_RAD, LOOK_S, BENDS_AHEAD_RAD = 0.25, 3, 1.2
 """A robot drives in a bend if it turns by more than the first from one report to the next, or plans to turn by more
 than the last within `LOOK_S`."""
 LEAVES_M = 1.0
 """A robot that waits is on its way if its last plan led further than this."""
 
-LOSING = np.dtype(
-    [
-        ("known", np.bool_),  # the robot has a report
-        ("heard_s", np.float64),  # time of its last report
-        ("loses", np.bool_),  # it lost time until its last report
-        ("blocker", np.int64),  # slot of the robot because of which; NOBODY if none is known
-        ("seen_s", np.float64),  # when the blocker was last in its way
-        ("is_on_way", np.bool_),  # the blocker was on its way, and did not only cross it
-        ("went", np.int64),  # what the robot said of itself at its last report
-        ("references", np.int64),  # number of kept forecasts from before it began to lose time
-        ("usual_mps", np.float64),  # speed at which it drives if nothing is in its way
-        ("pending_s", np.float64),  # lost since `pending_from_s`, before a blocker was seen
-        ("pending_from_s", np.float64),
-        ("pending_over_s", np.float64),  # the same against the usual time
-        ("lost_at_s", np.float64),  # when it last lost time
-    ],
-    align=True,
-)
-LOST = np.dtype(
-    [
-        ("row", np.int64),  # of the reports
-        ("blocker", np.int64),  # slot; NOBODY if no robot was in the way
-        ("from_s", np.float64),
-        ("until_s", np.float64),
-        ("lost_s", np.float64),
-        ("over_s", np.float64),  # what it needed longer than usual
-        ("is_on_way", np.bool_),  # the blocker was on the way, and did not only cross it
-    ],
-    align=True,
-)
-Losing = NDArray[Any]
-"""Of `LOSING`."""
-LostTimes = NDArray[Any]
-"""Of `LOST`."""
-
 _turn_between = inner(turn_between)
-_LOSING, _LOST = (numba.from_dtype(dtype)[::1] for dtype in (LOSING, LOST))
 _READ_ONLY = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 
 @inner
 def _is_moving(track: Floats) -> bool:
     return hypot(track[-1, 0] - track[0, 0], track[-1, 1] - track[0, 1]) > MOVES_MPS
-
-
-@inner
-def _went_m(before: Floats, now: Floats) -> float:
-    turn_m = TURN_M * _turn_between(before[2], now[2])
-    return hypot(hypot(now[0] - before[0], now[1] - before[1]), turn_m)
 
 
 @inner
@@ -132,7 +97,7 @@ def _needed_s(robots: KnownRobots, state: Any, references: Floats, slot: int, la
     kept = robots.t_s.shape[1]
     newest = robots.newest[slot]
     before, now = robots.tracks[slot, (newest - 1) % kept, 0], robots.tracks[slot, newest, 0]
-    went_m, came_m = _went_m(before, now), hypot(now[0] - before[0], now[1] - before[1])
+    went_m, came_m = way_between_m(before, now), hypot(now[0] - before[0], now[1] - before[1])
     if came_m < STANDS_M <= went_m:
         return lasted_s
     needed_s, has_plan = lasted_s, state.references > 0
@@ -198,7 +163,7 @@ def _drives_on(state: Any) -> None:
 def _is_going(robots: KnownRobots, state: Any, slot: int, goes: int) -> bool:
     """Whether a robot is on its way. One that waits, and names no destination, is if its last plan led on."""
     if goes != WAITS:
-        return bool(goes == GOES and state.went != RESTS)
+        return bool(goes == GOES and state.went in (GOES, WAITS))
     here = robots.tracks[slot, robots.newest[slot], 0]
     end = robots.ways[slot, robots.ways.shape[1] - 1]
     return bool(state.loses and state.blocker != NOBODY and hypot(end[0] - here[0], end[1] - here[1]) > LEAVES_M)
@@ -269,6 +234,25 @@ def _with_pending(state: Any, from_s: float, now_s: float, lost_s: float, over_s
 
 
 @inner
+def _with_mutual_wait(
+    states: Losing, slot: int, other: int, from_s: float, lost_s: float, over_s: float
+) -> tuple[float, float, float]:
+    """From when on a robot has lost how much, by its plan and against the usual time, where it waits for `other`, which
+    waits for it: all the time for which both have stood, if nobody else was in its way."""
+    state = states[slot]
+    if other == NOBODY or state.blocker not in (NOBODY, other):
+        return from_s, lost_s, over_s
+    if state.blocker == NOBODY:
+        state.pending_s, state.is_on_way = 0.0, False
+        from_s = max(state.stood_s, states[other].stood_s, state.booked_s)
+        lost_s = over_s = 0.0
+    if lost_s <= 0.0:
+        lost_s = over_s = state.heard_s - from_s
+    state.blocker, state.seen_s = other, state.heard_s
+    return from_s, lost_s, over_s
+
+
+@inner
 def _over_usual_s(
     usual: UsualTimes, robots: KnownRobots, state: Any, slot: int, kind: int, goes: int, lost_s: float
 ) -> float:
@@ -293,8 +277,8 @@ def _over_usual_s(
 
 
 @kernel(
-    _LOST(
-        _LOSING,
+    LOST_TYPE(
+        LOSING_TYPE,
         numba.float64[:, :, :, ::1],
         KNOWN,
         numba.int64[::1],
@@ -329,19 +313,26 @@ def lost_times(
             continue
         if plans[row] > NO_WAY and _is_moving(robots.tracks[slot, newest]):
             _keep_way(robots, slot)
+            state.is_planned = plans[row] >= ORDER
+        note_standing(robots, state, slot, goes[row])
         lost_s = _lost_s(robots, state, references, slot, goes[row], plans[row])
         over_s = _over_usual_s(usual, robots, state, slot, kinds[row], goes[row], lost_s)
         from_s, state.known, state.heard_s, state.went = state.heard_s, True, now_s, goes[row]
-        if lost_s <= 0.0:
+        other = mutual_wait(robots, states, slot)
+        if lost_s <= 0.0 and other == NOBODY:
             _drives_on(state)
         elif robots.has_way[slot]:
             if not state.loses:
                 _keep_references(robots, state, references, slot)
                 state.loses = True
-            _look_for_blocker(robots, state, slot, plans[row])
+            if lost_s > 0.0:
+                _look_for_blocker(robots, state, slot, plans[row])
+            from_s, lost_s, over_s = _with_mutual_wait(states, slot, other, from_s, lost_s, over_s)
             found[n].row, found[n].blocker, found[n].until_s = row, state.blocker, now_s
             from_s, lost_s, over_s = _with_pending(state, from_s, now_s, lost_s, over_s)
             found[n].from_s, found[n].lost_s, found[n].over_s = from_s, lost_s, over_s
-            found[n].is_on_way = state.is_on_way
+            found[n].is_on_way, found[n].is_mutual = state.is_on_way, other != NOBODY and state.blocker == other
+            if state.blocker != NOBODY:
+                state.booked_s = now_s
             n += 1
     return found[:n].copy()

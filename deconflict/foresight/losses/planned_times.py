@@ -19,6 +19,13 @@ _turn_between = inner(turn_between)
 
 
 @inner
+def way_between_m(before: Floats, now: Floats) -> float:
+    """How far a robot went from one pose to another; its turn counts, too."""
+    turn_m = TURN_M * _turn_between(before[2], now[2])
+    return hypot(hypot(now[0] - before[0], now[1] - before[1]), turn_m)
+
+
+@inner
 def _leg_share(track: Floats, leg: int, x_m: float, y_m: float, yaw_rad: float) -> tuple[float, float]:
     """The share of a leg of a forecast at which it is nearest to a pose, and how far off that is."""
     leg_x, leg_y = track[leg + 1, 0] - track[leg, 0], track[leg + 1, 1] - track[leg, 1]

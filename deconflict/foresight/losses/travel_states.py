@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from deconflict.foresight.interactions.report_progress import EXPLAINS_STANDING
-from deconflict.foresight.losses.loss_kernels import GOES, NO_WAY, ORDER, PATH, RESTS, VELOCITY, WAITS
+from deconflict.foresight.losses.losing import GOES, HALTS, NO_WAY, ORDER, PATH, RESTS, VELOCITY, WAITS
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
@@ -24,7 +24,7 @@ class TravelStates(NamedTuple):
     """What n robots say of themselves. Arrays are (n,)."""
 
     goes: Ints
-    """`RESTS`, `WAITS` or `GOES`."""
+    """`RESTS`, `WAITS`, `GOES` or `HALTS`."""
     plans: Ints
     """What the forecast tells: `NO_WAY`, `VELOCITY`, `ORDER` or `PATH`."""
     has_destination: Bools
@@ -67,7 +67,7 @@ def _correct(
         if goes[row] == WAITS and has_destination[row]:
             goes[row] = GOES
         elif goes[row] == WAITS and names_destinations[row]:
-            goes[row] = RESTS
+            goes[row] = HALTS
         if navigates and reports_paths[row] and stands[row]:
             goes[row] = RESTS
         if goes[row] == GOES and plans[row] >= ORDER and _leads_nowhere(track[row]):

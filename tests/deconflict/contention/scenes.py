@@ -6,6 +6,7 @@ from math import atan2, hypot
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.engine import Engine
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
@@ -110,6 +111,8 @@ class Scene:
     site: Site
     robots: dict[str, Script]
     advisories: list[AnyAdvisory] = field(default_factory=list)
+    asked: list[RobotAdvice] = field(default_factory=list)
+    """Revisions of advice to robots."""
 
     def __post_init__(self) -> None:
         frames = FrameRegistry(self.site.datums, self.site.vendors)
@@ -128,6 +131,7 @@ class Scene:
                     self.fleet.receive(script.says(name, t), NOW_S + t, LINE)
             self.engine.receive(Batch.from_bytes(self.fleet.next_batch(NOW_S + t).to_bytes()))
             fresh += [advisory for advisory in self.engine.step(NOW_S + t) if advisory.kind != "conflict"]
+            self.asked += self.engine.advise(NOW_S + t)
         self.advisories += fresh
         return fresh
 
@@ -143,3 +147,26 @@ def cleared(advisories: Sequence[AnyAdvisory], kind: str) -> list[AnyAdvisory]:
 def after_s(advisory: AnyAdvisory) -> float:
     """When it was raised, since the start."""
     return advisory.raised_at.timestamp() - NOW_S
+
+
+SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
+LAG_S = 0.6
+"""Reports arrive so late."""
+
+
+@dataclass
+class Onwards(Script):
+    """A robot that means to go straight on at 1 m/s, whatever it does."""
+
+    def says(self, name: str, t: float, start_s: float = NOW_S) -> bytes:
+        t = max(t - LAG_S, 0.0)
+        x, y, yaw_rad = self.at(t)
+        dx, dy = SIDES[round(yaw_rad / 1.5708) % 4]
+        ahead = points(*((start_s + t + k, x + k * dx, y + k * dy, yaw_rad) for k in range(1, 11)))
+        return status(name, start_s + t, x, y, yaw_rad, path=ahead)
+
+
+def comes(side: int, to_m: float, vendor: str = "Alder", at_s: float = 8.0) -> Onwards:
+    """It comes from one side, and stops with its centre `to_m` before the middle at second `at_s`."""
+    dx, dy = SIDES[side % 4]
+    return Onwards([(0, -(at_s + to_m) * dx, -(at_s + to_m) * dy), (at_s, -to_m * dx, -to_m * dy)], vendor=vendor)

@@ -78,7 +78,8 @@ def _why_impossible(
     if taken := next((action.name for action in before.actions if action.robot in busy), None):
         return f"{taken} has something more urgent to do"
     first = before.actions[0]
-    is_over = first.action == "wait" and stood_s >= max(action.seconds or 0.0 for action in before.actions)
+    timed_s = [action.seconds for action in before.actions if action.seconds is not None]
+    is_over = first.action == "wait" and bool(timed_s) and stood_s >= max(timed_s)
     return f"the time for {first.name} to wait is over" if is_over else None
 
 

@@ -39,7 +39,7 @@ def forecast(*knots: tuple[float, float, float, int], yaw_rad: float = 0.0) -> F
 def passage(of: Forecasts, geometry: PlaceGeometry) -> ZonePassage | None:
     view = look_ahead(of, NOW_S)
     ways = paths_ahead(view, np.full(1, STEPS))
-    return geometry.passages([HALL], bodies_ahead(of, view, ways, NOW_S)).get(0, {}).get("lane")
+    return geometry.passages([HALL], bodies_ahead(of, view, ways, NOW_S), np.zeros(1, np.bool_)).get(0, {}).get("lane")
 
 
 def test_the_lookahead_interpolates_knots_and_stands_after_the_last() -> None:
