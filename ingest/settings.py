@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from pydantic_core import PydanticCustomError
 
 from ingest.shapes import MOST_PARTS, MOST_TRAILERS, Corner, ShapePart, outline_fault
+from ingest.verbs import Verb
 
 UNKNOWN = "unknown"
 """The vendor of a robot that no identity, connection or site file names."""
@@ -29,8 +30,6 @@ Envelope = tuple[Size, Size, Metres]
 """Length along the heading, width across it, and height, in metres. A height of 0 means unknown."""
 SecretSource = Annotated[str, Field(pattern=r"^((env|file):.+)?$")]
 """Source of a secret: `env:NAME` or `file:PATH`."""
-Verb = Literal["wait_before", "go_first", "step_aside", "go_around", "back_out", "other_way"]
-"""What advice may ask of a robot."""
 
 
 class Section(BaseModel):

@@ -20,7 +20,7 @@ COMPOSITION_ROOTS = ("deconflict/__main__", "deconflict/roles/__main__")
 LEVELS = {
     "": ["ingest", "deconflict", "metrics"],
     "ingest": [
-        "batch clocks kernels settings shapes",
+        "batch clocks kernels settings shapes verbs",
         "sizes",
         "frames languages measures security",
         "port",
@@ -51,7 +51,7 @@ LEVELS = {
     "benchmarks/planned_floors": ["truth", "logs", "floors scoring", "comparison"],
 }
 """By folder, its entries from the ground up. An entry may import entries of earlier levels and of its own level."""
-MOST_ENTRIES = {"deconflict": 16, "ingest": 14, "metrics": 12}
+MOST_ENTRIES = {"deconflict": 16, "ingest": 15, "metrics": 12}
 """Without `__init__.py` and `py.typed`; of any other folder a dozen."""
 MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 350, 40
 MOST_PARAMETERS = 16

@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from deconflict.advisory import Advisory, Location, Robot
-from ingest.settings import Verb
+from ingest.verbs import Verb
 
 
 class RobotAdvice(Advisory):
