@@ -3,6 +3,7 @@
 import asyncio
 import json
 import sys
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -38,12 +39,15 @@ def asked(number: int, verb: str) -> dict[str, object]:
 
 
 async def carried(face: Served, paused: Paused) -> None:
-    """A robot is asked to wait, the advice ends, and it is asked for what it cannot do."""
+    """A robot waits until the advice ends, or is over and nobody says so, and is asked for what it cannot do."""
     await until(lambda: paused.get("east") is False)
     waits = made_advice(1, **asked(1, "wait_before"))
     await face.publish(waits)
     await until(lambda: paused["east"])
     await face.publish(waits.cleared_revision(START.timestamp() + 5, ClearedCode.WITHDRAWN))
+    await until(lambda: not paused["east"])
+    await face.publish(made_advice(4, **asked(4, "wait_before"), latest_at=START + timedelta(seconds=2)))
+    await until(lambda: paused["east"])
     await until(lambda: not paused["east"])
     await face.publish(made_advice(2, **asked(2, "back_out")), made_advice(3, **asked(3, "wait_before")))
     await until(lambda: paused["east"])
@@ -53,6 +57,7 @@ async def test_a_robot_that_should_wait_is_paused_and_goes_on_once_that_has_ende
     paused = Paused()
     async with served(tmp_path) as face, broker() as port, asyncio.timeout(PATIENCE_S):
         hearing = asyncio.create_task(paused.hear(port))
+        await face.publish(made_advice(5, vendors=("Acme", "Siemens")))
         robots = await asyncio.create_subprocess_exec("node", VIRTUAL, str(port), "600", env=ENVIRONMENT)
         command = [f"http://{face.address}", "--broker", f"127.0.0.1:{port}", "--vendor", "Siemens"]
         script = ROOT / "examples" / "vda5050_carrier.py"
@@ -69,6 +74,7 @@ async def test_a_robot_that_should_wait_is_paused_and_goes_on_once_that_has_ende
                     await process.wait()
             hearing.cancel()
             await asyncio.gather(hearing, return_exceptions=True)
+        assert not face.store.get("advice-5")[-1].acknowledgement, "asked of a robot of another vendor"
         declined = face.store.get("advice-2")[-1].acknowledgement
     assert paused.get("west") is False, "nobody asked it to wait"
     assert declined
