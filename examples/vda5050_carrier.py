@@ -68,7 +68,7 @@ class Carrier:
                 for advice in listing.advice:
                     await self._carry(advice)
                 async for revision in self._service.follow(listing.seq, ["advice"]):
-                    if isinstance(revision, RobotAdvice):
+                    if isinstance(revision, RobotAdvice) and revision.vendor == self._vendor:
                         await self._carry(revision)
 
     async def end(self, kept: Set[str] = frozenset()) -> None:
@@ -79,7 +79,7 @@ class Carrier:
     async def _carry(self, advice: RobotAdvice) -> None:
         if advice.state is AdvisoryState.CLEARED:
             await self._go_on(advice.id)
-        elif advice.vendor == self._vendor and not advice.acknowledgement:
+        elif not advice.acknowledgement:
             await self._answer(advice)
 
     async def _answer(self, advice: RobotAdvice) -> None:
@@ -130,9 +130,11 @@ async def run(url: str, host: str, port: int, vendor: str) -> None:
         carrier = Carrier(service, broker, vendor)
         carrying = asyncio.gather(carrier.hear(), carrier.follow())
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, carrying.cancel)
-        with suppress(asyncio.CancelledError):
-            await carrying
-        await carrier.end()
+        try:
+            with suppress(asyncio.CancelledError):
+                await carrying
+        finally:
+            await carrier.end()
 
 
 if __name__ == "__main__":

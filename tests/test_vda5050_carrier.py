@@ -3,13 +3,19 @@
 import asyncio
 import json
 import sys
+from collections.abc import AsyncIterator
+from contextlib import nullcontext
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from aiomqtt import Client
 
 from deconflict.advisory import ClearedCode
+from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.client import AdviceListing
+from examples import vda5050_carrier
 from ingest.languages.vda5050.vda_front_end import robot_uuid
 from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
@@ -57,7 +63,6 @@ async def test_a_robot_that_should_wait_is_paused_and_goes_on_once_that_has_ende
     paused = Paused()
     async with served(tmp_path) as face, broker() as port, asyncio.timeout(PATIENCE_S):
         hearing = asyncio.create_task(paused.hear(port))
-        await face.publish(made_advice(5, vendors=("Acme", "Siemens")))
         robots = await asyncio.create_subprocess_exec("node", VIRTUAL, str(port), "600", env=ENVIRONMENT)
         command = [f"http://{face.address}", "--broker", f"127.0.0.1:{port}", "--vendor", "Siemens"]
         script = ROOT / "examples" / "vda5050_carrier.py"
@@ -74,8 +79,44 @@ async def test_a_robot_that_should_wait_is_paused_and_goes_on_once_that_has_ende
                     await process.wait()
             hearing.cancel()
             await asyncio.gather(hearing, return_exceptions=True)
-        assert not face.store.get("advice-5")[-1].acknowledgement, "asked of a robot of another vendor"
         declined = face.store.get("advice-2")[-1].acknowledgement
     assert paused.get("west") is False, "nobody asked it to wait"
     assert declined
     assert (declined.answer, declined.reason.partition(":")[0]) == ("declined", "cannot")
+
+
+class Unreachable:
+    """A service that asks a robot to wait, and is not reached any more after that."""
+
+    async def advice(self, _: str) -> AdviceListing:
+        return AdviceListing(seq=1, advice=[made_advice(1, **asked(1, "wait_before"))], more=False)
+
+    async def answer(self, *_: str, **__: str) -> None:
+        pass
+
+    async def follow(self, *_: object) -> AsyncIterator[RobotAdvice]:
+        raise ConnectionError
+        yield
+
+
+class Sent(list[str]):
+    """A broker with one robot, which keeps what is sent to it."""
+
+    async def subscribe(self, _: str) -> None:
+        pass
+
+    @property
+    async def messages(self) -> AsyncIterator[SimpleNamespace]:
+        yield SimpleNamespace(topic=SimpleNamespace(value="uagv/v2/Siemens/east/connection"))
+
+    async def publish(self, _: str, payload: str, __: int) -> None:
+        self.append(json.loads(payload)["actions"][0]["actionType"])
+
+
+async def test_robots_go_on_also_if_the_example_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent = Sent()
+    monkeypatch.setattr(vda5050_carrier, "Client", lambda *_, **__: nullcontext(Unreachable()))
+    monkeypatch.setattr(vda5050_carrier, "Broker", lambda *_: nullcontext(sent))
+    with pytest.raises(ConnectionError):
+        await vda5050_carrier.run("http://floor.example", "broker.example", 1883, "Siemens")
+    assert sent == ["startPause", "stopPause"]

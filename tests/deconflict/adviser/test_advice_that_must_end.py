@@ -9,8 +9,7 @@ from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.load_shedding import Effort
 from deconflict.roles.engine_role import EngineRole
-from tests.deconflict.contention.scenes import NOW_S, Scene
-from tests.deconflict.contention.waiting.test_free_crossings import standoff
+from tests.deconflict.contention.scenes import NOW_S, Scene, standoff
 
 
 def asked_of_a_robot() -> tuple[Scene, RobotAdvice, float]:
