@@ -145,8 +145,8 @@ class Client:
     async def answer(self, advice_id: str, answer: AdviceAnswer, *, why: str = "", name: str = "") -> RobotAdvice:
         """Answer advice for a robot: accepted, declined and why, or done.
 
-        With a token, the name is that of its person. Raises `ClientError`, also if the advice has ended or was asked of
-        another vendor, and `httpx.HTTPError` if the service can't be reached.
+        With a token, the name is that of its person. Raises `ClientError`, also if the advice has ended, has
+        another answer or was asked of another vendor, and `httpx.HTTPError` if the service can't be reached.
         """
         body = {"answer": answer, "why": why, "name": name}
         return RobotAdvice.model_validate(_json(await self._http.post(f"/advice/{advice_id}/answer", json=body)))

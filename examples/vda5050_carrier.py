@@ -15,7 +15,7 @@ import os
 import signal
 from collections.abc import Set
 from contextlib import suppress
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import count
 from uuid import uuid4
 
@@ -39,6 +39,8 @@ class Carrier:
         """By UUID, manufacturer and serial number of the robots that were heard."""
         self._pausing: dict[str, str] = {}
         """By id of advice, the robot that it pauses."""
+        self._ending: dict[str, asyncio.Task[None]] = {}
+        """By id of advice, what lets its robot go on at the latest."""
         self._header_ids, self._news = count(), asyncio.Condition()
 
     async def hear(self) -> None:
@@ -91,9 +93,19 @@ class Carrier:
             if not why:
                 self._pausing[advice.id] = advice.robot
                 await self._send(advice.robot, "startPause")
+                self._ending[advice.id] = asyncio.create_task(
+                    self._go_on_after(advice.latest_at - advice.raised_at, advice.id)
+                )
+
+    async def _go_on_after(self, time: timedelta, advice_id: str) -> None:
+        """Let a robot go on once its advice has lapsed, also if the service does not say so any more."""
+        await asyncio.sleep(time.total_seconds())
+        await self._go_on(advice_id)
 
     async def _go_on(self, advice_id: str) -> None:
-        robot = self._pausing.pop(advice_id, None)
+        robot, ending = self._pausing.pop(advice_id, None), self._ending.pop(advice_id, None)
+        if ending and ending is not asyncio.current_task():
+            ending.cancel()
         if robot and robot not in self._pausing.values():
             await self._send(robot, "stopPause")
 
@@ -118,9 +130,11 @@ async def run(url: str, host: str, port: int, vendor: str) -> None:
         carrier = Carrier(service, broker, vendor)
         carrying = asyncio.gather(carrier.hear(), carrier.follow())
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, carrying.cancel)
-        with suppress(asyncio.CancelledError):
-            await carrying
-        await carrier.end()
+        try:
+            with suppress(asyncio.CancelledError):
+                await carrying
+        finally:
+            await carrier.end()
 
 
 if __name__ == "__main__":

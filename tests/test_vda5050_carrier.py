@@ -3,12 +3,19 @@
 import asyncio
 import json
 import sys
+from collections.abc import AsyncIterator
+from contextlib import nullcontext
+from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from aiomqtt import Client
 
 from deconflict.advisory import ClearedCode
+from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.client import AdviceListing
+from examples import vda5050_carrier
 from ingest.languages.vda5050.vda_front_end import robot_uuid
 from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
@@ -38,12 +45,15 @@ def asked(number: int, verb: str) -> dict[str, object]:
 
 
 async def carried(face: Served, paused: Paused) -> None:
-    """A robot is asked to wait, the advice ends, and it is asked for what it cannot do."""
+    """A robot waits until the advice ends, or is over and nobody says so, and is asked for what it cannot do."""
     await until(lambda: paused.get("east") is False)
     waits = made_advice(1, **asked(1, "wait_before"))
     await face.publish(waits)
     await until(lambda: paused["east"])
     await face.publish(waits.cleared_revision(START.timestamp() + 5, ClearedCode.WITHDRAWN))
+    await until(lambda: not paused["east"])
+    await face.publish(made_advice(4, **asked(4, "wait_before"), latest_at=START + timedelta(seconds=2)))
+    await until(lambda: paused["east"])
     await until(lambda: not paused["east"])
     await face.publish(made_advice(2, **asked(2, "back_out")), made_advice(3, **asked(3, "wait_before")))
     await until(lambda: paused["east"])
@@ -73,3 +83,40 @@ async def test_a_robot_that_should_wait_is_paused_and_goes_on_once_that_has_ende
     assert paused.get("west") is False, "nobody asked it to wait"
     assert declined
     assert (declined.answer, declined.reason.partition(":")[0]) == ("declined", "cannot")
+
+
+class Unreachable:
+    """A service that asks a robot to wait, and is not reached any more after that."""
+
+    async def advice(self, _: str) -> AdviceListing:
+        return AdviceListing(seq=1, advice=[made_advice(1, **asked(1, "wait_before"))], more=False)
+
+    async def answer(self, *_: str, **__: str) -> None:
+        pass
+
+    async def follow(self, *_: object) -> AsyncIterator[RobotAdvice]:
+        raise ConnectionError
+        yield
+
+
+class Sent(list[str]):
+    """A broker with one robot, which keeps what is sent to it."""
+
+    async def subscribe(self, _: str) -> None:
+        pass
+
+    @property
+    async def messages(self) -> AsyncIterator[SimpleNamespace]:
+        yield SimpleNamespace(topic=SimpleNamespace(value="uagv/v2/Siemens/east/connection"))
+
+    async def publish(self, _: str, payload: str, __: int) -> None:
+        self.append(json.loads(payload)["actions"][0]["actionType"])
+
+
+async def test_robots_go_on_also_if_the_example_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent = Sent()
+    monkeypatch.setattr(vda5050_carrier, "Client", lambda *_, **__: nullcontext(Unreachable()))
+    monkeypatch.setattr(vda5050_carrier, "Broker", lambda *_: nullcontext(sent))
+    with pytest.raises(ConnectionError):
+        await vda5050_carrier.run("http://floor.example", "broker.example", 1883, "Siemens")
+    assert sent == ["startPause", "stopPause"]

@@ -45,12 +45,13 @@ class AdviceLifecycle:
         restored: Iterable[RobotAdvice] = (),
     ) -> None:
         """`describe` names places. `restored` was open before a restart: the first look ends it, and asks anew."""
-        self._standoffs, self._describe, self._measures = StandoffAdvice(site.vendors), describe, measures
+        self._vendors, self._describe, self._measures = site.vendors, describe, measures
+        self._standoffs = StandoffAdvice(self._vendors)
         self._restored = list(restored)
         self._open: dict[str, RobotAdvice] = {}
         """By id of the request."""
         self._answers: dict[str, AdviceAnswer] = {}
-        """By id of the request, the newest answer."""
+        """By id of the request, the first answer: that is the one that counts."""
         self._looked_s = float("-inf")
         measures.call_before_reading(self._measure)
 
@@ -68,13 +69,34 @@ class AdviceLifecycle:
         self._standoffs.receive(batch, robots)
 
     def step(self, robots: RobotTable, now_s: float, answers: Iterable[AnsweredAdvice] = ()) -> list[RobotAdvice]:
-        """The revisions of this look; none between looks, unless there are `answers` since the last call."""
-        answers = list(answers)
+        """The revisions of this look; none between looks, unless there are `answers` since the last call.
+
+        If it raises, all that was open before is still to be ended, and what was learned of standoffs is forgotten.
+        """
+        answers, before = list(answers), self.open()
         if not answers and now_s - self._looked_s < LOOK_S:
             return []
         self._looked_s = now_s
-        revisions = [self._cleared(advice, ClearedCode.RESTARTED, now_s) for advice in self._restored]
-        self._restored = []
+        try:
+            return self._look(robots, now_s, answers)
+        except Exception:
+            self._standoffs, self._open, self._answers = StandoffAdvice(self._vendors), {}, {}
+            self._restored = before
+            raise
+
+    def withdraw_all(self, now_s: float) -> list[RobotAdvice]:
+        """End all that is open: until the next `step` nothing is asked."""
+        self._standoffs.end_all()
+        withdrawn = [self._cleared(advice, ClearedCode.WITHDRAWN, now_s) for advice in self._open.values()]
+        self._open, self._answers = {}, {}
+        return [*self._end_restored(now_s), *withdrawn]
+
+    def _end_restored(self, now_s: float) -> list[RobotAdvice]:
+        restored, self._restored = self._restored, []
+        return [self._cleared(advice, ClearedCode.RESTARTED, now_s) for advice in restored]
+
+    def _look(self, robots: RobotTable, now_s: float, answers: Iterable[AnsweredAdvice]) -> list[RobotAdvice]:
+        revisions = self._end_restored(now_s)
         self._take(answers, robots, now_s)
         requests = self._standoffs.step(robots, now_s)
         withdrawn = {request.id for request in requests if request.withdrawn}
@@ -87,7 +109,7 @@ class AdviceLifecycle:
         request_of = {advice.id: request_id for request_id, advice in self._open.items()}
         for answered in answers:
             if request_id := request_of.get(answered.advice_id):
-                self._answers[request_id] = answered.answer
+                self._answers.setdefault(request_id, answered.answer)
                 self._standoffs.answer(request_id, answered.answer, answered.why, robots, now_s)
 
     def _ended(self, withdrawn: set[str], robots: RobotTable, now_s: float) -> Iterator[RobotAdvice]:

@@ -211,6 +211,10 @@ class Engine:
         """
         return self._shared.advise(now_s, answers)
 
+    def withdraw_advice(self, now_s: float) -> list[RobotAdvice]:
+        """End all that is asked of robots, instead of `advise`. Also after `advise` has raised an error."""
+        return self._shared.withdraw_advice(now_s)
+
     def _placed_losses(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[PlacedLoss]:
         """The losses that ended, with their places and what had been published when they began."""
         losses = self._loss_places.placed(self.foresight.losses.take(), self.floors.names)

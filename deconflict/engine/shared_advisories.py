@@ -84,3 +84,7 @@ class SharedAdvisories:
         revisions = self.asked.step(self.contention.robots, now_s, answers)
         self.contention.crossings = self.asked.crossings
         return revisions
+
+    def withdraw_advice(self, now_s: float) -> list[RobotAdvice]:
+        """The revisions that end all that is asked of robots."""
+        return self.asked.withdraw_all(now_s) if self._enabled else []

@@ -249,6 +249,11 @@ class AdviceRoutes:
             raise HTTPException(422, "name: is empty; expected who answers")
         if advice.state is AdvisoryState.CLEARED:
             raise HTTPException(409, f"{advice_id!r} has ended: {advice.cleared_because}")
+        before = advice.acknowledgement and advice.acknowledgement.answer
+        if before == answer.answer:
+            return json_response(advice, 201)
+        if before and answer.answer != "done":
+            raise HTTPException(409, f"{advice_id!r} was answered already: {before}; only 'done' may follow")
         given = Acknowledgement(
             name=name, reason=answer.why, at=datetime.now(UTC), summary=advice.summary, answer=answer.answer
         )

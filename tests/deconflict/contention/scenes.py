@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import atan2, hypot
+from random import Random
 from typing import Any
 
 from deconflict.advisory import AdvisoryState, AnyAdvisory
@@ -170,3 +171,10 @@ def comes(side: int, to_m: float, vendor: str = "Alder", at_s: float = 8.0) -> O
     """It comes from one side, and stops with its centre `to_m` before the middle at second `at_s`."""
     dx, dy = SIDES[side % 4]
     return Onwards([(0, -(at_s + to_m) * dx, -(at_s + to_m) * dy), (at_s, -to_m * dx, -to_m * dy)], vendor=vendor)
+
+
+def standoff(number: int, **settings: Any) -> Scene:
+    """Two that come from neighbouring sides, and stop before the middle at second 8."""
+    draw = Random(number)
+    robots = {"a": comes(number, draw.uniform(1.6, 2.8)), "b": comes(number + 1, draw.uniform(1.6, 2.8), "Birch")}
+    return Scene(site(**settings), dict(robots))

@@ -1,8 +1,5 @@
 """Robots that stand for each other before a free crossing: who should go first, and how long that counts."""
 
-from random import Random
-from typing import Any
-
 import pytest
 
 from deconflict.advice.actions.action_text import action_text
@@ -11,15 +8,8 @@ from deconflict.advisories.words.finding_words import mutual_wait
 from deconflict.advisories.words.words import RevisionWords
 from deconflict.advisory import Action, AdvisoryState, AnyAdvisory, DeadlockAdvisory
 from ingest.settings import Vendor
-from tests.deconflict.contention.scenes import NOW_S, Scene, cleared, comes, raised, site
+from tests.deconflict.contention.scenes import NOW_S, cleared, raised, standoff
 from tests.helpers.saying import robot
-
-
-def standoff(number: int, **settings: Any) -> Scene:
-    """Two that come from neighbouring sides, and stop before the middle at second 8."""
-    draw = Random(number)
-    robots = {"a": comes(number, draw.uniform(1.6, 2.8)), "b": comes(number + 1, draw.uniform(1.6, 2.8), "Birch")}
-    return Scene(site(**settings), dict(robots))
 
 
 def actions(advisory: AnyAdvisory) -> list[tuple[str, str]]:

@@ -39,7 +39,7 @@ async def test_a_program_answers_for_the_robots_of_its_own_vendor_only(
         headers = {"authorization": f"Bearer {TOKENS['ACME']}"}
         refused = await client.post("/advisories/advisory-1/acknowledgement", headers=headers, json={"reason": "seen"})
     assert statuses == {"ACME": 201, "BOREALIS": 403, "LEADER": 201, "READER": 403}
-    assert (seen["acknowledgement"]["name"], seen["acknowledgement"]["answer"]) == ("Ada", "declined")
+    assert (seen["acknowledgement"]["name"], seen["acknowledgement"]["answer"]) == ("Acme fleet", "declined")
     assert refused.status_code == 403, "who answers for a vendor acknowledges nothing"
 
 
@@ -78,6 +78,20 @@ async def test_an_answer_that_nobody_can_use_is_refused_with_what_to_do(
         refused = await client.post(path, json=body)
     assert refused.status_code == status
     assert reason in refused.text
+
+
+async def test_only_the_first_answer_counts_and_done_after_it(tmp_path: Path) -> None:
+    given = ("accepted", "accepted", "declined", "done", "done", "accepted")
+    async with served(tmp_path) as face, http_client(face.http) as client:
+        await face.publish(made_advice(1))
+        answers = [
+            await client.post("/advice/advice-1/answer", json={"answer": answer, "name": "fleet"}) for answer in given
+        ]
+        last = face.store.last_seq()
+    assert [each.status_code for each in answers] == [201, 201, 409, 201, 201, 409]
+    assert "accepted; only 'done' may follow" in answers[2].text
+    assert answers[0].json() == answers[1].json(), "an answer that is sent again is stored once"
+    assert answers[4].json()["seq"] == last
 
 
 def test_the_role_answer_needs_a_vendor() -> None:
