@@ -59,6 +59,9 @@ with a higher number, with `?kinds=situation,advisory` it sends situations, too.
 
 Advice asks one robot for what saves all of them time. It comes over the same stream with `?kinds=advice`."""
 
+UNAVAILABLE: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
+MISSING: dict[int | str, Document] = {404: {"description": "There is none"}}
+
 
 def create_app(publisher: Publisher, store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
     """The application. `app.state` holds what its owner uses:
@@ -103,41 +106,39 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
 
 
 def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
-    unavailable: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
-    missing: dict[int | str, Document] = {404: {"description": "There is none"}}
     over: dict[int | str, Document] = {409: {"description": "It is cleared, or the site file says otherwise"}}
     degraded: dict[int | str, Document] = {503: {"description": "A role or the store does not answer"}}
     text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
     zstd: dict[int | str, Document] = {200: {"content": {"application/zstd": {}}}}
 
     get = app.get
-    get("/advisories", response_model=AdvisoryList, responses=unavailable)(routes.advisories)
-    get("/advisories/{advisory_id}", response_model=RevisionList, responses=unavailable | missing)(routes.advisory)
+    get("/advisories", response_model=AdvisoryList, responses=UNAVAILABLE)(routes.advisories)
+    get("/advisories/{advisory_id}", response_model=RevisionList, responses=UNAVAILABLE | MISSING)(routes.advisory)
     app.post(
         "/advisories/{advisory_id}/acknowledgement",
         response_model=AnyRevision,
         status_code=201,
-        responses=unavailable | missing | over,
+        responses=UNAVAILABLE | MISSING | over,
     )(routes.acknowledge)
-    get("/situations", response_model=SituationList, responses=unavailable)(routes.situations)
-    get("/situations/{situation_id}", response_model=SituationRevisions, responses=unavailable | missing)(
+    get("/situations", response_model=SituationList, responses=UNAVAILABLE)(routes.situations)
+    get("/situations/{situation_id}", response_model=SituationRevisions, responses=UNAVAILABLE | MISSING)(
         routes.situation
     )
     app.post(
         "/situations/{situation_id}/acknowledgement",
         response_model=Situation,
         status_code=201,
-        responses=unavailable | missing | over,
+        responses=UNAVAILABLE | MISSING | over,
     )(routes.acknowledge_situation)
     refused: dict[int | str, Document] = {422: {"model": Reloaded, "description": "The file can't be used"}}
-    app.post("/site/reload", response_model=Reloaded, responses=unavailable | refused)(routes.reload)
-    get("/robots", response_model=RobotList, responses=unavailable)(routes.robots)
-    get("/robots/{uuid}", response_model=Document, responses=unavailable | missing)(routes.robot)
-    app.post("/robots/{uuid}/owner", response_model=Owned, responses=unavailable | over)(routes.give_robot)
-    get("/vendors", response_model=VendorList, responses=unavailable)(routes.vendors)
-    get("/quarantine", response_model=QuarantineList, responses=unavailable)(routes.quarantine)
+    app.post("/site/reload", response_model=Reloaded, responses=UNAVAILABLE | refused)(routes.reload)
+    get("/robots", response_model=RobotList, responses=UNAVAILABLE)(routes.robots)
+    get("/robots/{uuid}", response_model=Document, responses=UNAVAILABLE | MISSING)(routes.robot)
+    app.post("/robots/{uuid}/owner", response_model=Owned, responses=UNAVAILABLE | over)(routes.give_robot)
+    get("/vendors", response_model=VendorList, responses=UNAVAILABLE)(routes.vendors)
+    get("/quarantine", response_model=QuarantineList, responses=UNAVAILABLE)(routes.quarantine)
     get("/blackboxes", response_model=BlackBoxList)(routes.blackboxes)
-    get("/blackboxes/{file}", response_class=Response, responses=missing | zstd)(routes.blackbox)
+    get("/blackboxes/{file}", response_class=Response, responses=MISSING | zstd)(routes.blackbox)
     get("/healthz", response_model=Document, responses=degraded)(routes.healthz)
     get("/metrics", response_class=Response, responses=text)(routes.metrics)
     get("/schema/advisory", response_model=Document)(routes.schema)
@@ -145,18 +146,16 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
 
 
 def _add_advice_routes(app: FastAPI, routes: AdviceRoutes) -> None:
-    unavailable: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
-    missing: dict[int | str, Document] = {404: {"description": "There is none"}}
     over: dict[int | str, Document] = {409: {"description": "It has ended"}}
-    app.get("/advice", response_model=AdviceList, responses=unavailable)(routes.advice)
-    app.get("/advice/{advice_id}", response_model=AdviceRevisions, responses=unavailable | missing)(
+    app.get("/advice", response_model=AdviceList, responses=UNAVAILABLE)(routes.advice)
+    app.get("/advice/{advice_id}", response_model=AdviceRevisions, responses=UNAVAILABLE | MISSING)(
         routes.advice_revisions
     )
     app.post(
         "/advice/{advice_id}/answer",
         response_model=RobotAdvice,
         status_code=201,
-        responses=unavailable | missing | over,
+        responses=UNAVAILABLE | MISSING | over,
     )(routes.answer_advice)
     app.get("/schema/advice", response_model=Document)(routes.advice_schema)
 
