@@ -135,7 +135,7 @@ class Client:
         return SituationListing(seq=answer["seq"], situations=situations, more=answer["more"])
 
     async def advice(self, vendor: str | None = None) -> AdviceListing:
-        """What is asked of robots, of all vendors or of one, newest first, and the stream's position: follow
+        """What is asked of the robots of a vendor, or of all, newest first, and the stream's position: follow
         `kinds=["advice"]` from there. Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
         found = AdviceList.model_validate(_json(await self._http.get("/advice", params={"limit": MOST_LISTED})))

@@ -12,7 +12,7 @@ from deconflict.advisories.words.advice_words import advice_headline, advice_sum
 from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Location, Severity, moment
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.advisory.robot_advice import ASKED, ENDED, YIELDED, RobotAdvice
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.free_crossings import Crossing
@@ -22,8 +22,6 @@ from ingest.measures.measures import Measures
 
 LOOK_S = 1.0
 """Time between two looks for standoffs."""
-ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
-YIELDED = "deconflict_advice_yielded_seconds_total"
 
 
 class AnsweredAdvice(NamedTuple):
@@ -73,10 +71,10 @@ class AdviceLifecycle:
 
         If it raises, all that was open before is still to be ended, and what was learned of standoffs is forgotten.
         """
-        answers, before = list(answers), self.open()
+        answers = list(answers)
         if not answers and now_s - self._looked_s < LOOK_S:
             return []
-        self._looked_s = now_s
+        self._looked_s, before = now_s, self.open()
         try:
             return self._look(robots, now_s, answers)
         except Exception:

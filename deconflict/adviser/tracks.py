@@ -16,7 +16,6 @@ KEPT = 60
 POSE = "floor", "reported_x_m", "reported_y_m", "reported_yaw_rad"
 ROOM_M = 0.3
 """Room that is left between a robot that has backed out and what passes."""
-
 LEAST_BACK_M = 0.5
 """Nobody is asked to back out less."""
 

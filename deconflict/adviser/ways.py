@@ -3,11 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from deconflict.adviser.box_kernels import touching
 from deconflict.contention.robots.bounding_boxes import touching_boxes
-from deconflict.contention.robots.lookahead import STEP_S, STEPS
+from deconflict.contention.robots.lookahead import STEP_S
 from deconflict.contention.robots.record_kernels import Records, steps_along
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.sweep.geometry.heights import heights_overlap
@@ -67,13 +66,14 @@ def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M, withi
 def _steps_m(robots: RobotTable, slots: Ints) -> Floats:
     """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. A robot that says that it waits on its
     path has what is left of it. All others stay."""
-    records = robots.records[slots]
-    steps_m = np.stack([records["x_m"], records["y_m"]], axis=1)[:, None].repeat(STEPS + 1, axis=1)
-    waits = [robots[robots.uuids[slot]].state == WAITING for slot in slots[records["waits"]].tolist()]
-    on_way = records["goes"].copy()
-    on_way[np.flatnonzero(records["waits"])[waits]] = True
-    for row, path in zip(np.flatnonzero(on_way).tolist(), robots.paths(slots[on_way].tolist()), strict=True):
-        steps_m[row] = shapely.get_coordinates(path) if records["goes"][row] else steps_along(path)
+    x_m, y_m, goes, waits = (robots.records[name][slots] for name in ("x_m", "y_m", "goes", "waits"))
+    here_m = np.stack([x_m, y_m], axis=1)[:, None]
+    steps_m: Floats = np.where(goes[:, None, None], robots.steps_m[slots], here_m)
+    for row in np.flatnonzero(waits & ~goes).tolist():
+        slot = int(slots[row])
+        if robots[robots.uuids[slot]].state == WAITING:
+            (path,) = robots.paths([slot])
+            steps_m[row] = steps_along(path)
     return steps_m
 
 

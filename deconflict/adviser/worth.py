@@ -24,8 +24,6 @@ WEIGHT = 5
 """How many observations the values above count for."""
 UNFAIR_SHARE, FAIR_AFTER_S = 0.55, 60.0
 """A vendor that has yielded more than this share of the seconds between two vendors is asked last."""
-
-
 LEFT_SHARE, LEFT_INTERVAL = 0.17, (-0.13, 1.05)
 """What is left of a saving after a minute, and its 80 % interval: robots that are let go soon stand elsewhere. By
 copies of simulated floors that were driven with and without a request (`benchmarks.closed_loop.cells.proof`)."""

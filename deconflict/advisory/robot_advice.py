@@ -8,6 +8,10 @@ from pydantic import Field
 from deconflict.advisory import Advisory, Location, Robot
 from ingest.verbs import Verb
 
+ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
+YIELDED = "deconflict_advice_yielded_seconds_total"
+"""Metrics of what was asked, of what became of it, and of who yields to whom."""
+
 
 class RobotAdvice(Advisory):
     """What one robot is asked to do so that all lose less time. Its vendor answers; no robot is moved by it."""

@@ -204,15 +204,17 @@ class Engine:
         count_losses(self.measures, self.losses)
         return revisions
 
-    def advise(self, now_s: float, answers: Iterable[AnsweredAdvice] = ()) -> list[RobotAdvice]:
+    def advise(
+        self, now_s: float, answers: Iterable[AnsweredAdvice] = (), effort: Effort = Effort.FULL
+    ) -> list[RobotAdvice]:
         """What is asked of robots, and what changed of it since the last call. Call it after `step`: it delays nothing.
 
-        `answers` are those that came since the last call.
+        `answers` are those that came since the last call. With `Effort.NEAR` all is withdrawn: warnings come first.
         """
-        return self._shared.advise(now_s, answers)
+        return self._shared.advise(now_s, answers, effort)
 
     def withdraw_advice(self, now_s: float) -> list[RobotAdvice]:
-        """End all that is asked of robots, instead of `advise`. Also after `advise` has raised an error."""
+        """End all that is asked of robots, after `advise` has raised an error."""
         return self._shared.withdraw_advice(now_s)
 
     def _placed_losses(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[PlacedLoss]:

@@ -77,10 +77,10 @@ class SharedAdvisories:
             self._looked_s = now_s
         return [*revisions, *self._claims.step(now_s)]
 
-    def advise(self, now_s: float, answers: Iterable[AnsweredAdvice]) -> list[RobotAdvice]:
+    def advise(self, now_s: float, answers: Iterable[AnsweredAdvice], effort: Effort) -> list[RobotAdvice]:
         """What is asked of robots, and what changed of it. The next look of contention tells people of mutual waits."""
-        if not self._enabled:
-            return []
+        if not self._enabled or effort >= Effort.NEAR:
+            return self.withdraw_advice(now_s)
         revisions = self.asked.step(self.contention.robots, now_s, answers)
         self.contention.crossings = self.asked.crossings
         return revisions

@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from deconflict.advisory.cleared_code import ClearedCode
+from deconflict.advisory.robot_advice import ASKED, ENDED, YIELDED
 from deconflict.foresight.forecast_errors.forecast_grades import in_words
 from deconflict.operator.vendor_models import Flag, UncomparedRobot, VendorAdvice, VendorHealth, VendorOddValue
 from ingest.measures import clock_changes
@@ -12,9 +13,6 @@ from ingest.measures.measures import Labels, joined_values
 
 DIGITS = 3
 """Values are rounded to millimetres and milliseconds."""
-
-ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
-YIELDED = "deconflict_advice_yielded_seconds_total"
 
 Values = Mapping[str, Mapping[Labels, float]]
 

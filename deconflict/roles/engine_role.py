@@ -178,11 +178,9 @@ class EngineRole:
             self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
 
     def _advise(self, engine: Engine, now_s: float) -> None:
-        """Ask robots for what saves time. If the engine can't keep up, all is withdrawn: warnings come first."""
-        answers = self._delivery.take_answers()
+        """Ask robots for what saves time."""
         try:
-            keeps_up = self._load.effort < Effort.NEAR
-            revisions = engine.advise(now_s, answers) if keeps_up else engine.withdraw_advice(now_s)
+            revisions = engine.advise(now_s, self._delivery.take_answers(), self._load.effort)
         except Exception:
             log.exception("nothing can be asked of robots, which should be reported")
             engine.measures.count("deconflict_advice_failures_total")

@@ -155,9 +155,8 @@ class OperatorCalls:
         if int(after) < 0:
             return json.dumps({"last": await asyncio.to_thread(self._store.last_seq), "answers": []}).encode()
         page = await asyncio.to_thread(self._store.page_after, int(after), {ADVICE}, MOST_ANSWERS)
-        answers = [each.acknowledgement for each in page.revisions]
-        rows = zip(page.revisions, answers, strict=True)
-        found = [(each.id, answer.answer, answer.reason) for each, answer in rows if answer and answer.answer]
+        rows = ((each.id, each.acknowledgement) for each in page.revisions)
+        found = [(advice_id, given.answer, given.reason) for advice_id, given in rows if given and given.answer]
         return json.dumps({"last": page.last, "answers": found}).encode()
 
     def _add_losses(self, sender: str, number: int, entries: list[list[Any]]) -> None:

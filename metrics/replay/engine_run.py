@@ -6,7 +6,6 @@ from math import floor
 from deconflict.advisories.situations.situation import advisories_of, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.engine.engine import Engine
-from deconflict.engine.load_shedding import Effort
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import ledger_entries
@@ -48,8 +47,7 @@ class EngineRun:
         bands_m = self._bands_m(batch)
         self.engine.receive(batch)
         advisories = self.engine.step(now_s, engine_pass.effort, engine_pass.pending, engine_pass.is_own_log)
-        if engine_pass.effort < Effort.NEAR:
-            self.engine.advise(now_s)
+        self.engine.advise(now_s, effort=engine_pass.effort)
         published = self._situations.published(now_s, list(advisories))
         waiting = self.engine.foresight.robots_following_advice(now_s)
         measures = self.measures() if engine_pass.measures else None

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Generic, Literal, TypeVar
+from typing import Annotated, Generic, Literal, TypeGuard, TypeVar
 
 from pydantic import Field, TypeAdapter
 
@@ -94,9 +94,14 @@ def chosen_kinds(choices: Iterable[str]) -> frozenset[str]:
     return kinds - {"advisory"} | ADVISORY_KINDS if "advisory" in kinds else kinds
 
 
+def is_advisory(revision: AnyRevision) -> TypeGuard[AnyAdvisory]:
+    """Whether a revision is of an advisory, and not of a situation or of advice."""
+    return not isinstance(revision, Situation | RobotAdvice)
+
+
 def advisories_of(revisions: Iterable[AnyRevision]) -> list[AnyAdvisory]:
     """The revisions of advisories."""
-    return [revision for revision in revisions if not isinstance(revision, Situation | RobotAdvice)]
+    return [revision for revision in revisions if is_advisory(revision)]
 
 
 def situations_of(revisions: Iterable[AnyRevision]) -> list[Situation]:

@@ -5,10 +5,9 @@ import logging
 import time
 from collections import OrderedDict
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation
+from deconflict.advisories.situations.situation import AnyRevision, Situation, is_advisory
 from deconflict.advisories.situations.situation_lifecycle import stamped
 from deconflict.advisory import AdvisoryState
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.shard import REMEMBERED
 from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream, UnwritableRevisionError
@@ -67,7 +66,7 @@ class StreamWriter:
         Returns None, or the record of another engine that stands in its place.
         """
         key = key_of(advisory)
-        if not isinstance(advisory, Situation | RobotAdvice):
+        if is_advisory(advisory):
             advisory = stamped(advisory, self._situation_of.get(advisory.id))
         while True:
             last = self._newest.get(key)

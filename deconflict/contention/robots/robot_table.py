@@ -54,8 +54,8 @@ class RobotTable(Mapping[str, RobotView]):
         """By slot, with spare rows."""
         self.stops = np.zeros((0, 1), STOP)
         """By slot and number; a robot's record says how many it has."""
-        self._paths = np.zeros((0, STEPS + 1, 2))
-        """By slot, the path of a robot that moves, or the last path it was on."""
+        self.steps_m = np.zeros((0, STEPS + 1, 2))
+        """(slots, STEPS + 1, 2) the path of a robot that moves, or the last path it was on."""
         self.datums: list[str] = []
         """Datums of floors by their numbers in records, stops and outlines; floor -1 is not known."""
         self._resources = self._outlines(geometry.resource_boxes())
@@ -118,7 +118,7 @@ class RobotTable(Mapping[str, RobotView]):
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         stale = update_records(
             self.records,
-            self._paths,
+            self.steps_m,
             slots,
             floor_numbers,
             ready(batch.event_s),
@@ -213,7 +213,7 @@ class RobotTable(Mapping[str, RobotView]):
             slot = int(slots[row])
             path = self._paths_left.pop(slot, None)
             if stale[row] & halts:
-                path = shapely.linestrings(self._paths[slot])
+                path = shapely.linestrings(self.steps_m[slot])
             if path is not None and not stale[row] & ends:
                 here = shapely.Point(view.x_m[row, 0], view.y_m[row, 0])
                 path = rest_of(path, here, batch.forecasts.length_m[row])
@@ -278,7 +278,7 @@ class RobotTable(Mapping[str, RobotView]):
     def _grow(self, slots: int) -> None:
         if slots > len(self.records):
             self.records, self.stops = np.pad(self.records, (0, slots)), np.pad(self.stops, ((0, slots), (0, 0)))
-            self._paths = np.pad(self._paths, ((0, slots), (0, 0), (0, 0)))
+            self.steps_m = np.pad(self.steps_m, ((0, slots), (0, 0), (0, 0)))
             self.batteries.make_room(len(self.records))
 
     def datum(self, floor: int) -> str:
@@ -344,6 +344,6 @@ class RobotTable(Mapping[str, RobotView]):
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""
         left = [self._paths_left.get(slot) for slot in slots]
-        moving_m = self._paths[[slot for slot, path in zip(slots, left, strict=True) if path is None]]
+        moving_m = self.steps_m[[slot for slot, path in zip(slots, left, strict=True) if path is None]]
         lines = iter(shapely.linestrings(moving_m))
         return [next(lines) if path is None else path for path in left]

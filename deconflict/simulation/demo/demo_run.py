@@ -22,9 +22,8 @@ from rich.text import Text
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from deconflict.advisories.situations.situation import REVISION, Situation
+from deconflict.advisories.situations.situation import REVISION, is_advisory
 from deconflict.advisory import AdvisoryState
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.client import Client, ClientError
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
@@ -197,7 +196,7 @@ async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console
                     seen = revision.seq
                     floor.pass_on(revision, time.time())
                     await _answer(site, floor)
-                    if isinstance(revision, Situation | RobotAdvice):
+                    if not is_advisory(revision):
                         continue
                     view.add_advisory(revision)
                     if not console.is_terminal and revision.state is not AdvisoryState.UPDATED:

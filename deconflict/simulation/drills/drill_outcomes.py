@@ -6,9 +6,8 @@ from typing import Any
 
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advisories.severity import SEVERITIES
-from deconflict.advisories.situations.situation import AnyRevision, Situation
+from deconflict.advisories.situations.situation import AnyRevision, Situation, is_advisory
 from deconflict.advisory import AdvisoryState, AnyAdvisory, Recommendation, Severity
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.simulation.drills.drill_scripts import Drill, DrillSetup
 
 CLOSE_S = 3.0
@@ -76,7 +75,7 @@ class DrillOutcomes:
         if passed_on_s is not None:
             outcome.passed_on.append(_advised(revision))
             outcome.promised_s += passed_on_s
-        if not isinstance(revision, Situation | RobotAdvice):
+        if is_advisory(revision):
             self._add_advisory(outcome, revision)
 
     def _add_advisory(self, outcome: DrillOutcome, advisory: AnyAdvisory) -> None:
