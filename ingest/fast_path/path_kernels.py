@@ -1,7 +1,8 @@
 """The forecast of a robot whose status repeats its last one, in one kernel.
 
 `ingest/fleet/prediction` computes the same forecast knot by knot. The kernel leaves a status to it if a time is past or
-out of order, if the path contradicts the robot's motion, or if the motion needs a correction.
+out of order, if the path contradicts the robot's motion, if the motion needs a correction, or if the last status is too
+old to show any motion. A status that is late is no exception: a service that is behind reads many of them.
 
 `forecast_repeat` is long because it has thirteen arguments, each on its own line.
 """
@@ -44,6 +45,8 @@ LIMITS = np.dtype(
         ("destinations_s", np.float64),  # `path_points.DESTINATIONS_S`
         ("slack_s", np.float64),  # `path_points.SLACK_S`
         ("regular_s", np.float64),  # `plausibility.REGULAR_S`
+        ("comparable_s", np.float64),  # `plausibility.COMPARABLE_S`
+        ("observable_s", np.float64),  # `plausibility.OBSERVABLE_S`
         ("stands_mps", np.float64),  # `plausibility.STANDS_MPS`
         ("turns_radps", np.float64),  # `pace.TURNS_RADPS`
         ("drives_mps", np.float64),  # `assumed_motion.DRIVES_MPS`
@@ -119,15 +122,16 @@ def _by_path(points: Floats, here: Pose, clock_offset_s: float, limits: Limits, 
 
 
 @inner
-def _by_velocity(here: Pose, speed_mps: float, turn_radps: float, limits: Limits, knots: Floats) -> int:
+def _by_velocity(here: Pose, speed_mps: float, turn_radps: float, gap_s: float, limits: Limits, knots: Floats) -> int:
     """Write the knots at constant speed and turn rate, as `forecast._by_velocity`. Returns their number."""
     at_s, x, y, heading = here
     horizon_s: float = limits.horizon_s
     _write_knot(knots, 0, at_s, x, y, heading, limits)
     if abs(turn_radps) <= STRAIGHT_RADPS:
-        reach_m = speed_mps * horizon_s
+        until_s = at_s + horizon_s + (gap_s if gap_s > limits.regular_s else 0.0)
+        reach_m = speed_mps * (until_s - at_s)
         end_x, end_y = x + reach_m * cos(heading), y + reach_m * sin(heading)
-        _write_knot(knots, 1, at_s + horizon_s, end_x, end_y, heading, limits)
+        _write_knot(knots, 1, until_s, end_x, end_y, heading, limits)
         return 2
     steps, radius_m = ceil(horizon_s), speed_mps / turn_radps
     for step in range(steps + 1):
@@ -146,10 +150,12 @@ def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, 
     gap_s, dx, dy = now[0] - before[0], now[1] - before[1], now[2] - before[2]
     moved2 = dx * dx + dy * dy
     no_jump_m = limits.robot_jump_m + limits.robot_jump_mps * min(gap_s, limits.robot_jump_s)
-    if not (gap_s > 0.0 and moved2 < no_jump_m * no_jump_m * NEARLY):
+    is_seen = 0.0 < gap_s <= limits.observable_s and moved2 < no_jump_m * no_jump_m * NEARLY
+    is_stated = not (isnan(speed_mps) or isnan(now[3])) and abs(turn_radps) <= limits.max_turn_radps
+    if not (is_seen and is_stated):
         return False
-    if isnan(speed_mps) or isnan(now[3]) or not abs(turn_radps) <= limits.max_turn_radps or gap_s > limits.regular_s:
-        return False
+    if gap_s > limits.comparable_s:
+        return True
     observed_rad, reported_rad = _turn_between(before[3], now[3]), turn_radps * gap_s
     if turn_radps != 0.0 and not abs(reported_rad - observed_rad) <= limits.slow_turn_rad + abs(reported_rad) / 2:
         return False
@@ -231,7 +237,7 @@ def forecast_repeat(
     is_same = loaded == (limits.loaded != 0.0) and not turns_on_spot
     if is_same and _is_plausible(before, here, speed_mps, turn_radps, limits):
         if limits.basis == BY_VELOCITY:
-            knots = _by_velocity(here, speed_mps, turn_radps, limits, rows)
+            knots = _by_velocity(here, speed_mps, turn_radps, event_s - before_s, limits, rows)
         elif limits.basis == BY_PATH:
             knots = _by_path(points, here, offset_s, limits, table, rows)
         elif abs(speed_mps) <= limits.drives_mps:

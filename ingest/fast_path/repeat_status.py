@@ -167,6 +167,8 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         path_points.DESTINATIONS_S,
         path_points.SLACK_S,
         plausibility.REGULAR_S,
+        plausibility.COMPARABLE_S,
+        plausibility.OBSERVABLE_S,
         plausibility.STANDS_MPS,
         TURNS_RADPS,
         DRIVES_MPS,

@@ -1,7 +1,10 @@
+import json
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import cos, pi, sin
 from random import Random
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -26,9 +29,13 @@ OWN = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b0f"
 LINES = Connection(1), Connection(2), Connection(3, vendor="Alder")
 MARKS = [f"mark-{row}" for row in range(len(PLACES))]
 Sent = tuple[bytes, float, Connection]
+HORIZONS_S = 7.3, 10.0, 30.0
+LATE_ROBOTS, LATE_ROUNDS = 10, 40
+COMPARED_S = 5.5
+"""Headings and motion of statuses further apart than this contradict nothing, whatever the clock's correction."""
 
 
-def fleet(*, fast: bool = True) -> Fleet:
+def fleet(*, fast: bool = True, reading: Reading | None = None) -> Fleet:
     marks = [{"id": name, "x": x, "y": y} for name, (x, y) in zip(MARKS, PLACES.tolist(), strict=True)]
     hall = Datum.model_validate({"id": HALL, "name": "Hall", "reference_points": marks})
     own = similarity(0.4, 1.0, (3.0, -2.0), mirrored=True)(PLACES).tolist()
@@ -39,7 +46,7 @@ def fleet(*, fast: bool = True) -> Fleet:
     made = Fleet(
         VendorRegistry(vendors),
         FrameRegistry((hall, Datum(id=LOFT, name="Loft")), vendors),
-        Reading(),
+        reading or Reading(),
         Measures(),
         Quarantine(),
     )
@@ -141,8 +148,68 @@ def sent(seed: int, messages: int) -> Iterator[Sent]:
                 yield identity(driver.name, t_s, robotModel=random.choice(("A1", "A2"))), t_s + late_s, driver.line
 
 
-def results(messages: list[Sent], *, fast: bool) -> tuple[list[bytes], list[dict[str, Any]], dict[str, Any]]:
-    receiving, batches = fleet(fast=fast), []
+@dataclass
+class LateDriver:
+    """A robot whose statuses come 2 to 35 s apart, and differ only in motion."""
+
+    name: str
+    random: Random
+    x: float = 5.0
+    y: float = 5.0
+    yaw_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        random = self.random
+        self.does, self.datum = random.choice(("path", "velocity", "velocity", "charging")), random.choice((HALL, OWN))
+        self.turns = random.choice((-1.0, 0.0, 1.0)) * (self.does != "charging")
+        self.size_m = {axis: random.uniform(0.3, 3.0) for axis in "xyz"}
+
+    def drive(self, t_s: float, after_s: float) -> bytes:
+        random, speed_mps = self.random, self.random.choice((-1.0, 1.0)) * self.random.uniform(0.2, 1.5)
+        if self.does == "charging":
+            speed_mps = 0.0
+        if after_s < COMPARED_S:
+            turn_radps = self.turns * random.uniform(0.0, 0.25)
+            self.yaw_rad += turn_radps * after_s
+            way_m, way_rad = speed_mps * after_s, self.yaw_rad - turn_radps * after_s / 2
+        else:
+            turn_radps, self.yaw_rad = self.turns * random.uniform(0.0, 1.9), random.uniform(-pi, pi)
+            way_m, way_rad = random.uniform(0.0, 1.5) * after_s, random.uniform(-pi, pi)
+        if self.does != "charging":
+            self.x, self.y = self.x + way_m * cos(way_rad), self.y + way_m * sin(way_rad)
+        return self.said(t_s, speed_mps, turn_radps)
+
+    def said(self, stamp_s: float, speed_mps: float, turn_radps: float) -> bytes:
+        document: dict[str, Any] = {"velocity": {"linear": speed_mps, "angular": angle(turn_radps)}}
+        if self.does == "path":
+            count, way_rad = self.random.randint(1, 15), self.random.uniform(-pi, pi)
+            after_s = [self.random.uniform(1.0, 2.0) * HORIZONS_S[-1] * i / count for i in range(1, count + 1)]
+            ways = [
+                (stamp_s + s, self.x + s * cos(way_rad), self.y + s * sin(way_rad), way_rad) for s in sorted(after_s)
+            ]
+            document["path"] = points(*ways)
+        here = {"x": self.x, "y": self.y, "angle": angle(self.yaw_rad), "planarDatum": self.datum}
+        state = "charging" if self.does == "charging" else "navigating"
+        return status(self.name, stamp_s, location=here, operationalState=state, **document)
+
+
+def sent_late(random: Random) -> Iterator[Sent]:
+    drivers, t_s = [LateDriver(f"R-{i}", random) for i in range(LATE_ROBOTS)], NOW_S
+    for driver in drivers:
+        model = random.choice(("A1", "A2"))
+        yield identity(driver.name, t_s, robotModel=model, baseRobotEnvelope=driver.size_m), t_s, LINES[2]
+    for _ in range(LATE_ROUNDS):
+        after_s = random.choice((random.uniform(2.1, COMPARED_S), random.uniform(COMPARED_S, 34.4)))
+        t_s += after_s
+        for driver in drivers:
+            plain = json.loads(driver.drive(t_s, after_s), parse_float=lambda digits: round(float(digits), 6))
+            yield json.dumps(plain).encode(), t_s + random.uniform(0.05, 0.5), LINES[2]
+
+
+def results(
+    messages: list[Sent], *, fast: bool, reading: Reading | None = None
+) -> tuple[list[bytes], list[dict[str, Any]], dict[str, Any]]:
+    receiving, batches = fleet(fast=fast, reading=reading), []
     for i, (raw, arrival_s, connection) in enumerate(messages):
         receiving.receive(raw, arrival_s, connection)
         if i % 4 == 0:
@@ -175,8 +242,46 @@ def test_batches_documents_and_measures_are_the_same_with_and_without_the_fast_p
     assert 0.12 * len(messages) < sum(repeats) < len(repeats) - 100
 
 
-@pytest.mark.parametrize(("every_s", "turn_rad", "is_repeat"), [(8.0, 0.0, False), (1.9, 0.0, True), (1.5, 0.7, True)])
-def test_only_a_robot_that_reports_seldom_repeats_no_status(
+@pytest.mark.parametrize("horizon_s", HORIZONS_S)
+@pytest.mark.parametrize("seed", range(4))
+def test_late_statuses_take_the_fast_path_and_give_the_batches_of_the_slow_one(
+    seed: int, horizon_s: float, repeats: list[bool]
+) -> None:
+    messages, reading = list(sent_late(Random(seed))), Reading(horizon_s=horizon_s)
+    fast, slow = (results(messages, fast=is_fast, reading=reading) for is_fast in (True, False))
+    assert fast == slow
+    assert repeats == [True] * (LATE_ROUNDS - 1) * LATE_ROBOTS
+
+
+def calls_of_a_status(every_s: float) -> int:
+    """Calls to read the last of three statuses of a robot that drives straight on."""
+    receiving_fleet, calls = fleet(), 0
+
+    def count(_: FrameType, event: str, __: object) -> None:
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    for i in range(3):
+        t_s = NOW_S + every_s * i
+        raw = status("R", t_s, every_s * i, velocity={"linear": 1.0})
+        sys.setprofile(count if i == 2 else None)
+        try:
+            receiving_fleet.receive(raw, t_s, LINES[0])
+        finally:
+            sys.setprofile(None)
+    return calls
+
+
+@pytest.mark.parametrize("every_s", [2.5, 8.0, 34.0])
+def test_a_late_status_takes_as_few_calls_as_a_regular_one(every_s: float) -> None:
+    assert calls_of_a_status(every_s) <= calls_of_a_status(1.0) + 2
+
+
+@pytest.mark.parametrize(
+    ("every_s", "turn_rad", "is_repeat"),
+    [(36.0, 0.0, False), (8.0, 0.0, True), (8.0, 2.0, True), (1.9, 0.0, True), (1.5, 0.7, True)],
+)
+def test_only_a_robot_whose_reports_show_no_motion_repeats_no_status(
     repeats: list[bool], every_s: float, turn_rad: float, is_repeat: bool
 ) -> None:
     receiving_fleet, (x, y, yaw_rad) = fleet(), (0.0, 0.0, 0.0)
