@@ -139,7 +139,7 @@ def sent(seed: int, messages: int) -> Iterator[Sent]:
     for driver in drivers[1:]:
         yield identity(driver.name, t_s, manufacturerName=random.choice(("Alder", "Basalt"))), t_s, driver.line
     for _ in range(messages):
-        after_s = random.choice((1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.4, 7.0))
+        after_s = random.choice((1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 4.0, 0.4, 7.0, 40.0))
         t_s += after_s
         for driver in drivers:
             late_s = random.choice((0.05, 0.05, 0.05, 0.3, 1.5))
