@@ -3,9 +3,11 @@
 asked --> raised --(answered, or the robot has visibly begun)--> updated --> cleared
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from deconflict.adviser.asked import Asked
+from deconflict.adviser.refusals import Refusals, is_refused, is_unable
 from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.advisories.words.advice_words import advice_headline, advice_summary
@@ -16,6 +18,7 @@ from deconflict.advisory.robot_advice import ASKED, ENDED, YIELDED, RobotAdvice
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.free_crossings import Crossing
+from deconflict.foresight.losses.refusal import AdviceRefusal
 from deconflict.settings.site import Site
 from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures
@@ -48,8 +51,9 @@ class AdviceLifecycle:
         self._restored = list(restored)
         self._open: dict[str, RobotAdvice] = {}
         """By id of the request."""
-        self._answers: dict[str, AdviceAnswer] = {}
+        self._answers: dict[str, AnsweredAdvice] = {}
         """By id of the request, the first answer: that is the one that counts."""
+        self._refusals = Refusals(measures)
         self._looked_s = float("-inf")
         measures.call_before_reading(self._measure)
 
@@ -61,6 +65,10 @@ class AdviceLifecycle:
     def crossings(self) -> list[Crossing]:
         """Where robots stand for each other before a free crossing, by the last look."""
         return self._standoffs.crossings
+
+    def take_refusals(self) -> list[AdviceRefusal]:
+        """The refusals that are over since the last call."""
+        return self._refusals.take()
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots of a batch were updated."""
@@ -87,6 +95,7 @@ class AdviceLifecycle:
         self._standoffs.end_all()
         withdrawn = [self._cleared(advice, ClearedCode.WITHDRAWN, now_s) for advice in self._open.values()]
         self._open, self._answers = {}, {}
+        self._refusals.end_all()
         return [*self._end_restored(now_s), *withdrawn]
 
     def _end_restored(self, now_s: float) -> list[RobotAdvice]:
@@ -96,9 +105,13 @@ class AdviceLifecycle:
     def _look(self, robots: RobotTable, now_s: float, answers: Iterable[AnsweredAdvice]) -> list[RobotAdvice]:
         revisions = self._end_restored(now_s)
         self._take(answers, robots, now_s)
+        before = dict(self._standoffs.asked)
         requests = self._standoffs.step(robots, now_s)
+        known = (*before.values(), *self._standoffs.asked.values())
+        begun_s = {asked.request.robot: asked.begun_s for asked in known if asked.begun_s is not None}
+        self._refusals.look(self._standoffs.standing, begun_s, now_s)
         withdrawn = {request.id for request in requests if request.withdrawn}
-        revisions += self._ended(withdrawn, robots, now_s)
+        revisions += self._ended(before, withdrawn, robots, now_s)
         revisions += self._begun(now_s)
         revisions += self._raised([request for request in requests if not request.withdrawn], robots, now_s)
         return revisions
@@ -107,13 +120,21 @@ class AdviceLifecycle:
         request_of = {advice.id: request_id for request_id, advice in self._open.items()}
         for answered in answers:
             if request_id := request_of.get(answered.advice_id):
-                self._answers.setdefault(request_id, answered.answer)
+                self._answers.setdefault(request_id, answered)
                 self._standoffs.answer(request_id, answered.answer, answered.why, robots, now_s)
 
-    def _ended(self, withdrawn: set[str], robots: RobotTable, now_s: float) -> Iterator[RobotAdvice]:
+    def _ended(
+        self, before: Mapping[str, Asked], withdrawn: set[str], robots: RobotTable, now_s: float
+    ) -> Iterator[RobotAdvice]:
+        """`before` has by id what was asked before this look."""
+        standing = self._standoffs.standing
         for request_id in [each for each in self._open if each not in self._standoffs.asked]:
-            advice, answer = self._open.pop(request_id), self._answers.pop(request_id, None)
-            yield self._cleared(advice, _why(advice, answer, request_id in withdrawn, robots, now_s), now_s)
+            advice, answered = self._open.pop(request_id), self._answers.pop(request_id, None)
+            code = _why(advice, answered and answered.answer, request_id in withdrawn, robots, now_s)
+            if is_refused(request_id, before[request_id], code, standing):
+                unable = code is ClearedCode.DECLINED and answered is not None and is_unable(answered.why)
+                self._refusals.add(advice, unable, standing, robots, now_s)
+            yield self._cleared(advice, code, now_s)
 
     def _cleared(self, advice: RobotAdvice, code: ClearedCode, now_s: float) -> RobotAdvice:
         self._measures.count(ENDED, advice.vendor, advice.verb, code)

@@ -139,7 +139,7 @@ class Following:
         """A robot has answered."""
         self._answers, request = True, asked.request
         able, unable = self._can.setdefault((vendor, request.verb), (set(), set()))
-        record, reason = self._of(request.robot), why.partition(":")[0].strip().lower()
+        record, reason = self._of(request.robot), reason_of(why)
         is_able = reason != CANNOT
         counts = (
             self._at.setdefault(_square(request.verb, asked.from_m), [0, 0]),
@@ -172,6 +172,11 @@ class Following:
 
     def _of(self, robot: str) -> _OfRobot:
         return self._robots.setdefault(robot, _OfRobot())
+
+
+def reason_of(why: str) -> str:
+    """The reason of an answer, without what follows a colon."""
+    return why.partition(":")[0].strip().lower()
 
 
 def _square(verb: Verb, at_m: tuple[float, float]) -> tuple[Verb, int, int]:

@@ -74,6 +74,11 @@ class StandoffAdvice:
         return self._asked
 
     @property
+    def standing(self) -> Standing:
+        """Who stands for whom, by the last step."""
+        return self._standing
+
+    @property
     def worth(self) -> Worth:
         """What was learned of standoffs, and what vendors yielded."""
         return self._worth

@@ -60,12 +60,21 @@ class Standing:
 
     def behind(self, robot: str) -> int:
         """How many robots stand for a robot, or for one that stands for it."""
+        return len(self._robots_behind(robot)) - 1
+
+    def held_up_by(self, robot: str) -> set[str]:
+        """The robots that stand for a robot, or for one that stands for it; also before a free crossing."""
+        facing = [other for crossing in self.crossings if robot in crossing.robots for other in crossing.robots]
+        return set().union(*map(self._robots_behind, (robot, *facing))) - {robot}
+
+    def _robots_behind(self, robot: str) -> set[str]:
+        """A robot, and those that stand for it, or for one that stands for it."""
         found, to_do = {robot}, [robot]
         while to_do:
             new = [name for name in self._stand_for.get(to_do.pop(), ()) if name not in found]
             found.update(new)
             to_do += new
-        return len(found) - 1
+        return found
 
     def last_behind(self, robot: str, but: set[str]) -> list[str]:
         """The robots behind a robot, and not among `but` or behind these, behind which nobody stands."""

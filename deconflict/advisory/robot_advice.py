@@ -10,7 +10,8 @@ from ingest.verbs import Verb
 
 ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
 YIELDED = "deconflict_advice_yielded_seconds_total"
-"""Metrics of what was asked, of what became of it, and of who yields to whom."""
+REFUSED, REFUSED_S = "deconflict_advice_refused_total", "deconflict_advice_refused_seconds_total"
+"""Metrics of what was asked, of what became of it, of who yields to whom, and of what was refused."""
 
 
 class RobotAdvice(Advisory):

@@ -6,6 +6,7 @@ the same calls give the same advisories.
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import inf
 from typing import Any
 
@@ -35,6 +36,7 @@ from deconflict.engine.robot_sweep import PairClaims, RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
 from deconflict.foresight.learned_estimates import estimator_learners
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
+from deconflict.foresight.losses.refusal import AdviceRefusal
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import MOST_SHOWN, Presence
@@ -61,6 +63,9 @@ class Engine:
     losses: list[PlacedLoss]
     """Losses that ended before the last pass. With `conflicts_only` without what was published before: others publish
     too."""
+
+    refusals: list[AdviceRefusal]
+    """Refusals of advice that were over at the last call of `advise`."""
 
     set_aside: dict[str, str]
     """The parts of the learned state with which this engine does not go on, each with the reason."""
@@ -101,7 +106,7 @@ class Engine:
         self.set_aside = resume_all(self._learners, upgraded(learned)) if learned else {}
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s)
-        self.near_misses, self.losses = [], []
+        self.near_misses, self.losses, self.refusals = [], [], []
         self._updated: set[str] = set()
         """Robots with a new forecast since the last pass, and those that have left since."""
         self._metrics = EngineMetrics(self.measures, self.open, self.foresight, self._map_drift, self._partly_examined)
@@ -211,11 +216,25 @@ class Engine:
 
         `answers` are those that came since the last call. With `Effort.NEAR` all is withdrawn: warnings come first.
         """
-        return self._shared.advise(now_s, answers, effort)
+        revisions = self._shared.advise(now_s, answers, effort)
+        self.refusals = [self._placed_refusal(refusal) for refusal in self._shared.asked.take_refusals()]
+        return revisions
 
     def withdraw_advice(self, now_s: float) -> list[RobotAdvice]:
         """End all that is asked of robots, after `advise` has raised an error."""
         return self._shared.withdraw_advice(now_s)
+
+    def _placed_refusal(self, refusal: AdviceRefusal) -> AdviceRefusal:
+        """A refusal with the models and places of the robots that it held up."""
+        live, place_at = self.live.robots, self._loss_places.place_at
+        models = {uuid: row.batch.models[row.row] for other in refusal.others if (row := live.get(uuid := other.robot))}
+        return replace(
+            refusal,
+            others=tuple(
+                other._replace(model=models.get(other.robot, ""), place=place_at(other.datum, other.x_m, other.y_m))
+                for other in refusal.others
+            ),
+        )
 
     def _placed_losses(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[PlacedLoss]:
         """The losses that ended, with their places and what had been published when they began."""

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from deconflict.advisory.cleared_code import ClearedCode
-from deconflict.advisory.robot_advice import ASKED, ENDED, YIELDED
+from deconflict.advisory.robot_advice import ASKED, ENDED, REFUSED, REFUSED_S, YIELDED
 from deconflict.foresight.forecast_errors.forecast_grades import in_words
 from deconflict.operator.vendor_models import Flag, UncomparedRobot, VendorAdvice, VendorHealth, VendorOddValue
 from ingest.measures import clock_changes
@@ -43,11 +43,16 @@ def _advice_of(vendor: str, values: Values) -> VendorAdvice:
         for code in (ClearedCode.DONE, ClearedCode.DECLINED, ClearedCode.WITHDRAWN, ClearedCode.LAPSED)
     }
     yielded = values.get(YIELDED, {}).items()
+    refused, refused_s = values.get(REFUSED, {}), values.get(REFUSED_S, {})
     return VendorAdvice(
         asked=int(sum(count for labels, count in values.get(ASKED, {}).items() if labels[0] == vendor)),
         done=int(ended[ClearedCode.DONE]),
         declined=int(ended[ClearedCode.DECLINED]),
         not_begun=int(ended[ClearedCode.WITHDRAWN] + ended[ClearedCode.LAPSED]),
+        refusals=int(refused.get((vendor, "unwilling"), 0)),
+        refused_s=refused_s.get((vendor, "unwilling"), 0.0),
+        unable=int(refused.get((vendor, "unable"), 0)),
+        unable_s=refused_s.get((vendor, "unable"), 0.0),
         yielded_s=sum(seconds for labels, seconds in yielded if labels[0] == vendor),
         let_through_s=sum(seconds for labels, seconds in yielded if labels[1] == vendor),
     )

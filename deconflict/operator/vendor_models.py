@@ -70,6 +70,10 @@ class VendorAdvice(BaseModel):
     done: int = 0
     declined: int = 0
     not_begun: int = Field(0, description="not begun in time, or not needed any more")
+    refusals: int = Field(0, description="declined though they can, or not begun in time")
+    refused_s: float = Field(0.0, description="seconds that others stood because of that, at most 60 s for each")
+    unable: int = Field(0, description="declined because they cannot")
+    unable_s: float = Field(0.0, description="seconds that others stood because of that, at most 60 s for each")
     yielded_s: float = Field(0.0, description="seconds that its robots needed for what they were asked")
     let_through_s: float = Field(0.0, description="the same of other vendors' robots, for its robots")
 

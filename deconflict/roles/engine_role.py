@@ -15,7 +15,7 @@ from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
-from deconflict.operator.ledger.loss_ledger import ledger_entries
+from deconflict.operator.ledger.loss_ledger import ledger_entries, refusal_entries
 from deconflict.roles.engine_link.delivery import RETRY_S, Delivery
 from deconflict.roles.engine_link.restoration import StoredState, stored_state
 from deconflict.roles.health.canary_engine import judged
@@ -171,7 +171,7 @@ class EngineRole:
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         presence = partial(engine.presence_document, batch.now_s)
-        losses = ledger_entries(engine.losses)
+        losses = [*ledger_entries(engine.losses), *refusal_entries(engine.refusals)]
         self._delivery.add_pass(batch.now_s, revisions, arrived_s, engine.measures, near, presence, losses)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
-from deconflict.operator.ledger.loss_questions import DAY_S, LossKey, LossList, LossQuestion, LossRow
+from deconflict.operator.ledger.loss_questions import DAY_S, FIGURES, LossKey, LossList, LossQuestion, LossRow
 from metrics.replay_files import LogError
 
 KEYS: tuple[LossKey, ...] = ("hour", "vendor", "model", "by", "root", "kind", "floor", "place", "cell")
 NAMES = "vendor", "model", "by_vendor", "root_vendor", "kind", "floor", "floor_name", "place"
-SECONDS = "lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s"
+COUNTS = "losses", "refusals", "unable"
 NO_LIMIT = 1 << 62
 COUNT = b"losses"
 """Key of the file's metadata that has the number of losses."""
@@ -55,9 +55,8 @@ def _table(arrow: Any, found: LossList, floor_names: Mapping[str, str]) -> Any:
         [
             ("hour_start", arrow.timestamp("s", tz="UTC")),
             *((name, texts) for name in NAMES),
-            *((name, numbers) for name in ("cell_x_m", "cell_y_m", *SECONDS)),
-            ("losses", arrow.int64()),
-            ("cost", numbers),
+            *((name, numbers) for name in ("cell_x_m", "cell_y_m")),
+            *((name, arrow.int64() if name in COUNTS else numbers) for name in FIGURES),
         ],
         metadata={"currency": found.currency, COUNT: str(found.total.losses)},
     )
@@ -71,7 +70,7 @@ def _table(arrow: Any, found: LossList, floor_names: Mapping[str, str]) -> Any:
 def _row(row: LossRow, floor_names: Mapping[str, str]) -> tuple[object, ...]:
     values = row.model_dump()
     *names, floor, place, (x_m, y_m) = (values[key] for key in KEYS)
-    figures = (values[name] for name in (*SECONDS, "losses", "cost"))
+    figures = (values[name] for name in FIGURES)
     return *names, floor, floor_names.get(floor, floor), place, x_m, y_m, *figures
 
 

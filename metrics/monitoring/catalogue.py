@@ -135,6 +135,10 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "vendor",
         "other",
     ),
+    "deconflict_advice_refused_total": counter("Refused advice, by why: unable or unwilling.", "vendor", "why"),
+    "deconflict_advice_refused_seconds_total": counter(
+        "Time that other robots stood because advice was refused, by the vendor that refused it.", "vendor", "why"
+    ),
     "deconflict_advice_waiting": gauge("Groups of conflicts that wait for advice to be requested."),
     "deconflict_advice_late_total": counter("Requests for advice whose answer came after its deadline."),
     "deconflict_situation_failures_total": counter("Passes in which situations could not be made, and began anew."),

@@ -23,6 +23,11 @@ EXPLANATION = (
     "right within a tenth; sums by kind within a fifth. People without a device, doors and faults are in no figure."
 )
 
+REFUSED = (
+    "Advice that ends a standoff counts as refused if it was declined, or not begun while its robot went on standing. "
+    "What robots cannot do is listed apart. The time is what others then stood, at most 60 s for each refusal. It is "
+    "lost time above, too."
+)
 SUGGESTED = (
     "Each is derived from the losses above, and its saving is estimated from simulated floors: simulate it before you "
     "change anything."
@@ -38,6 +43,8 @@ class LossTables(NamedTuple):
     places: LossList
     kinds: LossList
     days: LossList
+    vendors: LossList
+    """By whose robots were in the way, or refused advice."""
     every: LossList
     """The rows of the CSV."""
     suggested: SuggestionList
@@ -53,6 +60,7 @@ def loss_tables(ledger: LossLedger, used: site.Site, from_s: float, until_s: flo
         places=ask("floor", "place"),
         kinds=ask("kind"),
         days=ask("day", limit=1000),
+        vendors=ask("by", limit=1000),
         every=ask(*CSV_KEYS, limit=1_000_000),
         suggested=_suggested(ledger, used, from_s, until_s),
     )
@@ -82,6 +90,7 @@ def loss_page(tables: LossTables, used: site.Site) -> str:
         _section("Worst pairs", ("Whose robots lost time", "Whose were in the way"), pairs, tables.pairs.rows, tables),
         _section("How they were in the way", ("Kind",), kinds, tables.kinds.rows, tables),
         _section("Day by day", ("Day",), dates, days, tables),
+        _refusals(tables.vendors),
     ]
     style = files("metrics.report").joinpath("report.css").read_text(encoding="utf-8")
     return (
@@ -103,6 +112,18 @@ def _suggestions(suggested: SuggestionList) -> str:
     return f"<h2>What to change</h2>{body}"
 
 
+def _refusals(found: LossList) -> str:
+    """By vendor what was refused by will, and because robots cannot, each with the time that others stood."""
+    rows = sorted((row for row in found.rows if row.refusals or row.unable), key=lambda row: -row.refused_s)
+    cells = [
+        [escape(row.model_dump()["by"]), f"{row.refusals}", _span(row.refused_s), f"{row.unable}", _span(row.unable_s)]
+        for row in rows
+    ]
+    heads = "Vendor", "Refused", "Others stood", "Could not", "Others stood"
+    body = f"<p>{escape(REFUSED)}</p>{linked_table('refused-', heads, cells)}" if cells else "<p>Nothing.</p>"
+    return f"<h2>Advice that was refused</h2>{body}"
+
+
 def _section(
     title: str, heads: Sequence[str], names: Sequence[Sequence[str]], rows: Sequence[LossRow], tables: LossTables
 ) -> str:
@@ -116,6 +137,7 @@ def _section(
             *([_money(row, currency)] if is_priced else []),
         ]
         for name, row in zip(names, rows, strict=True)
+        if row.lost_s
     ]
     heads = (*heads, "Lost", "Share", *(["Cost"] if is_priced else []))
     return f"<h2>{escape(title)}</h2>" + (

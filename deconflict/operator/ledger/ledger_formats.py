@@ -24,6 +24,12 @@ UPGRADES: tuple[tuple[str, ...], ...] = (
         "CREATE TABLE begun (at_s REAL)",
         "INSERT INTO begun SELECT hour_s FROM losses ORDER BY hour_s LIMIT 1",
     ),
+    (
+        "ALTER TABLE losses ADD COLUMN refusals INTEGER NOT NULL DEFAULT 0",
+        "ALTER TABLE losses ADD COLUMN refused_s REAL NOT NULL DEFAULT 0.0",
+        "ALTER TABLE losses ADD COLUMN unable INTEGER NOT NULL DEFAULT 0",
+        "ALTER TABLE losses ADD COLUMN unable_s REAL NOT NULL DEFAULT 0.0",
+    ),
 )
 """Item v holds the statements that take a file from version v (`PRAGMA user_version`) to version v + 1. The first
 ledgers have version 0."""

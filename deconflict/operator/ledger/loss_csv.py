@@ -3,18 +3,17 @@
 import csv
 import io
 
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import FIGURES, LossList, LossQuestion
 
 
 def as_csv(question: LossQuestion, found: LossList) -> str:
     """The rows with a header. Texts that a spreadsheet would take for a formula begin with an apostrophe."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    figures = ("lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s", "losses", "cost")
-    writer.writerow([*question.keys, *figures])
+    writer.writerow([*question.keys, *FIGURES])
     for row in found.rows:
         values = row.model_dump()
-        writer.writerow([_safe(values[key]) for key in (*question.keys, *figures)])
+        writer.writerow([_safe(values[key]) for key in (*question.keys, *FIGURES)])
     return text.getvalue()
 
 

@@ -14,11 +14,13 @@ from threading import Lock
 from typing import NamedTuple
 
 from deconflict.foresight.losses.loss_places import PlacedLoss
+from deconflict.foresight.losses.refusal import AdviceRefusal
 from deconflict.operator.ledger.ledger_formats import upgrade
 from deconflict.operator.ledger.loss_questions import (
     CELL_M,
     DAY_S,
     HOUR_S,
+    OF_REFUSALS,
     SUMS,
     LossList,
     LossQuestion,
@@ -75,6 +77,13 @@ class LedgerEntry(NamedTuple):
     is_warned: bool = False
     is_advised: bool = False
     is_heeded: bool = False
+    losses: int = 1
+    """0 if it is the time that a robot stood because another refused advice."""
+    refusals: int = 0
+    refused_s: float = 0.0
+    unable: int = 0
+    """Refusals because a robot cannot, which are not among the others."""
+    unable_s: float = 0.0
 
 
 def ledger_entries(losses: Iterable[PlacedLoss]) -> list[LedgerEntry]:
@@ -85,6 +94,22 @@ def ledger_entries(losses: Iterable[PlacedLoss]) -> list[LedgerEntry]:
         )
         for loss, datum, place, notice in losses
     ]  # fmt: skip
+
+
+def refusal_entries(refusals: Iterable[AdviceRefusal]) -> list[LedgerEntry]:
+    """One for each robot that stood because of a refusal. The refusal counts once: at the robot for which it was."""
+    return [_refusal_entry(refusal, at) for refusal in refusals for at in range(len(refusal.others))]
+
+
+def _refusal_entry(refusal: AdviceRefusal, at: int) -> LedgerEntry:
+    other, count = refusal.others[at], int(at == 0)
+    entry = LedgerEntry(
+        refusal.since_s, other.vendor, other.model, refusal.vendor, refusal.vendor, other.kind.value, other.datum,
+        other.place, other.x_m, other.y_m, lost_s=0.0, over_usual_s=0.0, is_sure=False, losses=0,
+    )  # fmt: skip
+    if refusal.is_unable:
+        return entry._replace(unable=count, unable_s=other.stood_s)
+    return entry._replace(refusals=count, refused_s=other.stood_s)
 
 
 class LossLedger:
@@ -195,10 +220,12 @@ def _transaction(db: sqlite3.Connection, lock: Lock) -> Iterator[sqlite3.Connect
 
 
 def _row_of(entry: LedgerEntry) -> tuple[object, ...]:
-    from_s, *names, x_m, y_m, lost_s, over_usual_s, is_sure, is_warned, is_advised, is_heeded = entry
-    cell = int(x_m // CELL_M), int(y_m // CELL_M)
-    parts = (lost_s if counts else 0.0 for counts in (is_sure, is_warned, is_advised, is_heeded))
-    return int(from_s // HOUR_S * HOUR_S), *names, *cell, 1, lost_s, over_usual_s, *parts
+    hour_s, cell = int(entry.from_s // HOUR_S * HOUR_S), (int(entry.x_m // CELL_M), int(entry.y_m // CELL_M))
+    names = entry[1 : LedgerEntry._fields.index("x_m")]
+    flags = entry.is_sure, entry.is_warned, entry.is_advised, entry.is_heeded
+    parts = (entry.lost_s if counts else 0.0 for counts in flags)
+    refused = entry[-len(OF_REFUSALS) :]
+    return hour_s, *names, *cell, entry.losses, entry.lost_s, entry.over_usual_s, *parts, *refused
 
 
 def _values(question: LossQuestion, values: Sequence[object]) -> tuple[object, ...]:

@@ -9,8 +9,12 @@ from pydantic import BaseModel, Field
 LossKey = Literal["vendor", "model", "by", "root", "kind", "floor", "place", "cell", "hour", "day"]
 HOUR_S, DAY_S = 3600, 86400
 CELL_M = 2.0
-SUMS = "losses", "lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s"
+OF_LOSSES = "losses", "lost_s", "over_usual_s", "sure_s", "warned_s", "advised_s", "heeded_s"
+OF_REFUSALS = "refusals", "refused_s", "unable", "unable_s"
+SUMS = *OF_LOSSES, *OF_REFUSALS
 """What the ledger sums."""
+FIGURES = *OF_LOSSES[1:], OF_LOSSES[0], "cost", *OF_REFUSALS
+"""In the order in which tables have them."""
 LOST = SUMS.index("lost_s")
 
 
@@ -51,6 +55,10 @@ class LossRow(BaseModel, extra="allow"):
     advised_s: float = Field(description="the part of these for which one of the two robots was advised to wait")
     heeded_s: float = Field(description="the part of these for which that robot waited as advised")
     losses: int = Field(description="number of losses, or parts of long ones")
+    refusals: int = Field(description="advice that robots of `by` refused though they can follow it")
+    refused_s: float = Field(description="seconds that robots stood because of these refusals, at most 60 s for each")
+    unable: int = Field(description="advice that robots of `by` declined because they cannot")
+    unable_s: float = Field(description="the same seconds because of these")
     cost: float | None = Field(description="of the robots whose vendor or model has a cost; null if none has")
 
 

@@ -246,6 +246,25 @@ async def test_what_it_costs_says_how_much_was_warned_of_and_heeded(browser: "Br
         assert "warned" not in await page.evaluate(script, total | {"losses": 0, "lost_s": 0})
 
 
+async def test_what_it_costs_has_no_rows_of_refused_advice_that_cost_no_time_else(
+    browser: "Browser", face: Served
+) -> None:
+    script = """async () => {
+        const { Costs } = await import("/page/dialogs/costs.js");
+        const sums = { lost_s: 0, losses: 0, warned_s: 0, advised_s: 0, heeded_s: 0, refused_s: 9, cost: null };
+        const row = { ...sums, vendor: "Acme", by: "Bolt", floor: "", place: "Aisle", cell: [1, 1], hour: 0 };
+        const found = { total: sums, rows: [row], currency: "", suggestions: [], none_because: "", hours: 0 };
+        window.fetch = async () => new Response(JSON.stringify(found));
+        await new Costs((floor) => floor, () => {}).read();
+        return document.querySelector("#costs-body").textContent;
+    }"""
+    async with opened(browser, face) as page:
+        found = await page.evaluate(script)
+        assert "Today robots lost" in found
+        assert "Acme" not in found
+        assert "NaN" not in found
+
+
 async def test_a_line_of_what_has_ended_says_how(browser: "Browser", face: Served) -> None:
     calm = shown(1, 0, 1, advice=None, severity=Severity.CAUTION)
     async with opened(browser, face) as page:

@@ -107,8 +107,12 @@ def test_each_vendor_shows_what_was_asked_of_it_and_who_yielded_to_whom() -> Non
     engine.count("deconflict_advice_asked_total", "Acme", "back_out", by=2)
     for code, number in (("done", 3), ("declined", 2), ("withdrawn", 1), ("lapsed", 1), ("restarted", 4)):
         engine.count("deconflict_advice_ended_total", "Acme", "go_around", code, by=number)
+    for why, number, seconds in (("unwilling", 3, 40.5), ("unable", 1, 7.0)):
+        engine.count("deconflict_advice_refused_total", "Acme", why, by=number)
+        engine.count("deconflict_advice_refused_seconds_total", "Acme", why, by=seconds)
     engine.level("deconflict_advice_yielded_seconds_total", {("Acme", "Bolt"): 12.5, ("Bolt", "Acme"): 4.0})
     acme, bolt = (vendor.advice for vendor in vendor_health([engine.as_document()]))
     assert (acme.asked, acme.done, acme.declined, acme.not_begun) == (7, 3, 2, 2)
+    assert (acme.refusals, acme.refused_s, acme.unable, acme.unable_s) == (3, 40.5, 1, 7.0)
     assert (acme.yielded_s, acme.let_through_s) == (bolt.let_through_s, bolt.yielded_s) == (12.5, 4.0)
-    assert bolt.asked == 0
+    assert (bolt.asked, bolt.refusals, bolt.unable_s) == (0, 0, 0.0)

@@ -14,7 +14,7 @@ from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S
 from deconflict.settings.site import LossSettings
 from metrics.replay_files import LogError
-from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, START_S
+from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, REFUSED, START_S
 
 DAYS = [datetime.fromtimestamp(START_S + more_s, UTC).date() for more_s in (0.0, DAY_S)]
 NEXT_DAY = QUEUED._replace(from_s=START_S + DAY_S + 1.0)
@@ -51,6 +51,16 @@ def test_each_day_has_a_file_with_the_sums_of_its_hours(data: Path) -> None:
     assert (row.lost_s, row.over_usual_s, row.sure_s, row.warned_s, row.losses) == (3.0, 2.5, 0.0, 3.0, 1)
     assert row.hour_start == pd.Timestamp(START_S, unit="s", tz="UTC")
     assert first.cost.isna().all()
+
+
+def test_refused_advice_is_in_columns_of_its_own(data: Path) -> None:
+    pytest.importorskip("pyarrow")
+    add(data, 2, [REFUSED])
+    export(data)
+    found = exported(data, DAYS[0])
+    row = found[found.kind == "deadlock"].iloc[0]
+    assert (row.by_vendor, row.refusals, row.refused_s, row.unable, row.unable_s) == ("Basalt", 2, 70.0, 1, 12.0)
+    assert found.lost_s.sum() == 16.0
 
 
 def test_costs_and_names_of_floors_are_those_of_the_site(data: Path) -> None:

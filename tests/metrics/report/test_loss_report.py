@@ -9,7 +9,7 @@ from deconflict.__main__ import parser
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.settings.site import LossSettings
 from metrics.replay_files import LogError
-from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED
+from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, REFUSED
 
 SPAN = ("--until", "2027-01-17T00:00:00+00:00", "--days", "7")
 
@@ -50,6 +50,28 @@ def test_the_report_says_what_to_change_or_why_nothing(data: Path) -> None:
     page = (data / "w.html").read_text()
     assert "<li>Let the robots of Alder go first at crossings" in page
     assert "<code>deconflict whatif LOG --site SITE.toml --priority Alder</code>" in page
+
+
+def test_the_report_has_what_each_vendor_refused_and_could_not(data: Path) -> None:
+    assert run(["losses", "--data", str(data), "--html", str(data / "w.html"), *SPAN]) == 0
+    assert "<h2>Advice that was refused</h2><p>Nothing.</p>" in (data / "w.html").read_text()
+    with closing(LossLedger(data, LossSettings())) as ledger:
+        often = REFUSED._replace(by_vendor="<i>Often", refused_s=300.0, unable=0, unable_s=0.0)
+        ledger.add("engine", 2, [REFUSED, often])
+    assert run(["losses", "--data", str(data), "--html", str(data / "w.html"), *SPAN]) == 0
+    page = (data / "w.html").read_text()
+    rows = [["&lt;i&gt;Often", "2", "5 min", "0", "0 s"], ["Basalt", "2", "70 s", "1", "12 s"]]
+    assert (
+        "".join(f'<tr id="refused-{k}"><td>{"</td><td>".join(row)}</td></tr>' for k, row in enumerate(rows, 1)) in page
+    )
+    assert "<td>0%</td>" not in page, "refused advice is no loss of its own"
+
+
+def test_a_report_of_refused_advice_alone_has_no_shares(tmp_path: Path) -> None:
+    with closing(LossLedger(tmp_path, LossSettings())) as ledger:
+        ledger.add("engine", 1, [REFUSED])
+    assert run(["losses", "--data", str(tmp_path), "--html", str(tmp_path / "w.html"), *SPAN]) == 0
+    assert "<h2>Worst pairs</h2><p>Nothing.</p>" in (tmp_path / "w.html").read_text()
 
 
 def test_the_csv_has_a_row_for_each_combination(data: Path) -> None:

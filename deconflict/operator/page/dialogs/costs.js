@@ -61,7 +61,11 @@ export class Costs {
   }
 }
 
-function ask(group, fromS, untilS) { return read(`losses?group=${group}&from_s=${fromS}&until_s=${untilS}&limit=10000`); }
+// Rows without lost time are of refused advice only.
+async function ask(group, fromS, untilS) {
+  const found = await read(`losses?group=${group}&from_s=${fromS}&until_s=${untilS}&limit=10000`);
+  return { ...found, rows: found.rows.filter((row) => row.lost_s > 0) };
+}
 
 // A heading, and a list of what to change, each with the command that simulates it; or why there is nothing.
 function suggestions({ suggestions: found, none_because: reason, hours }) {

@@ -11,6 +11,10 @@ QUEUED = LedgerEntry(
 CROSSED = QUEUED._replace(
     by_vendor="Basalt", kind="crossing", place="", lost_s=3.0, over_usual_s=2.5, is_sure=False, is_advised=False
 )
+REFUSED = QUEUED._replace(
+    by_vendor="Basalt", kind="deadlock", lost_s=0.0, over_usual_s=0.0, losses=0, refusals=2, refused_s=70.0,
+    unable=1, unable_s=12.0,
+)  # fmt: skip
 LATER = QUEUED._replace(from_s=START_S + HOUR_S + 1.0, vendor="Corvid", model="C20", lost_s=5.0, is_heeded=True)
 
 

@@ -12,7 +12,7 @@ from deconflict.operator.ledger.ledger_formats import UPGRADES
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S, HOUR_S, LossRow
 from deconflict.settings.site import LossSettings
-from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, START_S, question
+from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, REFUSED, START_S, question
 
 
 @pytest.fixture
@@ -33,6 +33,13 @@ def test_losses_are_summed_by_any_key(ledger: LossLedger) -> None:
     total = ledger.ask(question()).total
     assert (total.lost_s, total.over_usual_s, total.sure_s, total.losses) == (16.0, 14.5, 13.0, 3)
     assert (total.warned_s, total.advised_s, total.heeded_s) == (16.0, 13.0, 5.0)
+
+
+def test_the_time_that_refusals_cost_is_no_further_loss(ledger: LossLedger) -> None:
+    ledger.add("engine", 1, [QUEUED, CROSSED, REFUSED, REFUSED])
+    total = ledger.ask(question(by="Basalt")).total
+    assert (total.refusals, total.refused_s, total.unable, total.unable_s) == (4, 140.0, 2, 24.0)
+    assert (total.lost_s, total.sure_s, total.losses) == (3.0, 0.0, 1)
 
 
 def test_filters_and_the_span_leave_others_out(ledger: LossLedger) -> None:
@@ -114,6 +121,7 @@ def test_a_ledger_of_the_first_format_is_upgraded(tmp_path: Path) -> None:
         total = opened.ask(question()).total
         assert opened.ask(question()).begun_s == START_S
     assert (total.lost_s, total.over_usual_s, total.warned_s, total.losses) == (17.0, 15.0, 8.0, 2)
+    assert (total.refusals, total.unable_s) == (0, 0.0)
 
 
 def test_the_ledger_knows_when_its_first_loss_began(tmp_path: Path) -> None:

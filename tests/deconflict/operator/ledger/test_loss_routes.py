@@ -27,11 +27,14 @@ async def client() -> httpx.AsyncClient:
 
 async def test_the_rows_have_the_keys_that_were_asked_for(client: httpx.AsyncClient) -> None:
     document = (await client.get("/losses", params=SPAN | {"group": "vendor,kind", "vendor": "Alder"})).json()
+    nothing = {"refusals": 0, "refused_s": 0.0, "unable": 0, "unable_s": 0.0}
     assert document["rows"] == [
         {"lost_s": 8.0, "sure_s": 8.0, "losses": 1, "cost": 0.08, "vendor": "Alder", "kind": "queue"}
-        | {"over_usual_s": 6.0, "warned_s": 8.0, "advised_s": 8.0, "heeded_s": 0.0},
+        | {"over_usual_s": 6.0, "warned_s": 8.0, "advised_s": 8.0, "heeded_s": 0.0}
+        | nothing,
         {"lost_s": 3.0, "sure_s": 0.0, "losses": 1, "cost": 0.03, "vendor": "Alder", "kind": "crossing"}
-        | {"over_usual_s": 2.5, "warned_s": 3.0, "advised_s": 0.0, "heeded_s": 0.0},
+        | {"over_usual_s": 2.5, "warned_s": 3.0, "advised_s": 0.0, "heeded_s": 0.0}
+        | nothing,
     ]
     assert (document["currency"], document["total"]["lost_s"], document["more"]) == ("EUR", 11.0, False)
 
@@ -50,5 +53,6 @@ async def test_an_unknown_key_is_refused_with_those_that_there_are(client: httpx
 
 async def test_csv_has_no_text_that_a_spreadsheet_takes_for_a_formula(client: httpx.AsyncClient) -> None:
     text = (await client.get("/losses", params=SPAN | {"group": "vendor", "format": "csv"})).text
-    assert text.splitlines()[0] == "vendor,lost_s,over_usual_s,sure_s,warned_s,advised_s,heeded_s,losses,cost"
-    assert "'=1+1,8.0,6.0,8.0,8.0,8.0,0.0,1," in text.splitlines()
+    figures = "lost_s,over_usual_s,sure_s,warned_s,advised_s,heeded_s,losses,cost,refusals,refused_s,unable,unable_s"
+    assert text.splitlines()[0] == f"vendor,{figures}"
+    assert "'=1+1,8.0,6.0,8.0,8.0,8.0,0.0,1,,0,0.0,0,0.0" in text.splitlines()
