@@ -1,0 +1,75 @@
+"""The demo's robots that stand for each other, with advice on and off in turns, and what it saves."""
+
+from collections.abc import Callable
+from typing import Any
+
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.simulation.demo.advice_follower import Follow
+from deconflict.simulation.demo.advice_turns import AdviceTurns, Saved
+from deconflict.simulation.demo.demo_floor import FollowingFloor
+from deconflict.simulation.demo.standoff_hall import standoff_world
+from deconflict.simulation.scripted_annex import Annex
+from deconflict.simulation.vendors.senders import STEP_S
+
+OFF = "busy: advice is off in this turn"
+"""What robots answer while advice is off. The service asks them again soon."""
+
+
+class StandoffFloor(FollowingFloor):
+    """Robots that do what is asked of them in one turn, and decline all in another."""
+
+    who = "robots of three vendors, which stand for each other,"
+
+    def __init__(self, robots: int, seed: int) -> None:
+        super().__init__(standoff_world(robots, seed), Annex(()), Follow.REQUESTS)
+        self.turns = AdviceTurns(self.world)
+
+    def begin(self) -> None:
+        self.turns.begin()
+
+    def step(self) -> None:
+        super().step()
+        self.turns.update(STEP_S)
+
+    def pass_on(self, revision: AnyRevision, now_s: float) -> None:
+        if self._follower:
+            self._follower.declines = "" if self.turns.is_on else OFF
+        super().pass_on(revision, now_s)
+
+    def result(self) -> dict[str, Any]:
+        return {"advice": self.turns.result()}
+
+    def sentence(self) -> str:
+        state = "on" if self.turns.is_on else "off"
+        left_s = self.turns.left_s
+        now = f"Advice is {state} for {left_s:.0f} s more" if left_s < float("inf") else "There is no advice yet"
+        return f"{now}. {self.saving()}"
+
+    def report(self) -> list[str]:
+        """Each turn, and what they show."""
+        lines = [
+            f"turn {number}: advice {'on ' if turn.advice else 'off'}  {turn.driven_mps:.2f} m/s a robot, "
+            f"{60 * turn.stood_share:.0f} s of a minute stood"
+            for number, turn in enumerate(self.turns.turns, 1)
+        ]
+        return [*lines, self.saving()]
+
+    def saving(self) -> str:
+        """What the turns so far have shown."""
+        driven, stood = self.turns.saved("driven_mps"), self.turns.saved("stood_share")
+        if not driven or not stood:
+            return "What it saves is known after two turns"
+        pairs = f"{driven.pairs} pair{'' if driven.pairs == 1 else 's'} of turns"
+        return (
+            f"{_compared(driven, 'm/s a robot', lambda mps: f'{mps:.2f}')} over {pairs}. "
+            f"Standing on the way: {_compared(stood, 'of a minute', lambda share: f'{60 * share:.0f} s')}"
+        )
+
+
+def _compared(saved: Saved, unit: str, text: Callable[[float], str]) -> str:
+    def signed(value: float) -> str:
+        return f"{'-' if value < 0 else '+'}{text(abs(value))}"
+
+    interval = f" ({signed(saved.interval[0])} to {signed(saved.interval[1])})" if saved.interval else ""
+    means = f"with advice {text(saved.with_advice)} {unit}, without {text(saved.without)}"
+    return f"{means}: {signed(saved.difference)}{interval}"
