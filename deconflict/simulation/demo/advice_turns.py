@@ -20,7 +20,7 @@ ORDER = (False, True, True, False)
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """What robots did in one turn by second on their way, without the begin of the turn. Work in bays does not count."""
+    """What robots did by second on their way, without the begin of the turn. Stays in bays do not count."""
 
     advice: bool
     driven_mps: float
@@ -81,7 +81,9 @@ class AdviceTurns:
 
     def saved(self, name: str) -> Saved | None:
         """The pairs so far by one of the figures of `Turn`. None if there is no pair."""
-        pairs = [sorted(pair, key=lambda turn: turn.advice) for pair in zip(self.turns[::2], self.turns[1::2], strict=False)]
+        pairs = [
+            sorted(pair, key=lambda turn: turn.advice) for pair in zip(self.turns[::2], self.turns[1::2], strict=False)
+        ]
         if not pairs:
             return None
         without, with_advice = np.array([[getattr(turn, name) for turn in pair] for pair in pairs]).T

@@ -7,7 +7,7 @@ from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.simulation.demo.advice_follower import Follow
 from deconflict.simulation.demo.advice_turns import AdviceTurns, Saved
 from deconflict.simulation.demo.demo_floor import FollowingFloor
-from deconflict.simulation.demo.standoff_hall import standoff_world
+from deconflict.simulation.demo.standoff_hall import StandoffWorld
 from deconflict.simulation.scripted_annex import Annex
 from deconflict.simulation.vendors.senders import STEP_S
 
@@ -21,7 +21,7 @@ class StandoffFloor(FollowingFloor):
     who = "robots of three vendors, which stand for each other,"
 
     def __init__(self, robots: int, seed: int) -> None:
-        super().__init__(standoff_world(robots, seed), Annex(()), Follow.REQUESTS)
+        super().__init__(StandoffWorld(robots, seed), Annex(()), Follow.REQUESTS)
         self.turns = AdviceTurns(self.world)
 
     def begin(self) -> None:

@@ -28,7 +28,8 @@ from ingest.batch import Floats, Ints
 ARRIVED_M = 0.03
 BACKING_MPS = 0.35
 BACK_OFF_M = (1.2, 4.0)
-NEAR_PLACE_M = 1.2
+NEAR_PLACE_M, FARTHEST_BACK_M = 1.2, 6.0
+"""How near to a place a robot's path must have come so that it can back out to there, and how far it backs at most."""
 HOLD_S = (2.0, 6.0)
 CREEPS_SHARE = 0.4
 """Share of the robots that creep on after a long wait. The others back off."""
@@ -283,13 +284,14 @@ class MovingRobots(ABC):
         self._back_to(robot, max(self.crossings.back_to_m[robot], wanted_m))
 
     def back_out(self, robot: int, place: Place) -> bool:
-        """Let a driving robot drive backwards along its path to a place. False if its path does not come from there, or
-        if it would back into a crossing."""
+        """Let a driving robot drive backwards along its path to a place. False if its path does not come from there, if
+        that is too far, or if it would back into a crossing."""
         x, y, _, _ = self.tracks.samples(robot)
         behind = int(self.progress_m[robot] / self.tracks.step_m[robot]) + 1
         away_m = np.hypot(x[:behind] - place[0], y[:behind] - place[1])
         to_m = float(np.argmin(away_m) * self.tracks.step_m[robot])
-        can = bool(away_m.min() < NEAR_PLACE_M and to_m >= self.crossings.back_to_m[robot])
+        least_m = max(float(self.crossings.back_to_m[robot]), float(self.progress_m[robot]) - FARTHEST_BACK_M)
+        can = bool(away_m.min() < NEAR_PLACE_M and to_m >= least_m)
         if can:
             self._back_to(robot, to_m)
         return can

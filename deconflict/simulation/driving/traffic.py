@@ -58,16 +58,19 @@ class World(MovingRobots):
         members: Sequence[Participant],
         rng: np.random.Generator,
         speed_shares: Mapping[int, SpeedShare] = NO_LIMITS,
+        *,
+        trips: type[Trips] = Trips,
         half_aisle_m: float = HALF_AISLE_M,
         patience_s: tuple[float, float] = PATIENCE_S,
     ) -> None:
-        """Every member starts in a bay. `speed_shares` are speed limits by floor, `half_aisle_m` and `patience_s` as in
-        `MovingRobots`. Raises ValueError if there are more members than bays."""
+        """Every member starts in a bay. `speed_shares` are speed limits by floor, `trips` says where members go,
+        `half_aisle_m` and `patience_s` are as in `MovingRobots`. Raises ValueError if there are more members than
+        bays."""
         self._speed_shares = speed_shares
         self.members = tuple(members)
         n, makes, vendors = len(self.members), [member.make for member in members], list(VendorName)
         person = np.array([make.person for make in makes], np.bool_)
-        self.trips = Trips(layout, person, rng)
+        self.trips = trips(layout, person, rng)
         until_s = rng.uniform(0.0, SET_OUT_S, n)
         self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
