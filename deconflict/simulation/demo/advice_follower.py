@@ -93,14 +93,17 @@ class Follower:
                 seconds = (advice.latest_at - advice.raised_at).total_seconds()
                 self._world.instructions.wait(row, seconds, self._world.t_s)
                 return ""
-            case "back_out" if advice.place:
-                return "" if self._world.back_out(row, (advice.place.x, advice.place.y)) else "no way back"
             case "back_out":
-                self._world.back_off(row)
-                return ""
+                return self._back_out(advice, row)
             case "go_around" if other is not None:
                 return "" if self._world.go_around(row, other) else "no room"
         return "cannot"
+
+    def _back_out(self, advice: RobotAdvice, row: int) -> str:
+        if advice.place:
+            return "" if self._world.back_out(row, (advice.place.x, advice.place.y)) else "no way back"
+        self._world.back_off(row)
+        return ""
 
     def _pass_on_actions(self, situation_id: str, advice: SituationAdvice | None, at_s: float) -> None:
         """Pass on new advice. Robots that drive slowly by the advice before may drive as usual."""

@@ -15,7 +15,7 @@ import numpy as np
 from deconflict.settings.shared_places import NamedArea, Obstacle, Polygon
 from deconflict.settings.site import Site
 from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.floor_layout import GROUND, Bay, BayKind, Layout, Place
+from deconflict.simulation.floor_layout import GROUND, Bay, BayKind, Layout
 from deconflict.simulation.participants import ALDER, BASALT, CORVID, Participant, Protection
 from deconflict.simulation.trips import Trips
 from deconflict.simulation.vendors.dialects import GROUND_ID

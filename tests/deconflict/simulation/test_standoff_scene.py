@@ -20,7 +20,7 @@ from deconflict.simulation.vendors.dialects import DIALECTS, GROUND_ID
 from ingest.batch import Floats
 from tests.helpers.made_advisories import START, made_advice
 
-ROBOTS, TURNS, LOOK_STEPS = 40, 12, 10
+ROBOTS, TURNS, LOOK_STEPS = 40, 8, 10
 
 
 def scene_site() -> Site:
@@ -93,7 +93,6 @@ def saved(scene: AdvisedScene, name: str) -> Saved:
     return found
 
 
-@pytest.mark.slow
 def test_advice_that_ends_standoffs_saves_time_and_bodies_never_overlap() -> None:
     adviser = Adviser(scene_site())
     scene = AdvisedScene(adviser, 1)
@@ -108,7 +107,6 @@ def test_advice_that_ends_standoffs_saves_time_and_bodies_never_overlap() -> Non
     assert scene.answers["declined", OFF] > 0
 
 
-@pytest.mark.slow
 def test_without_an_adviser_the_two_kinds_of_turns_do_not_differ() -> None:
     scene = AdvisedScene(None, 1)
     scene.drive(TURNS)
