@@ -9,6 +9,7 @@ from scipy.special import stdtrit
 
 from deconflict.simulation.driving.lost_time import STANDING_MPS
 from deconflict.simulation.driving.motion import Activity, MovingRobots
+from ingest.batch import Floats
 
 TURN_S, SETTLES_S = 60.0, 20.0
 """How long a turn lasts, and how much of its begin does not count: what the turn before has left still lasts."""
@@ -100,7 +101,7 @@ class AdviceTurns:
         return {key: _rounded(value) for key, value in asdict(saved).items()} if saved else None
 
 
-def paired(differences: np.ndarray) -> tuple[float, tuple[float, float] | None]:
+def paired(differences: Floats) -> tuple[float, tuple[float, float] | None]:
     """The mean of differences (n,) and its 95 % interval by Student's distribution; None for fewer than two."""
     mean = float(differences.mean())
     if len(differences) < 2:

@@ -1,6 +1,5 @@
 """The demo's robots that stand for each other, with advice on and off in turns, and what it saves."""
 
-from collections.abc import Callable
 from typing import Any
 
 from deconflict.advisories.situations.situation import AnyRevision
@@ -61,15 +60,17 @@ class StandoffFloor(FollowingFloor):
             return "What it saves is known after two turns"
         pairs = f"{driven.pairs} pair{'' if driven.pairs == 1 else 's'} of turns"
         return (
-            f"{_compared(driven, 'm/s a robot', lambda mps: f'{mps:.2f}')} over {pairs}. "
-            f"Standing on the way: {_compared(stood, 'of a minute', lambda share: f'{60 * share:.0f} s')}"
+            f"With advice {driven.with_advice:.2f} m/s a robot, without {driven.without:.2f}: "
+            f"{_difference(driven, 1.0, 2)} over {pairs}. Of a minute on their way robots stood for "
+            f"{60 * stood.with_advice:.1f} s with advice, {60 * stood.without:.1f} s without: {_difference(stood, 60.0, 1)}"
         )
 
 
-def _compared(saved: Saved, unit: str, text: Callable[[float], str]) -> str:
+def _difference(saved: Saved, unit: float, digits: int) -> str:
+    """The difference with its interval, times `unit`."""
+
     def signed(value: float) -> str:
-        return f"{'-' if value < 0 else '+'}{text(abs(value))}"
+        return f"{value * unit:+.{digits}f}"
 
     interval = f" ({signed(saved.interval[0])} to {signed(saved.interval[1])})" if saved.interval else ""
-    means = f"with advice {text(saved.with_advice)} {unit}, without {text(saved.without)}"
-    return f"{means}: {signed(saved.difference)}{interval}"
+    return signed(saved.difference) + interval

@@ -83,8 +83,8 @@ class AdvisedScene:
 def overlapping(bodies: Floats) -> int:
     """How many pairs of bodies (n, 5) overlap."""
     a, b = np.triu_indices(len(bodies), 1)
-    one, other = bodies[a].T, bodies[b].T
-    return int((gaps(one[:3], other[:3], (one[3], one[4]), (other[3], other[4])) < 0.0).sum())
+    first, second = bodies[a].T, bodies[b].T
+    return int((gaps(first[:3], second[:3], (first[3], first[4]), (second[3], second[4])) < 0.0).sum())
 
 
 def saved(scene: AdvisedScene, name: str) -> Saved:
