@@ -42,7 +42,7 @@ def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
         "--scene",
         choices=("warehouse", "standoffs"),
         default="warehouse",
-        help="the floor: the warehouse (the default), or robots that stand for each other, with advice off and on in turns",
+        help="warehouse (the default), or standoffs: robots stand for each other, with advice off and on in turns",
     )
     demo_parser.add_argument(
         "--advice",

@@ -62,7 +62,8 @@ class StandoffFloor(FollowingFloor):
         return (
             f"With advice {driven.with_advice:.2f} m/s a robot, without {driven.without:.2f}: "
             f"{_difference(driven, 1.0, 2)} over {pairs}. Of a minute on their way robots stood for "
-            f"{60 * stood.with_advice:.1f} s with advice, {60 * stood.without:.1f} s without: {_difference(stood, 60.0, 1)}"
+            f"{60 * stood.with_advice:.1f} s with advice, {60 * stood.without:.1f} s without: "
+            f"{_difference(stood, 60.0, 1)}"
         )
 
 

@@ -72,6 +72,7 @@ def standoff_site(site: Site, robots: int) -> Site:
     vendors = tuple(
         vendor.model_copy(update={"maps": tuple(each for each in vendor.maps if each.site_datum == GROUND_ID)})
         for vendor in site.vendors
+        if vendor.name in [make.vendor for make in MAKES]
     )
     drawn = {"areas": tuple(_areas(halls)), "obstacles": tuple(_obstacles(halls))}
     places = {"name": "Standoff hall", "datums": site.datums[:1], "resources": (), "zones": ()}
