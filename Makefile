@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 # Modules that were imported are kept compiled, also where the environment says otherwise: tests start many processes.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo check test lint types audit lock artefacts check-wheel release sign docs clean
+.PHONY: demo demo-advice check test lint types audit lock artefacts check-wheel release sign docs clean
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; set PYTHON=python3.x") if sys.version_info < (3, 11) else None'
@@ -32,6 +32,10 @@ $(KERNELS): $(READY)
 
 demo: $(INSTALLED)
 	$(BIN)/deconflict demo
+
+# Robots that stand for each other, with advice off and on in turns: a quarter of an hour, then what advice saved.
+demo-advice: $(INSTALLED)
+	$(BIN)/deconflict demo --scene standoffs --seconds 840
 
 # The short inner loop: what breaks most often, in under a minute.
 check: lint types $(KERNELS)

@@ -4,7 +4,7 @@ A larger number of robots gets further halls of the same pattern, so that the de
 """
 
 import heapq
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
@@ -188,9 +188,13 @@ def halls_for(robots: int) -> int:
 
 def layout_for(robots: int) -> Layout:
     """Two floors that are large enough for this number of robots."""
-    halls = halls_for(robots)
+    return layout_of(PATTERNS, halls_for(robots))
+
+
+def layout_of(patterns: Sequence[FloorPattern], halls: int = 1) -> Layout:
+    """A floor of each pattern, with this number of halls side by side."""
     layout, bays = Layout([], [], []), list[Bay]()
-    for floor, pattern in enumerate(PATTERNS):
+    for floor, pattern in enumerate(patterns):
         bays += _add_floor(layout, floor, pattern, [hall * pattern.width_m for hall in range(halls)])
     lifts = [
         [index for index, bay in enumerate(bays) if bay.kind is BayKind.LIFT and bay.floor == floor]

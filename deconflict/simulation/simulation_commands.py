@@ -15,6 +15,8 @@ from deconflict.runtime.command_parsers import MISUSED, Commands, add_command, p
 from deconflict.simulation.demo.demo_site import ROBOTS, demo_site
 
 if TYPE_CHECKING:
+    from deconflict.settings.site import Site
+    from deconflict.simulation.demo.demo_floor import FollowingFloor
     from deconflict.simulation.drills.drill_scripts import Drill
 
 
@@ -27,6 +29,7 @@ def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
         "deconflict demo",
         "deconflict demo --robots 60 --seconds 120 --data build/demo",
         "deconflict demo --robots 60 --advice      # what does following the advice save?",
+        "deconflict demo --scene standoffs --seconds 840    # what does advice save that ends standoffs?",
     )
     _add_simulated_world(demo_parser)
     demo_parser.add_argument(
@@ -34,6 +37,12 @@ def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
         type=float,
         metavar="S",
         help="stop so long after the engine is ready; 60 without a terminal, else never",
+    )
+    demo_parser.add_argument(
+        "--scene",
+        choices=("warehouse", "standoffs"),
+        default="warehouse",
+        help="warehouse (the default), or standoffs: robots stand for each other, with advice off and on in turns",
     )
     demo_parser.add_argument(
         "--advice",
@@ -121,13 +130,23 @@ def _drill_named(name: str) -> "Drill":
 
 
 def _demo(args: argparse.Namespace) -> int:
-    from deconflict.simulation.demo.demo_floor import DemoFloor  # noqa: PLC0415 - loads the simulated world
-    from deconflict.simulation.demo.demo_halls import with_halls  # noqa: PLC0415 - loads the simulated world
     from deconflict.simulation.demo.demo_run import demo  # noqa: PLC0415 - loads the simulated world
 
-    settings = with_halls(settings_of(args, demo_site()), args.robots)
+    settings = settings_of(args, demo_site())
     check_access(settings, args.open)
-    return demo(settings, DemoFloor(args.robots, args.seed, follows_advice=args.advice), args.seconds, args.data)
+    return demo(*_demo_scene(args, settings), args.seconds, args.data)
+
+
+def _demo_scene(args: argparse.Namespace, site: "Site") -> "tuple[Site, FollowingFloor]":
+    """The site and the robots of the scene that was chosen."""
+    from deconflict.simulation.demo.demo_floor import DemoFloor  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.demo.demo_halls import with_halls  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.demo.standoff_floor import StandoffFloor  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.demo.standoff_hall import standoff_site  # noqa: PLC0415 - loads the simulated world
+
+    if args.scene == "standoffs":
+        return standoff_site(site, args.robots), StandoffFloor(args.robots, args.seed)
+    return with_halls(site, args.robots), DemoFloor(args.robots, args.seed, follows_advice=args.advice)
 
 
 def _drill(exposition: Exposition, args: argparse.Namespace) -> int:

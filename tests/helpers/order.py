@@ -17,6 +17,7 @@ WAITING = (
 COMPUTING = (
     "benchmarks/planned_floors/comparison/test_braking_for_an_hour.py::",
     "deconflict/simulation/driving/test_traffic.py",
+    "deconflict/simulation/test_standoff_scene.py::",
     "benchmarks/test_decisions.py::",
     "metrics/replay/test_replay.py::test_straight_forecasts",
     "benchmarks/test_less_told.py::test_the_command",

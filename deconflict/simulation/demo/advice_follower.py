@@ -24,6 +24,8 @@ class Follow(StrEnum):
     NONE = "none"
     ADVISORIES = "advisories"
     """Holds and slots of every advisory."""
+    REQUESTS = "requests"
+    """What is asked of single robots, which answer it."""
     SITUATIONS = "situations"
     """The actions of situations, and what is asked of single robots, which answer it."""
 
@@ -43,6 +45,8 @@ class Follower:
         self._done: set[tuple[str, str]] = set()
         """By advisory and robot, or by situation and since when its advice stands: what was passed on."""
         self._answers: list[AnsweredAdvice] = []
+        self.declines = ""
+        """The reason with which all that is asked of single robots is declined; empty if they do what they can."""
         self.counts = Counter[str]()
         """What was passed on, and what was left out because the robot had been told something else meanwhile, was not
         driving, or can't do it."""
@@ -51,7 +55,7 @@ class Follower:
         """Pass on the advice of one revision. `now_s` is the clock by which revisions are dated."""
         at_s = self._world.t_s - (now_s - revision.updated_at.timestamp())
         if isinstance(revision, RobotAdvice):
-            if self._follow is Follow.SITUATIONS:
+            if self._follow in (Follow.REQUESTS, Follow.SITUATIONS):
                 self._pass_on_request(revision)
         elif isinstance(revision, Situation):
             if self._follow is Follow.SITUATIONS:
@@ -73,7 +77,7 @@ class Follower:
             if advice.verb == "wait_before" and self._world.instructions.waits(row, now_s):
                 self._world.instructions.slow_down(row, inf, 0.0, now_s)
             return
-        why = self._refusal(advice, row)
+        why = self.declines or self._refusal(advice, row)
         self.counts[why or advice.verb] += 1
         self._answers.append(AnsweredAdvice(advice.id, "declined" if why else "accepted", why))
 
@@ -90,11 +94,16 @@ class Follower:
                 self._world.instructions.wait(row, seconds, self._world.t_s)
                 return ""
             case "back_out":
-                self._world.back_off(row)
-                return ""
+                return self._back_out(advice, row)
             case "go_around" if other is not None:
                 return "" if self._world.go_around(row, other) else "no room"
         return "cannot"
+
+    def _back_out(self, advice: RobotAdvice, row: int) -> str:
+        if advice.place:
+            return "" if self._world.back_out(row, (advice.place.x, advice.place.y)) else "no way back"
+        self._world.back_off(row)
+        return ""
 
     def _pass_on_actions(self, situation_id: str, advice: SituationAdvice | None, at_s: float) -> None:
         """Pass on new advice. Robots that drive slowly by the advice before may drive as usual."""

@@ -1,5 +1,7 @@
 """The demo's robots, the time that they lose, and what following advice saves."""
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -7,31 +9,31 @@ from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.simulation.demo.advice_follower import Follow, Follower
 from deconflict.simulation.driving.lost_time import LostTime, LostTimeCounter
-from deconflict.simulation.vendors.senders import STEP_S, SimulatedFloor
+from deconflict.simulation.driving.traffic import World
+from deconflict.simulation.scripted_annex import Annex
+from deconflict.simulation.vendors.senders import STEP_S, RobotFloor, warehouse
 
 SHOWN = ("lost_s", "waited_s", "stops", "trips")
 """The sums of `LostTime` that the demo prints."""
 ORDERS = ("wait", "slow_down", "back_out", "go_around", "wait_before")
 
 
-class DemoFloor(SimulatedFloor):
-    """The robots that report. If they follow advice, the same robots without advice move beside them, unreported."""
+class FollowingFloor(RobotFloor, ABC):
+    """Robots that report, and may follow advice."""
 
-    def __init__(self, robots: int, seed: int, *, follows_advice: bool) -> None:
-        super().__init__(robots, seed)
-        self._lost = LostTimeCounter(self.world)
-        self._follower = Follower(self.world, self.world.rows(), Follow.SITUATIONS) if follows_advice else None
-        self._without_advice = DemoFloor(robots, seed, follows_advice=False) if follows_advice else None
+    who = "robots of four vendors"
+    """Who they are, for people."""
+
+    def __init__(self, world: World, annex: Annex, follow: Follow) -> None:
+        super().__init__(world, annex)
+        self._follower = Follower(world, world.rows(), follow) if follow is not Follow.NONE else None
 
     @property
     def follows_advice(self) -> bool:
         return self._follower is not None
 
-    def step(self) -> None:
-        super().step()
-        self._lost.update(STEP_S)
-        if self._without_advice:
-            self._without_advice.step()
+    def begin(self) -> None:
+        """The engine is up: from now on there is advice."""
 
     def pass_on(self, revision: AnyRevision, now_s: float) -> None:
         """Pass on the advice of a revision, if the robots follow advice. `now_s` is seconds since the epoch."""
@@ -41,6 +43,33 @@ class DemoFloor(SimulatedFloor):
     def take_answers(self) -> list[AnsweredAdvice]:
         """What robots have answered to what was asked of them since the last call."""
         return self._follower.take_answers() if self._follower else []
+
+    @abstractmethod
+    def result(self) -> dict[str, Any]:
+        """What the demo's last line says of these robots."""
+
+    @abstractmethod
+    def sentence(self) -> str:
+        """What following advice saved so far; empty if the robots follow none."""
+
+    def report(self) -> Iterable[str]:
+        """What the demo prints before its last line."""
+        return ()
+
+
+class DemoFloor(FollowingFloor):
+    """The robots that report. If they follow advice, the same robots without advice move beside them, unreported."""
+
+    def __init__(self, robots: int, seed: int, *, follows_advice: bool) -> None:
+        super().__init__(*warehouse(robots, seed), Follow.SITUATIONS if follows_advice else Follow.NONE)
+        self._lost = LostTimeCounter(self.world)
+        self._without_advice = DemoFloor(robots, seed, follows_advice=False) if follows_advice else None
+
+    def step(self) -> None:
+        super().step()
+        self._lost.update(STEP_S)
+        if self._without_advice:
+            self._without_advice.step()
 
     def lost_time(self) -> LostTime:
         return self._lost.now()
@@ -54,7 +83,6 @@ class DemoFloor(SimulatedFloor):
         return shown
 
     def sentence(self) -> str:
-        """What following advice saved so far; empty if the robots follow none."""
         if not self._without_advice or not self._follower:
             return ""
         own, other = self.lost_time(), self._without_advice.lost_time()

@@ -1,4 +1,4 @@
-"""The demo: the whole service, four simulated vendors that connect to it over real sockets, and a live table."""
+"""The demo: the whole service, simulated vendors that connect to it over real sockets, and a live table."""
 
 import asyncio
 import json
@@ -33,7 +33,7 @@ from deconflict.roles.service import runtime_directory
 from deconflict.runtime.data_lock import create_data_directory
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.site import LossSettings, Site
-from deconflict.simulation.demo.demo_floor import DemoFloor
+from deconflict.simulation.demo.demo_floor import FollowingFloor
 from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
 from deconflict.simulation.vendors.broker_sender import LANGUAGES, DirectSender
 from deconflict.simulation.vendors.senders import simulate
@@ -48,7 +48,7 @@ SOURCES = tuple(MqttSource(name=vendor, host="", language=language) for vendor, 
 """Where the service hears the vendors that do not speak MassRobotics."""
 
 
-def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None) -> int:
+def demo(site: Site, floor: FollowingFloor, seconds: float | None, data: Path | None) -> int:
     """Run the demo. It ends `seconds` after the engine is up, or after a minute if there is no terminal."""
     console = Console()
     if seconds is None and not console.is_terminal:
@@ -70,6 +70,8 @@ def demo(site: Site, floor: DemoFloor, seconds: float | None, data: Path | None)
             stop.set()
             supervisor.join()
         lost = {"lost_to_others_s": round(_lost_to_others_s(kept) - lost_before_s, 1)}
+    for line in floor.report():
+        console.print(line, soft_wrap=True)
     sys.stdout.write(json.dumps(view.result() | lost | floor.result()) + "\n")
     return 0
 
@@ -98,7 +100,7 @@ def _on_free_ports(site: Site, console: Console) -> Site:
     return site.model_copy(update=changed)
 
 
-async def _show(site: Site, runtime: Path, console: Console, floor: DemoFloor, seconds: float | None) -> DemoView:
+async def _show(site: Site, runtime: Path, console: Console, floor: FollowingFloor, seconds: float | None) -> DemoView:
     stop, loop, view = asyncio.Event(), asyncio.get_running_loop(), DemoView()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
@@ -108,7 +110,7 @@ async def _show(site: Site, runtime: Path, console: Console, floor: DemoFloor, s
     if stop.is_set():
         return view
     _print_addresses(site, console, floor)
-    limit = _stop_later(operator, view, console, seconds, stop)
+    limit = _stop_later(operator, floor, view, console, seconds, stop)
     async with _background(_follow(site, floor, view, console), _measure(operator, floor, view), limit):
         simulating = asyncio.create_task(
             simulate(_robots_url(site), floor, None, on_broker=partial(DirectSender, runtime=runtime), stop=stop)
@@ -146,9 +148,14 @@ async def _until_ports_open(operator: AsyncCaller, stop: asyncio.Event) -> None:
 
 
 async def _stop_later(
-    operator: AsyncCaller, view: DemoView, console: Console, seconds: float | None, stop: asyncio.Event
+    operator: AsyncCaller,
+    floor: FollowingFloor,
+    view: DemoView,
+    console: Console,
+    seconds: float | None,
+    stop: asyncio.Event,
 ) -> None:
-    """Show how far the engine is, and stop `seconds` after it is up."""
+    """Show how far the engine is, say when it is up, and stop `seconds` after that."""
     while not stop.is_set():
         with suppress(LinkDownError):
             health = json.loads(await operator.call("health"))
@@ -161,6 +168,7 @@ async def _stop_later(
     if view.preparing and not console.is_terminal:
         console.print("The engine is ready: conflicts are predicted from now on")
     view.preparing = None
+    floor.begin()
     if seconds is not None:
         await asyncio.sleep(seconds)
         stop.set()
@@ -170,11 +178,11 @@ def _robots_url(site: Site) -> str:
     return f"ws://{site.receiver.host}:{site.receiver.port}"
 
 
-def _print_addresses(site: Site, console: Console, floor: DemoFloor) -> None:
+def _print_addresses(site: Site, console: Console, floor: FollowingFloor) -> None:
     robots = len(floor.world) + len(floor.annex.members)
     face = f"{site.operator.host}:{site.operator.port}"
     lines = (
-        Text(f"{visible(site.name)}: {robots} simulated robots of four vendors connect to {_robots_url(site)}"),
+        Text(f"{visible(site.name)}: {robots} simulated {floor.who} connect to {_robots_url(site)}"),
         Text(f"Open http://{face}/ to see the floor and the predictions", "bold"),
         f"Advisories  http://{face}/advisories   stream ws://{face}/advisories/stream",
         f"Robots      http://{face}/robots       metrics http://{face}/metrics",
@@ -183,7 +191,7 @@ def _print_addresses(site: Site, console: Console, floor: DemoFloor) -> None:
         console.print(line, soft_wrap=True)
 
 
-async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console) -> None:
+async def _follow(site: Site, floor: FollowingFloor, view: DemoView, console: Console) -> None:
     """Follow the stream as a site service does: from the last sequence number, again after every lost connection."""
     seen = 0
     while True:
@@ -205,7 +213,7 @@ async def _follow(site: Site, floor: DemoFloor, view: DemoView, console: Console
             await asyncio.sleep(REFRESH_S)
 
 
-async def _answer(site: Site, floor: DemoFloor) -> None:
+async def _answer(site: Site, floor: FollowingFloor) -> None:
     """Send what robots answer to what is asked of them. An answer to what has ended meanwhile is refused."""
     answers = floor.take_answers()
     if answers:
@@ -215,7 +223,7 @@ async def _answer(site: Site, floor: DemoFloor) -> None:
                     await client.answer(answer.advice_id, answer.answer, why=answer.why, name="demo")
 
 
-async def _measure(operator: AsyncCaller, floor: DemoFloor, view: DemoView) -> None:
+async def _measure(operator: AsyncCaller, floor: FollowingFloor, view: DemoView) -> None:
     while True:
         with suppress(LinkDownError):
             view.measure(json.loads(await operator.call("measures")))

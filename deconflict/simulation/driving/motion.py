@@ -17,7 +17,7 @@ from deconflict.simulation.driving.crossing_entry import CrossingEntry
 from deconflict.simulation.driving.crossings import CrossingPassage, Crossings
 from deconflict.simulation.driving.drive_table import DriveTable
 from deconflict.simulation.driving.instructions import Instructions
-from deconflict.simulation.driving.mutual_waits import MutualWaits
+from deconflict.simulation.driving.mutual_waits import PATIENCE_S, MutualWaits
 from deconflict.simulation.driving.passing import HALF_AISLE_M, WALKING_MPS, Passings
 from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
 from deconflict.simulation.driving.routes import Drive
@@ -28,6 +28,8 @@ from ingest.batch import Floats, Ints
 ARRIVED_M = 0.03
 BACKING_MPS = 0.35
 BACK_OFF_M = (1.2, 4.0)
+NEAR_PLACE_M, FARTHEST_BACK_M = 1.2, 6.0
+"""How near to a place a robot's path must have come so that it can back out to there, and how far it backs at most."""
 HOLD_S = (2.0, 6.0)
 CREEPS_SHARE = 0.4
 """Share of the robots that creep on after a long wait. The others back off."""
@@ -62,9 +64,11 @@ class MovingRobots(ABC):
         crossing_places: Sequence[Place],
         rng: np.random.Generator,
         half_aisle_m: float = HALF_AISLE_M,
+        patience_s: tuple[float, float] = PATIENCE_S,
     ) -> None:
         """All stand. `fleet` (n,) is the fleet of each, `crossing_places` are the middles of the crossings by number,
-        and `half_aisle_m` is how far from the middle of an aisle there is room to pass."""
+        `half_aisle_m` is how far from the middle of an aisle there is room to pass, and `patience_s` the range of the
+        time that a robot stands for another before it acts by itself."""
         n, self._rng = len(makes), rng
         self._makes = tuple(makes)
         self.t_s = 0.0
@@ -84,7 +88,7 @@ class MovingRobots(ABC):
         """(n,) preferred speed as a share of the greatest."""
         self.goes_first = np.zeros(n, np.bool_)
         """(n,) whether all others let each go first."""
-        self.waits, self.instructions = MutualWaits(n, rng), Instructions(n)
+        self.waits, self.instructions = MutualWaits(n, rng, patience_s), Instructions(n)
         self.lines = CrossingEntry(self.crossings, crossing_places, n)
         self.passings = Passings(np.array([make.lane_m for make in makes]), half_aisle_m)
         self.braking = Braking(makes, self.passings, rng)
@@ -276,10 +280,26 @@ class MovingRobots(ABC):
 
     def back_off(self, robot: int) -> None:
         """Let a driving robot drive backwards along its path for a few metres, and then stand for a while."""
+        wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
+        self._back_to(robot, max(self.crossings.back_to_m[robot], wanted_m))
+
+    def back_out(self, robot: int, place: Place) -> bool:
+        """Let a driving robot drive backwards along its path to a place. False if its path does not come from there, if
+        that is too far, or if it would back into a crossing."""
+        x, y, _, _ = self.tracks.samples(robot)
+        behind = int(self.progress_m[robot] / self.tracks.step_m[robot]) + 1
+        away_m = np.hypot(x[:behind] - place[0], y[:behind] - place[1])
+        to_m = float(np.argmin(away_m) * self.tracks.step_m[robot])
+        least_m = max(float(self.crossings.back_to_m[robot]), float(self.progress_m[robot]) - FARTHEST_BACK_M)
+        can = bool(away_m.min() < NEAR_PLACE_M and to_m >= least_m)
+        if can:
+            self._back_to(robot, to_m)
+        return can
+
+    def _back_to(self, robot: int, to_m: float) -> None:
         self.braking.let_go(robot)
         self.doing[robot] = Activity.BACKING
-        wanted_m = self.progress_m[robot] - self._rng.uniform(*BACK_OFF_M)
-        self.back_to_m[robot] = max(self.crossings.back_to_m[robot], wanted_m)
+        self.back_to_m[robot] = to_m
         self.waits.restart(robot)
 
 

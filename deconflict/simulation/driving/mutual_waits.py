@@ -6,7 +6,7 @@ from deconflict.simulation.driving.protection import NOBODY, Bools
 from ingest.batch import Floats, Ints
 
 PATIENCE_S = (4.0, 10.0)
-"""Range of the time that a robot stands for another before it acts."""
+"""Usual range of the time that a robot stands for another before it acts."""
 LONG_WAIT_S = 30.0
 """It backs off after this time even if no robot waits for it."""
 AGAIN_S = 2.0
@@ -16,12 +16,12 @@ AGAIN_S = 2.0
 class MutualWaits:
     """How long others have blocked each of n robots."""
 
-    def __init__(self, robots: int, rng: np.random.Generator) -> None:
-        self._rng = rng
+    def __init__(self, robots: int, rng: np.random.Generator, patience_s: tuple[float, float] = PATIENCE_S) -> None:
+        self._rng, self._range_s = rng, patience_s
         self.waited_s = np.zeros(robots)
         self.blocker: Ints = np.full(robots, NOBODY)
         """(n,) the robot for which each stands."""
-        self._patience_s = rng.uniform(*PATIENCE_S, robots)
+        self._patience_s = rng.uniform(*patience_s, robots)
         self._look_at_s = np.zeros(robots)
 
     def update(self, standing: Bools, by: Ints, dt_s: float) -> None:
@@ -44,7 +44,7 @@ class MutualWaits:
     def restart(self, robot: int) -> None:
         """Restart the wait of a robot that has acted."""
         self.waited_s[robot], self.blocker[robot] = 0.0, NOBODY
-        self._patience_s[robot] = self._rng.uniform(*PATIENCE_S)
+        self._patience_s[robot] = self._rng.uniform(*self._range_s)
 
     def _mutual(self) -> Bools:
         """(n,) whether the robot is in, or behind, a ring of waits, which ends only if a robot yields."""

@@ -10,6 +10,8 @@ import numpy as np
 
 from deconflict.simulation.driving.crossings import passages
 from deconflict.simulation.driving.motion import Activity, MovingRobots
+from deconflict.simulation.driving.mutual_waits import PATIENCE_S
+from deconflict.simulation.driving.passing import HALF_AISLE_M
 from deconflict.simulation.driving.protection import Bools
 from deconflict.simulation.driving.routes import Drive, SpeedShare, drive, lane, standing
 from deconflict.simulation.floor_layout import Bay, BayKind, Layout
@@ -56,19 +58,24 @@ class World(MovingRobots):
         members: Sequence[Participant],
         rng: np.random.Generator,
         speed_shares: Mapping[int, SpeedShare] = NO_LIMITS,
+        *,
+        trips: type[Trips] = Trips,
+        half_aisle_m: float = HALF_AISLE_M,
+        patience_s: tuple[float, float] = PATIENCE_S,
     ) -> None:
-        """Every member starts in a bay. `speed_shares` are speed limits by floor. Raises ValueError if there are more
-        members than bays."""
+        """Every member starts in a bay. `speed_shares` are speed limits by floor, `trips` says where members go,
+        `half_aisle_m` and `patience_s` are as in `MovingRobots`. Raises ValueError if there are more members than
+        bays."""
         self._speed_shares = speed_shares
         self.members = tuple(members)
         n, makes, vendors = len(self.members), [member.make for member in members], list(VendorName)
         person = np.array([make.person for make in makes], np.bool_)
-        self.trips = Trips(layout, person, rng)
+        self.trips = trips(layout, person, rng)
         until_s = rng.uniform(0.0, SET_OUT_S, n)
         self.load_pct = np.where(rng.random(n) < 0.75, rng.integers(20, 90, n), 0) * ~person
         self.battery_pct = np.where(rng.random(n) < 0.15, rng.uniform(22.0, 28.0, n), rng.uniform(35.0, 98.0, n))
         fleet: Ints = np.array([vendors.index(make.vendor) for make in makes])
-        super().__init__(makes, fleet, layout.places, rng)
+        super().__init__(makes, fleet, layout.places, rng, half_aisle_m, patience_s)
         self.until_s = until_s
         self.halts_every_s = np.where(person, PAUSE_EVERY_S, STUCK_EVERY_S)
         for robot in range(n):

@@ -132,12 +132,11 @@ async def listening(line: Sender, port: int) -> AsyncIterator[None]:
         yield
 
 
-class SimulatedFloor:
-    """The simulated robots: those of the halls, and those of the annex."""
+class RobotFloor:
+    """Simulated robots: those of the halls, and those of the annex."""
 
-    def __init__(self, robots: int, seed: int) -> None:
-        members, self.annex = split(participants(robots))
-        self.world = World(layout_for(robots), members, np.random.default_rng(seed))
+    def __init__(self, world: World, annex: Annex) -> None:
+        self.world, self.annex = world, annex
         self.world.spread_start()
 
     def step(self) -> None:
@@ -145,9 +144,22 @@ class SimulatedFloor:
         self.world.step(STEP_S)
 
 
+class SimulatedFloor(RobotFloor):
+    """The robots of the warehouse."""
+
+    def __init__(self, robots: int, seed: int) -> None:
+        super().__init__(*warehouse(robots, seed))
+
+
+def warehouse(robots: int, seed: int) -> tuple[World, Annex]:
+    """The halls of the warehouse, and its annex."""
+    members, annex = split(participants(robots))
+    return World(layout_for(robots), members, np.random.default_rng(seed)), annex
+
+
 async def simulate(
     url: str,
-    floor: SimulatedFloor,
+    floor: RobotFloor,
     seconds: float | None,
     *,
     speed: float = 1.0,
@@ -203,7 +215,7 @@ def _senders(members: Sequence[Participant], on_broker: Callable[[VendorName], B
 
 
 async def _run(
-    floor: SimulatedFloor, senders: Sequence[AnySender], seconds: float | None, speed: float, stop: asyncio.Event
+    floor: RobotFloor, senders: Sequence[AnySender], seconds: float | None, speed: float, stop: asyncio.Event
 ) -> None:
     """Advance the world with the clock and let the robots report in turn. The robots of the annex come last."""
     world, annex = floor.world, floor.annex

@@ -1,0 +1,116 @@
+"""What advice saves: it is on and off in turns, and what robots do in neighbouring turns is compared."""
+
+from dataclasses import asdict, dataclass
+from math import inf, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from deconflict.simulation.driving.lost_time import STANDING_MPS
+from deconflict.simulation.driving.motion import Activity, MovingRobots
+from ingest.batch import Floats
+
+TURN_S, SETTLES_S = 60.0, 20.0
+"""How long a turn lasts, and how much of its begin does not count: what the turn before has left still lasts."""
+FILLS_S = 90.0
+"""Robots set out one after another: the first turn begins no sooner."""
+ORDER = (False, True, True, False)
+"""Whether advice is on in a turn, again and again: whatever grows or shrinks all the time favours neither."""
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """What robots did by second on their way, without the begin of the turn. Stays in bays do not count."""
+
+    advice: bool
+    driven_mps: float
+    """Metres driven forwards, less those driven backwards."""
+    stood_share: float
+    """Share of this time for which they stood."""
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """Turns with and without advice, and the mean difference of pairs of neighbours."""
+
+    pairs: int
+    with_advice: float
+    without: float
+    difference: float
+    interval: tuple[float, float] | None
+    """95 % interval of the difference; None for fewer than two pairs."""
+
+
+class AdviceTurns:
+    """The turns of a world. Call `begin` once there is advice, and `update` after each step."""
+
+    def __init__(self, world: MovingRobots) -> None:
+        self._world, self._begins_s = world, inf
+        self._driven_m = self._stood_s = self._on_way_s = 0.0
+        """Of the turn that lasts, over all robots."""
+        self.turns: list[Turn] = []
+        """Those that have ended."""
+
+    def begin(self) -> None:
+        """There is advice from now on."""
+        self._begins_s = max(self._world.t_s, FILLS_S)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether advice is on now."""
+        return self._world.t_s >= self._begins_s and ORDER[len(self.turns) % len(ORDER)]
+
+    @property
+    def left_s(self) -> float:
+        """How long it stays so. That is until the first turn, if none has begun."""
+        return self._begins_s + TURN_S * (len(self.turns) + (self._world.t_s >= self._begins_s)) - self._world.t_s
+
+    def update(self, dt_s: float) -> None:
+        """Count a step of this length."""
+        world = self._world
+        in_turn_s = world.t_s - self._begins_s - TURN_S * len(self.turns)
+        if in_turn_s >= SETTLES_S:
+            on_way = np.isin(world.doing, (Activity.DRIVING, Activity.BACKING, Activity.HOLDING))
+            self._driven_m += dt_s * float(world.velocities()[:, 0].sum())
+            self._stood_s += dt_s * float((on_way & (np.abs(world.speed_mps) < STANDING_MPS)).sum())
+            self._on_way_s += dt_s * float(on_way.sum())
+        if in_turn_s >= TURN_S:
+            on_way_s = max(self._on_way_s, dt_s)
+            self.turns.append(Turn(self.is_on, self._driven_m / on_way_s, self._stood_s / on_way_s))
+            self._driven_m = self._stood_s = self._on_way_s = 0.0
+
+    def saved(self, name: str) -> Saved | None:
+        """The pairs so far by one of the figures of `Turn`. None if there is no pair."""
+        pairs = [
+            sorted(pair, key=lambda turn: turn.advice) for pair in zip(self.turns[::2], self.turns[1::2], strict=False)
+        ]
+        if not pairs:
+            return None
+        without, with_advice = np.array([[getattr(turn, name) for turn in pair] for pair in pairs]).T
+        difference, interval = paired(with_advice - without)
+        return Saved(len(pairs), float(with_advice.mean()), float(without.mean()), difference, interval)
+
+    def result(self) -> dict[str, Any]:
+        """All turns, and what was saved, rounded."""
+        turns = [{name: _rounded(value) for name, value in asdict(turn).items()} for turn in self.turns]
+        return {"turns": turns} | {name: self._rounded_saved(name) for name in ("driven_mps", "stood_share")}
+
+    def _rounded_saved(self, name: str) -> dict[str, Any] | None:
+        saved = self.saved(name)
+        return {key: _rounded(value) for key, value in asdict(saved).items()} if saved else None
+
+
+def paired(differences: Floats) -> tuple[float, tuple[float, float] | None]:
+    """The mean of differences (n,) and its 95 % interval by Student's distribution; None for fewer than two."""
+    mean = float(differences.mean())
+    if len(differences) < 2:
+        return mean, None
+    half = float(stdtrit(len(differences) - 1, 0.975) * differences.std(ddof=1) / sqrt(len(differences)))
+    return mean, (mean - half, mean + half)
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_rounded(each) for each in value]
+    return round(value, 3) if isinstance(value, float) else value

@@ -1,0 +1,77 @@
+"""The demo's robots that stand for each other, with advice on and off in turns, and what it saves."""
+
+from typing import Any
+
+from deconflict.advisories.situations.situation import AnyRevision
+from deconflict.simulation.demo.advice_follower import Follow
+from deconflict.simulation.demo.advice_turns import AdviceTurns, Saved
+from deconflict.simulation.demo.demo_floor import FollowingFloor
+from deconflict.simulation.demo.standoff_hall import StandoffWorld
+from deconflict.simulation.scripted_annex import Annex
+from deconflict.simulation.vendors.senders import STEP_S
+
+OFF = "busy: advice is off in this turn"
+"""What robots answer while advice is off. The service asks them again soon."""
+
+
+class StandoffFloor(FollowingFloor):
+    """Robots that do what is asked of them in one turn, and decline all in another."""
+
+    who = "robots of three vendors, which stand for each other,"
+
+    def __init__(self, robots: int, seed: int) -> None:
+        super().__init__(StandoffWorld(robots, seed), Annex(()), Follow.REQUESTS)
+        self.turns = AdviceTurns(self.world)
+
+    def begin(self) -> None:
+        self.turns.begin()
+
+    def step(self) -> None:
+        super().step()
+        self.turns.update(STEP_S)
+
+    def pass_on(self, revision: AnyRevision, now_s: float) -> None:
+        if self._follower:
+            self._follower.declines = "" if self.turns.is_on else OFF
+        super().pass_on(revision, now_s)
+
+    def result(self) -> dict[str, Any]:
+        return {"advice": self.turns.result()}
+
+    def sentence(self) -> str:
+        state = "on" if self.turns.is_on else "off"
+        left_s = self.turns.left_s
+        now = f"Advice is {state} for {left_s:.0f} s more" if left_s < float("inf") else "There is no advice yet"
+        return f"{now}. {self.saving()}"
+
+    def report(self) -> list[str]:
+        """Each turn, and what they show."""
+        lines = [
+            f"turn {number}: advice {'on ' if turn.advice else 'off'}  {turn.driven_mps:.2f} m/s a robot, "
+            f"{60 * turn.stood_share:.0f} s of a minute stood"
+            for number, turn in enumerate(self.turns.turns, 1)
+        ]
+        return [*lines, self.saving()]
+
+    def saving(self) -> str:
+        """What the turns so far have shown."""
+        driven, stood = self.turns.saved("driven_mps"), self.turns.saved("stood_share")
+        if not driven or not stood:
+            return "What it saves is known after two turns"
+        pairs = f"{driven.pairs} pair{'' if driven.pairs == 1 else 's'} of turns"
+        return (
+            f"With advice {driven.with_advice:.2f} m/s a robot, without {driven.without:.2f}: "
+            f"{_difference(driven, 1.0, 2)} over {pairs}. Of a minute on their way robots stood for "
+            f"{60 * stood.with_advice:.1f} s with advice, {60 * stood.without:.1f} s without: "
+            f"{_difference(stood, 60.0, 1)}"
+        )
+
+
+def _difference(saved: Saved, unit: float, digits: int) -> str:
+    """The difference with its interval, times `unit`."""
+
+    def signed(value: float) -> str:
+        return f"{value * unit:+.{digits}f}"
+
+    interval = f" ({signed(saved.interval[0])} to {signed(saved.interval[1])})" if saved.interval else ""
+    return signed(saved.difference) + interval
