@@ -126,11 +126,16 @@ class AdviceLifecycle:
     def _ended(
         self, before: Mapping[str, Asked], withdrawn: set[str], robots: RobotTable, now_s: float
     ) -> Iterator[RobotAdvice]:
-        """`before` has by id what was asked before this look."""
+        """`before` has by id what was asked before this look.
+
+        A robot has waited as asked once the robot that goes first has passed.
+        """
         standing = self._standoffs.standing
         for request_id in [each for each in self._open if each not in self._standoffs.asked]:
             advice, answered = self._open.pop(request_id), self._answers.pop(request_id, None)
-            code = _why(advice, answered and answered.answer, request_id in withdrawn, robots, now_s)
+            request = before[request_id].request
+            is_withdrawn = request_id in withdrawn and (request.id in withdrawn or request.robot not in robots)
+            code = _why(advice, answered and answered.answer, is_withdrawn, robots, now_s)
             if is_refused(request_id, before[request_id], code, standing):
                 unable = code is ClearedCode.DECLINED and answered is not None and is_unable(answered.why)
                 self._refusals.add(advice, unable, standing, robots, now_s)

@@ -40,6 +40,8 @@ class Asked:
     """Where the robot was when it was asked."""
     from_rad: float
     """Its heading then."""
+    rolls_m: float = 0.0
+    """How far it may roll on before it stands."""
     answer: str = ""
     begun_s: float | None = None
     waits: Request | None = None
@@ -74,6 +76,8 @@ class _OfRobot:
     busy: int = 0
     """In how many answers in a row it was busy."""
     busy_until_s: float = 0.0
+    stopped: tuple[Verb, str] | None = None
+    """Verb and other robot of the newest request that it began and did not finish."""
     declined_until_s: dict[tuple[Verb, str], float] = field(default_factory=dict)
     """By verb and other robot: until when it is not asked again."""
 
@@ -99,10 +103,14 @@ class Following:
         record = self._of(robot)
         return (record.followed + USUALLY_FOLLOWS * USUAL_WEIGHT) / (record.asked + USUAL_WEIGHT)
 
+    def usually(self, verb: Verb) -> float:
+        """The probability that a verb can be done anywhere."""
+        accepted, declined = self._anywhere.get(verb, (0, 0))
+        return (accepted + USUALLY_DONE * USUAL_ANSWERS) / (accepted + declined + USUAL_ANSWERS)
+
     def possible(self, verb: Verb, at_m: tuple[float, float]) -> float:
         """The probability that a verb can be done at a place."""
-        accepted, declined = self._anywhere.get(verb, (0, 0))
-        usually = (accepted + USUALLY_DONE * USUAL_ANSWERS) / (accepted + declined + USUAL_ANSWERS)
+        usually = self.usually(verb)
         accepted, declined = self._at.get(_square(verb, at_m), (0, 0))
         return (accepted + usually * PLACE_WEIGHT) / (accepted + declined + PLACE_WEIGHT)
 
@@ -134,6 +142,13 @@ class Following:
     def follow(self, robot: str) -> None:
         record = self._of(robot)
         record.followed, record.ignored = record.followed + 1, 0
+
+    def stop(self, request: Request, now_s: float) -> None:
+        """A robot has begun, and stands again soon. Twice in a row is as good as declined."""
+        record, key = self._of(request.robot), (request.verb, request.other or "")
+        if record.stopped == key:
+            record.declined_until_s[key] = now_s + DECLINED_S
+        record.stopped = None if record.stopped == key else key
 
     def answer(self, asked: Asked, vendor: str, answer: str, why: str, now_s: float) -> None:
         """A robot has answered."""

@@ -19,8 +19,6 @@ from deconflict.contention.waiting.free_crossings import Crossing
 from ingest.batch import Batch
 from ingest.settings import Vendor
 
-RING_S = 0.8
-"""Robots that have stood for each other for so long rarely move on by themselves."""
 STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
 LONG_S = 12.0
@@ -29,12 +27,18 @@ RELIEF_S = 4.0
 """After this time those are asked that stand behind robots that stand for each other, if these can do nothing."""
 OWN_STANDS_S = 8.0
 """Robots of one vendor that have stood for each other for so long are not sorted out by their vendor."""
+BEGINS_S = 5.0
+"""A robot that has agreed has set out by then. Else another is asked."""
 MOVED_M = 0.15
 """A robot that is so far from where it was asked has set out."""
 TURNED_RAD = 0.2
 """The same for a robot that has turned so far."""
+ROLLS_S = 1.0
+"""A robot that still rolls when it is asked comes to rest within its speed times this."""
 PASSED_M = 3.0
 """A robot that is so far from where it was asked has passed the other, or has backed out."""
+FAR_M = 1.0
+"""A robot that stands again before it has come so far did not get round the other, which is asked next."""
 LATEST_S = 20.0
 VERBS: tuple[Verb, ...] = ("go_around", "go_first", "other_way", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
@@ -44,8 +48,12 @@ SEARCHED_S, SEARCHES = 2.0, 6
 WHOLE_WAY_M = 20.0
 """A robot backs out to where the other, which passes, will not come on the next metres of its way."""
 LIKELY = 0.3
-"""What robots do less likely is asked last. Of the others the robot is asked that was not asked for longest: the same
-robot asked again and again would never arrive."""
+"""What robots do less likely is asked last."""
+PROBABLE = 0.75
+"""If robots mostly have room to go around each other, they are asked before they stand."""
+AWAY: tuple[Verb, ...] = ("other_way", "back_out")
+"""These are asked of the robot with fewest behind it, then of the one that was not asked for longest: the same robot
+asked again and again would never arrive. Of the others the robot yields that came last."""
 
 
 class StandoffAdvice:
@@ -121,7 +129,7 @@ class StandoffAdvice:
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
-        self._standing = standing(robots, now_s)
+        self._standing = standing(robots, now_s, self._following.usually(RING_VERBS[0]) >= PROBABLE)
         self._observe_standing(now_s)
         self._searches_left = SEARCHES
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
@@ -168,15 +176,17 @@ class StandoffAdvice:
         x_m, y_m, yaw_rad = robots.reported_pose(robot)
         moved_m = hypot(x_m - asked.from_m[0], y_m - asked.from_m[1])
         has_turned = abs(remainder(yaw_rad - asked.from_rad, 2 * pi)) > TURNED_RAD
-        if asked.begun_s is None and asked.answer != "declined" and (moved_m > MOVED_M or has_turned):
+        has_moved = moved_m > MOVED_M + asked.rolls_m
+        if asked.begun_s is None and asked.answer != "declined" and (has_moved or has_turned):
             asked.begun_s = now_s
             self._following.follow(robot)
         if asked.begun_s is not None or asked.answer == "done":
             yield from self._follow_up(asked, moved_m, robots, now_s)
             return
-        is_late = now_s - asked.asked_s >= (self._following.waits_s() if not asked.answer else 2 * LATEST_S)
-        is_over = not asked.answer and asked.request.verb != "go_first" and robot not in self._standing.waiting
-        if asked.answer == "declined" or is_late or is_over:
+        is_late = now_s - asked.asked_s >= (BEGINS_S if asked.answer else self._following.waits_s())
+        stands = asked.request.verb == "go_first" or robot in self._standing.waiting
+        is_over = is_late and stands if asked.answer else is_late or not stands
+        if asked.answer == "declined" or is_over:
             yield from self._end(asked, asked.request)
 
     def _end(self, asked: Asked, *withdrawn: Request) -> list[Request]:
@@ -195,14 +205,20 @@ class StandoffAdvice:
             self._worth.add_yield(request.verb, robots[yields[0]].vendor, robots[yields[1]].vendor, takes_s)
         if is_done:
             return self._end(asked)
-        stands_again = takes_s >= STANDS_S and request.robot in self._standing.waiting
-        return self._end(asked, request) if stands_again else []
+        waiting, rested_s = self._standing.waiting.get(request.robot), now_s - robots.rests_since_s(request.robot)
+        stands_again = rested_s >= STANDS_S if request.verb == "go_first" else waiting and not waiting.speed_mps
+        if takes_s < STANDS_S or not stands_again:
+            return []
+        if moved_m < FAR_M:
+            self._following.stop(request, now_s)
+        return self._end(asked, request)
 
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
         waiting = [self._standing.waiting[robot] for robot in ring]
         stood_s = now_s - max(each.since_s for each in waiting)
-        if stood_s >= RING_S and not self._open.keys() & set(ring):
-            options = [Option(each.robot, verb, each.other) for each in waiting for verb in RING_VERBS]
+        if not self._open.keys() & set(ring):
+            verbs = RING_VERBS[:1] if any(each.speed_mps for each in waiting) else RING_VERBS
+            options = [Option(each.robot, verb, each.other) for each in waiting for verb in verbs]
             asked = list(self._ask_best("ring", stood_s, options, robots, now_s))
             if not asked and stood_s >= RELIEF_S:
                 asked = list(self._ask_best("ring", stood_s, self._relief(waiting), robots, now_s))
@@ -248,8 +264,10 @@ class StandoffAdvice:
                 works *= self._following.possible(option.verb, robots.reported_pose(option.robot)[:2])
                 saving = self._worth.saving(kind, option.verb, works, stood_s, behind)
                 is_fair = not self._worth.yields_too_much(yielding, other)
+                came_s = robots.rests_since_s(option.yields[0])
                 last_asked_s = self._following.asked_s(option.robot)
-                rank = is_fair, works >= LIKELY, -VERBS.index(option.verb), -behind[0], -last_asked_s
+                yields_s = (-behind[0], -last_asked_s) if option.verb in AWAY else (0, came_s)
+                rank = works >= LIKELY, is_fair, -VERBS.index(option.verb), yields_s
                 found.append((rank, saving, option))
         for _, saving, option in sorted(found, reverse=True):
             if saving.mean_s > 0 and (request := self._request(option, saving, robots, now_s)):
@@ -267,7 +285,9 @@ class StandoffAdvice:
             self._new(option, at, until, latest_s), saving_s=saving.mean_s, saving_interval_s=saving.interval_s
         )
         x_m, y_m, yaw_rad = robots.reported_pose(option.robot)
-        self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m), yaw_rad)
+        waiting = self._standing.waiting.get(option.robot)
+        rolls_m = waiting.speed_mps * ROLLS_S if waiting else 0.0
+        self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m), yaw_rad, rolls_m)
         self._following.ask(option.robot, now_s)
         return request
 

@@ -13,6 +13,8 @@ from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.foresight.motion_assumptions import CROSSING_M, CROSSING_S
 from ingest.batch import Bools, Ints
 
+SLOW_MPS = 0.8
+"""A robot that is not faster, and has another in its way, is about to stop for it."""
 HEARD_WITHIN_S = 5.0
 """Where a robot is that was last heard longer ago is doubted."""
 
@@ -29,6 +31,8 @@ class Waiting:
     """Since when it rests, seconds since the epoch."""
     other_since_s: float
     """Since when the other rests; inf if it does not."""
+    speed_mps: float = 0.0
+    """0 if it rests."""
 
     @property
     def both_since_s(self) -> float:
@@ -88,16 +92,19 @@ class Standing:
         return found
 
 
-def standing(robots: RobotTable, now_s: float) -> Standing:
-    """Who stands for whom, by the newest reports."""
+def standing(robots: RobotTable, now_s: float, foresees: bool = False) -> Standing:
+    """Who stands for whom, by the newest reports. If it `foresees`, robots that slow down for each other are rings."""
     records = robots.records
     heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
     rests = heard & resting(records)
-    ways = wanted_ways(robots, np.flatnonzero(rests))
+    slows = heard & (records["speed_mps"] <= SLOW_MPS) & foresees
+    ways = wanted_ways(robots, np.flatnonzero(rests | slows))
     others = first_in_way(robots, ways, np.flatnonzero(heard))
     waiting = _waiting(robots, ways.slots[others >= 0], others[others >= 0], rests)
     wants = [Want((each.robot, 0), ((each.other, 0),), "path", each.since_s) for each in waiting.values()]
     found = [tuple(link.waiter for link in ring) for ring in rings(wants)]
+    in_rings = {robot for ring in found for robot in ring}
+    waiting = {uuid: each for uuid, each in waiting.items() if uuid in in_rings or not each.speed_mps}
     return Standing(waiting, found, _crossings(robots, np.flatnonzero(rests), waiting, now_s))
 
 
@@ -120,5 +127,9 @@ def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Bools) -> dic
     """By robot, those of `slots` (n,) whose ways `others` (n,) stand or drive in; `rests` is by slot."""
     uuids, rests_s = robots.uuids, robots.records["rests_s"]
     other_s = np.where(rests[others], rests_s[others], np.inf)
-    rows = zip(slots.tolist(), others.tolist(), rests_s[slots].tolist(), other_s.tolist(), strict=True)
-    return {uuids[slot]: Waiting(uuids[slot], uuids[other], since_s, by_s) for slot, other, since_s, by_s in rows}
+    speed_mps = np.where(rests[slots], 0.0, robots.records["speed_mps"][slots])
+    columns = (column.tolist() for column in (slots, others, rests_s[slots], other_s, speed_mps))
+    return {
+        uuids[slot]: Waiting(uuids[slot], uuids[other], *numbers)
+        for slot, other, *numbers in zip(*columns, strict=True)
+    }

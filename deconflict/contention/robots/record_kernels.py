@@ -3,7 +3,7 @@
 `update_records` is long because it is one loop that copies many columns into the fields of a record.
 """
 
-from math import hypot, pi
+from math import hypot, inf, pi
 from typing import Any, NamedTuple
 
 import numba
@@ -63,6 +63,7 @@ ROBOT = np.dtype(
         ("reported_y_m", np.float64),
         ("reported_yaw_rad", np.float64),
         ("rests_s", np.float64),  # since when its reports have it at that pose
+        ("speed_mps", np.float64),  # its mean speed between its last two reports; inf after the first
         ("known", np.bool_),  # the slot is in use
         ("here", np.bool_),  # it has a resource
         ("waits", np.bool_),  # it has stopped on its path
@@ -168,10 +169,17 @@ def _update_standing(robot: Any, event_s: float) -> None:
 
 
 @inner
-def _update_rest(robot: Any, event_s: float, pose: Floats) -> None:
-    """Update where a robot is by its newest report, and since when it has been there."""
+def _update_rest(robot: Any, before_s: float, event_s: float, pose: Floats) -> None:
+    """Update where a robot is by its newest report, since when it has been there, and how fast it came there.
+
+    `before_s` is when its pose before was true.
+    """
     x_m, y_m, yaw_rad = pose
     moved_m = hypot(x_m - robot.reported_x_m, y_m - robot.reported_y_m)
+    if not robot.known:
+        robot.speed_mps = inf
+    elif event_s > before_s:
+        robot.speed_mps = moved_m / (event_s - before_s)
     turned_rad = abs((yaw_rad - robot.reported_yaw_rad + pi) % (2 * pi) - pi)
     if not robot.known or moved_m > RESTS_M or turned_rad > RESTS_RAD:
         robot.rests_s, robot.reported_x_m, robot.reported_y_m, robot.reported_yaw_rad = event_s, x_m, y_m, yaw_rad
@@ -242,7 +250,7 @@ def update_records(
         robot = robots[slots[row]]
         floor, x, y = view.floor[row, 0], view.x_m[row, 0], view.y_m[row, 0]
         on = floor_numbers[floor] if floor >= 0 else -1
-        was_moving = robot.goes
+        was_moving, before_s = robot.goes, robot.event_s
         has_moved = on != robot.floor or x != robot.x_m or y != robot.y_m
         goes = basis[row] != _STATIONARY and paths.way_m[row] > WAY_M
         robot.event_s, robot.floor, robot.x_m, robot.y_m, robot.yaw_rad = event_s[row], on, x, y, view.yaw_rad[row, 0]
@@ -253,7 +261,7 @@ def update_records(
             copy_rows(paths.lines_m[row], kept_paths[slots[row]])
         stale[row] |= _update_waiting(robot, was_moving, has_moved, resting[row])
         _update_standing(robot, event_s[row])
-        _update_rest(robot, event_s[row], reported[row])
+        _update_rest(robot, before_s, event_s[row], reported[row])
         stale[row] |= _update_near(robot, paths.boxes_m[row], resources, zones, spare_m)
         if bound[row]:
             stale[row] |= STOPS

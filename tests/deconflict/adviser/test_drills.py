@@ -84,12 +84,12 @@ DRILLS: dict[str, dict[str, list[str]]] = {
             "3: r go_around for l until l passed, 23 at the latest; done at 7",
         ],
         "accepts and stands": [
-            "0: l go_around for r until r passed, 20 at the latest; lapsed at 20",
-            "20: r go_around for l until l passed, 40 at the latest; done at 24",
+            "0: l go_around for r until r passed, 20 at the latest; withdrawn at 5",
+            "5: r go_around for l until l passed, 25 at the latest; done at 9",
         ],
         "begins and stands": [
             "0: l go_around for r until r passed, 20 at the latest; withdrawn at 4",
-            "4: r go_around for l until l passed, 24 at the latest; done at 8",
+            "4: l go_around for r until r passed, 24 at the latest; done at 8",
         ],
         "done where it stands": [
             "0: l go_around for r until r passed, 20 at the latest; done at 1",
@@ -113,8 +113,8 @@ DRILLS: dict[str, dict[str, list[str]]] = {
             "2: r other_way for l until l passed, 22 at the latest; done at 7",
         ],
         "accepts and stands": [
-            "0: l other_way for r until r passed, 20 at the latest; lapsed at 20",
-            "20: r other_way for l until l passed, 40 at the latest; done at 25",
+            "0: l other_way for r until r passed, 20 at the latest; withdrawn at 5",
+            "5: r other_way for l until l passed, 25 at the latest; done at 10",
         ],
         "begins and stands": [
             "0: l other_way for r until r passed, 20 at the latest; withdrawn at 4",
@@ -131,71 +131,80 @@ DRILLS: dict[str, dict[str, list[str]]] = {
         ],
         "cannot, no room": [
             "0: r back_out for l until l passed, 40 at the latest; declined at 1",
-            "1: r go_around for l until l passed, 21 at the latest; declined at 2",
-            "13: l other_way for r until r passed, 33 at the latest; done at 17",
+            "1: l go_around for r until r passed, 21 at the latest; declined at 2",
+            "14: r other_way for l until l passed, 34 at the latest; done at 19",
         ],
         "busy": [
             "0: r back_out for l until l passed, 40 at the latest; declined at 1",
+            "1: l go_around for r until r passed, 21 at the latest; declined at 2",
             "4: r back_out for l until l passed, 44 at the latest; done at 12",
         ],
         "silent": [
             "0: r back_out for l until l passed, 40 at the latest; withdrawn at 2",
-            "13: l other_way for r until r passed, 33 at the latest; done at 17",
+            "2: l go_around for r until r passed, 22 at the latest; declined at 3",
+            "14: l other_way for r until r passed, 34 at the latest; done at 18",
         ],
         "accepts and stands": [
-            "0: r back_out for l until l passed, 40 at the latest; lapsed at 40",
-            "40: l other_way for r until r passed, 60 at the latest; done at 44",
+            "0: r back_out for l until l passed, 40 at the latest; withdrawn at 5",
+            "5: l go_around for r until r passed, 25 at the latest; declined at 6",
+            "14: l other_way for r until r passed, 34 at the latest; done at 18",
         ],
         "begins and stands": [
             "0: r back_out for l until l passed, 40 at the latest; withdrawn at 4",
-            "4: r go_around for l until l passed, 24 at the latest; declined at 5",
-            "5: r back_out for l until l passed, 45 at the latest; done at 13",
+            "4: r back_out for l until l passed, 44 at the latest; done at 12",
         ],
         "done where it stands": [
             "0: r back_out for l until l passed, 40 at the latest; done at 1",
-            "13: l other_way for r until r passed, 33 at the latest; done at 17",
+            "1: l go_around for r until r passed, 21 at the latest; declined at 2",
+            "14: l other_way for r until r passed, 34 at the latest; done at 18",
         ],
     },
     "go_first": {
         "obeys": [
             "0: e go_first for n, 20 at the latest; done at 3",
-            "0: n wait_before for e until e passed, 20 at the latest; withdrawn at 3",
+            "0: n wait_before for e until e passed, 20 at the latest; done at 3",
         ],
         "cannot, busy, no room": [
             "0: e go_first for n, 20 at the latest; declined at 1",
             "0: n wait_before for e until e passed, 20 at the latest; withdrawn at 1",
             "1: n go_first for e, 21 at the latest; done at 4",
-            "1: e wait_before for n until n passed, 21 at the latest; withdrawn at 4",
+            "1: e wait_before for n until n passed, 21 at the latest; done at 4",
         ],
         "silent": [
             "0: e go_first for n, 20 at the latest; withdrawn at 3",
             "0: n wait_before for e until e passed, 20 at the latest; withdrawn at 3",
             "3: n go_first for e, 23 at the latest; done at 6",
-            "3: e wait_before for n until n passed, 23 at the latest; withdrawn at 6",
+            "3: e wait_before for n until n passed, 23 at the latest; done at 6",
         ],
-        "accepts and stands, begins and stands": [
-            "0: e go_first for n, 20 at the latest; lapsed at 20",
-            "0: n wait_before for e until e passed, 20 at the latest; lapsed at 20",
-            "20: n go_first for e, 40 at the latest; done at 23",
-            "20: e wait_before for n until n passed, 40 at the latest; withdrawn at 23",
+        "accepts and stands": [
+            "0: e go_first for n, 20 at the latest; withdrawn at 5",
+            "0: n wait_before for e until e passed, 20 at the latest; withdrawn at 5",
+            "5: n go_first for e, 25 at the latest; done at 8",
+            "5: e wait_before for n until n passed, 25 at the latest; done at 8",
+        ],
+        "begins and stands": [
+            "0: e go_first for n, 20 at the latest; withdrawn at 5",
+            "0: n wait_before for e until e passed, 20 at the latest; withdrawn at 5",
+            "9: n go_first for e, 29 at the latest; done at 12",
+            "9: e wait_before for n until n passed, 29 at the latest; done at 12",
         ],
         "done where it stands": [
             "0: e go_first for n, 20 at the latest; done at 1",
-            "0: n wait_before for e until e passed, 20 at the latest; withdrawn at 1",
+            "0: n wait_before for e until e passed, 20 at the latest; done at 1",
             "1: n go_first for e, 21 at the latest; done at 4",
-            "1: e wait_before for n until n passed, 21 at the latest; withdrawn at 4",
+            "1: e wait_before for n until n passed, 21 at the latest; done at 4",
         ],
     },
     "wait_before": {
         "obeys, silent, accepts and stands, begins and stands, done where it stands": [
             "0: e go_first for n, 20 at the latest; done at 3",
-            "0: n wait_before for e until e passed, 20 at the latest; withdrawn at 3",
+            "0: n wait_before for e until e passed, 20 at the latest; done at 3",
         ],
         "cannot, busy, no room": [
             "0: e go_first for n, 20 at the latest; withdrawn at 1",
             "0: n wait_before for e until e passed, 20 at the latest; declined at 1",
             "9: n go_first for e, 29 at the latest; done at 12",
-            "9: e wait_before for n until n passed, 29 at the latest; withdrawn at 12",
+            "9: e wait_before for n until n passed, 29 at the latest; done at 12",
         ],
     },
 }

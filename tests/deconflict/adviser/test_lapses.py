@@ -71,40 +71,67 @@ AROUND, FIRST, WAIT = (
 )
 FACING: dict[str, tuple[Reply, Happens, list[str]]] = {
     "its time passes": (UNBEGUN, nothing, [
-        f"{AROUND}; lapsed at 22",
-        "22: r go_around for l until l passed, 42 at the latest; open",
+        f"{AROUND}; withdrawn at 7",
+        "7: r go_around for l until l passed, 27 at the latest; withdrawn at 12",
+        "12: l go_around for r until r passed, 32 at the latest; withdrawn at 17",
+        "17: r go_around for l until l passed, 37 at the latest; withdrawn at 22",
     ]),
     "it begins and parks": (UNBEGUN, parks("l"), [
         f"{AROUND}; lapsed at 22",
         "22: r go_around for l until l passed, 42 at the latest; open",
     ]),
-    "it leaves the floor": (UNBEGUN, leaves("l"), [f"{AROUND}; left at 10"]),
+    "it leaves the floor": (UNBEGUN, leaves("l"), [
+        f"{AROUND}; withdrawn at 7",
+        "7: r go_around for l until l passed, 27 at the latest; open",
+    ]),
     "it leaves without an answer": (SILENT, leaves("l"), [
         f"{AROUND}; withdrawn at 5",
         "5: r go_around for l until l passed, 25 at the latest; withdrawn at 8",
     ]),
-    "the other leaves the floor": (UNBEGUN, leaves("r"), [f"{AROUND}; lapsed at 22"]),
+    "the other leaves the floor": (UNBEGUN, leaves("r"), [
+        f"{AROUND}; withdrawn at 7",
+        "7: r go_around for l until l passed, 27 at the latest; left at 10",
+    ]),
     "the other drives away": (UNBEGUN, drives_away("r"), [f"{AROUND}; lapsed at 22"]),
     "the other drives away before an answer": (SILENT, drives_away("r"), [f"{AROUND}; withdrawn at 4"]),
     "it drives away without an answer": (SILENT, drives_away("l"), [f"{AROUND}; done at 4"]),
     "the engine can't keep up": (UNBEGUN, is_overloaded_once, [
         f"{AROUND}; withdrawn at 4",
-        "5: r go_around for l until l passed, 25 at the latest; open",
+        "5: r go_around for l until l passed, 25 at the latest; withdrawn at 10",
+        "12: l go_around for r until r passed, 32 at the latest; withdrawn at 17",
+        "17: r go_around for l until l passed, 37 at the latest; withdrawn at 22",
     ]),
     "the service restarts": (UNBEGUN, restarts, [
         f"{AROUND}; restarted at 4",
-        "5: l go_around for r until r passed, 25 at the latest; open",
+        "5: l go_around for r until r passed, 25 at the latest; withdrawn at 10",
+        "10: r go_around for l until l passed, 30 at the latest; withdrawn at 15",
+        "15: l go_around for r until r passed, 35 at the latest; withdrawn at 20",
+        "20: r go_around for l until l passed, 40 at the latest; open",
     ]),
 }  # fmt: skip
 CROSSING: dict[str, tuple[Reply, Happens, list[str]]] = {
     "their time passes": (UNBEGUN, nothing, [
-        f"{FIRST}; lapsed at 29",
-        f"{WAIT}; lapsed at 29",
-        "29: n go_first for e, 49 at the latest; open",
-        "29: e wait_before for n until n passed, 49 at the latest; open",
+        f"{FIRST}; withdrawn at 14",
+        f"{WAIT}; withdrawn at 14",
+        "14: n go_first for e, 34 at the latest; withdrawn at 19",
+        "14: e wait_before for n until n passed, 34 at the latest; withdrawn at 19",
+        "19: e go_first for n, 39 at the latest; withdrawn at 24",
+        "19: n wait_before for e until e passed, 39 at the latest; withdrawn at 24",
+        "24: n go_first for e, 44 at the latest; withdrawn at 29",
+        "24: e wait_before for n until n passed, 44 at the latest; withdrawn at 29",
     ]),
-    "the first leaves the floor": (UNBEGUN, leaves("e"), [f"{FIRST}; left at 17", f"{WAIT}; withdrawn at 17"]),
-    "the one that waits leaves": (UNBEGUN, leaves("n"), [f"{FIRST}; lapsed at 29", f"{WAIT}; left at 29"]),
+    "the first leaves the floor": (UNBEGUN, leaves("e"), [
+        f"{FIRST}; withdrawn at 14",
+        f"{WAIT}; withdrawn at 14",
+        "14: n go_first for e, 34 at the latest; withdrawn at 19",
+        "14: e wait_before for n until n passed, 34 at the latest; withdrawn at 19",
+    ]),
+    "the one that waits leaves": (UNBEGUN, leaves("n"), [
+        f"{FIRST}; withdrawn at 14",
+        f"{WAIT}; withdrawn at 14",
+        "14: n go_first for e, 34 at the latest; left at 17",
+        "14: e wait_before for n until n passed, 34 at the latest; withdrawn at 17",
+    ]),
     "the one that waits drives away": (SILENT, drives_away("n"), [
         f"{FIRST}; withdrawn at 12",
         f"{WAIT}; withdrawn at 12",
@@ -112,14 +139,22 @@ CROSSING: dict[str, tuple[Reply, Happens, list[str]]] = {
     "the engine can't keep up": (UNBEGUN, is_overloaded_once, [
         f"{FIRST}; withdrawn at 11",
         f"{WAIT}; withdrawn at 11",
-        "12: n go_first for e, 32 at the latest; open",
-        "12: e wait_before for n until n passed, 32 at the latest; open",
+        "12: n go_first for e, 32 at the latest; withdrawn at 17",
+        "12: e wait_before for n until n passed, 32 at the latest; withdrawn at 17",
+        "19: e go_first for n, 39 at the latest; withdrawn at 24",
+        "19: n wait_before for e until e passed, 39 at the latest; withdrawn at 24",
+        "24: n go_first for e, 44 at the latest; withdrawn at 29",
+        "24: e wait_before for n until n passed, 44 at the latest; withdrawn at 29",
     ]),
     "the service restarts": (UNBEGUN, restarts, [
         f"{FIRST}; restarted at 11",
         f"{WAIT}; restarted at 11",
-        "19: e go_first for n, 39 at the latest; open",
-        "19: n wait_before for e until e passed, 39 at the latest; open",
+        "19: e go_first for n, 39 at the latest; withdrawn at 24",
+        "19: n wait_before for e until e passed, 39 at the latest; withdrawn at 24",
+        "24: n go_first for e, 44 at the latest; withdrawn at 29",
+        "24: e wait_before for n until n passed, 44 at the latest; withdrawn at 29",
+        "29: e go_first for n, 49 at the latest; open",
+        "29: n wait_before for e until e passed, 49 at the latest; open",
     ]),
 }  # fmt: skip
 """What robots reply, what happens a second later, and what has been asked 20 s after that."""

@@ -59,7 +59,7 @@ def queued() -> Robot:
         (Reply("declined", "no room"), False, 3.0),
         (Reply(), False, 5.0),
         (Reply("done"), False, 3.0),
-        (Reply("accepted"), False, 22.0),
+        (Reply("accepted"), False, 7.0),
     ],
     ids=["cannot", "busy", "another reason", "silence", "done where it stands", "accepted and not begun"],
 )
