@@ -57,6 +57,12 @@ def test_robots_that_reach_no_service_say_so() -> None:
     )
 
 
+def test_the_scene_of_standoffs_turns_advice_off_and_on_by_itself() -> None:
+    command = [sys.executable, "-m", "deconflict", "demo", "--scene", "standoffs", "--advice"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.startswith("deconflict: leave out --advice")) == (MISUSED, True)
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

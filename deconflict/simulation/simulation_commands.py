@@ -132,6 +132,9 @@ def _drill_named(name: str) -> "Drill":
 def _demo(args: argparse.Namespace) -> int:
     from deconflict.simulation.demo.demo_run import demo  # noqa: PLC0415 - loads the simulated world
 
+    if args.advice and args.scene == "standoffs":
+        sys.stderr.write("deconflict: leave out --advice: the scene standoffs turns advice off and on by itself\n")
+        return MISUSED
     settings = settings_of(args, demo_site())
     check_access(settings, args.open)
     return demo(*_demo_scene(args, settings), args.seconds, args.data)
