@@ -49,8 +49,8 @@ WHOLE_WAY_M = 20.0
 """A robot backs out to where the other, which passes, will not come on the next metres of its way."""
 LIKELY = 0.3
 """What robots do less likely is asked last."""
-PROBABLE = 0.75
-"""If robots mostly have room to go around each other, they are asked before they stand."""
+PROBABLE = 0.85
+"""Where robots have shown that they can go around each other so probably, they are asked before they stand."""
 AWAY: tuple[Verb, ...] = ("other_way", "back_out")
 """These are asked of the robot with fewest behind it, then of the one that was not asked for longest: the same robot
 asked again and again would never arrive. Of the others the robot yields that came last."""

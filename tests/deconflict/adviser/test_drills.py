@@ -132,7 +132,7 @@ DRILLS: dict[str, dict[str, list[str]]] = {
         "cannot, no room": [
             "0: r back_out for l until l passed, 40 at the latest; declined at 1",
             "1: l go_around for r until r passed, 21 at the latest; declined at 2",
-            "14: r other_way for l until l passed, 34 at the latest; done at 19",
+            "13: r other_way for l until l passed, 33 at the latest; done at 18",
         ],
         "busy": [
             "0: r back_out for l until l passed, 40 at the latest; declined at 1",
@@ -142,12 +142,12 @@ DRILLS: dict[str, dict[str, list[str]]] = {
         "silent": [
             "0: r back_out for l until l passed, 40 at the latest; withdrawn at 2",
             "2: l go_around for r until r passed, 22 at the latest; declined at 3",
-            "14: l other_way for r until r passed, 34 at the latest; done at 18",
+            "13: l other_way for r until r passed, 33 at the latest; done at 17",
         ],
         "accepts and stands": [
             "0: r back_out for l until l passed, 40 at the latest; withdrawn at 5",
             "5: l go_around for r until r passed, 25 at the latest; declined at 6",
-            "14: l other_way for r until r passed, 34 at the latest; done at 18",
+            "13: l other_way for r until r passed, 33 at the latest; done at 17",
         ],
         "begins and stands": [
             "0: r back_out for l until l passed, 40 at the latest; withdrawn at 4",
@@ -156,7 +156,7 @@ DRILLS: dict[str, dict[str, list[str]]] = {
         "done where it stands": [
             "0: r back_out for l until l passed, 40 at the latest; done at 1",
             "1: l go_around for r until r passed, 21 at the latest; declined at 2",
-            "14: l other_way for r until r passed, 34 at the latest; done at 18",
+            "13: l other_way for r until r passed, 33 at the latest; done at 17",
         ],
     },
     "go_first": {

@@ -8,28 +8,32 @@ from deconflict.adviser import Request
 from tests.deconflict.adviser.floors import Floor, face_to_face
 
 
-def come_together(speed_mps: float) -> tuple[Floor, list[Request]]:
-    """Robots come to where they stand face to face, until one is asked."""
-    floor = Floor(face_to_face())
+def come_together(speed_mps: float) -> tuple[Floor, Request]:
+    """Two robots come to where they stand face to face, until one is asked. Others have agreed to go around before."""
+    left, right = face_to_face()
+    floor = Floor((*face_to_face(50.0, 50.0, "-there"), left, right))
+    left.x_m, right.x_m = -20.0, 20.0
+    floor.seconds(9, lambda _: ("accepted",))
     for k in range(4, -1, -1):
-        for robot in floor.robots:
-            robot.x_m = (1.6 if robot.name == "r" else 0.0) - cos(robot.yaw_rad) * k * speed_mps
-        if asked := floor.second():
-            return floor, asked
-    return floor, [request for _ in range(3) for request in floor.second()]
+        left.x_m, right.x_m = -k * speed_mps, 1.6 + k * speed_mps
+        for request in floor.second():
+            if request.robot in {left.uuid, right.uuid}:
+                return floor, request
+    raise AssertionError("nobody is asked before they stand")
 
 
 def test_robots_that_slow_down_for_each_other_are_asked_before_they_stand() -> None:
-    floor, _ = come_together(0.6)
-    left, right = floor.robots
-    assert right.x_m - left.x_m > 1.6
+    floor, request = come_together(0.6)
+    assert request.verb == "go_around"
+    assert floor.robots[3].x_m - floor.robots[2].x_m > 1.6
 
 
 def test_a_robot_that_only_rolls_to_where_it_stands_has_not_begun() -> None:
-    floor, (request,) = come_together(0.6)
+    floor, request = come_together(0.6)
     asked = floor.robot(request.robot)
     asked.x_m += 0.4 * cos(asked.yaw_rad)
-    found = [each for each in floor.seconds(5) if not each.withdrawn]
+    pair = {request.robot, request.other}
+    found = [each for each in floor.seconds(5) if not each.withdrawn and each.robot in pair]
     assert found[0].robot == request.other
 
 
