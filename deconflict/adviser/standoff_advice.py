@@ -266,8 +266,8 @@ class StandoffAdvice:
                 is_fair = not self._worth.yields_too_much(yielding, other)
                 came_s = robots.rests_since_s(option.yields[0])
                 last_asked_s = self._following.asked_s(option.robot)
-                yields_s = (-behind[0], -last_asked_s) if option.verb in AWAY else (0, came_s)
-                rank = works >= LIKELY, is_fair, -VERBS.index(option.verb), yields_s
+                order = (-behind[0], -last_asked_s) if option.verb in AWAY else (0, came_s)
+                rank = works >= LIKELY, is_fair, -VERBS.index(option.verb), order
                 found.append((rank, saving, option))
         for _, saving, option in sorted(found, reverse=True):
             if saving.mean_s > 0 and (request := self._request(option, saving, robots, now_s)):

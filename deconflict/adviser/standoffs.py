@@ -92,7 +92,7 @@ class Standing:
         return found
 
 
-def standing(robots: RobotTable, now_s: float, foresees: bool = False) -> Standing:
+def standing(robots: RobotTable, now_s: float, foresees: bool) -> Standing:
     """Who stands for whom, by the newest reports. If it `foresees`, robots that slow down for each other are rings."""
     records = robots.records
     heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
