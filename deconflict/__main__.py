@@ -12,12 +12,12 @@ from typing import Any
 
 from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import json_schemas
+from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service_commands import add_service_commands, add_site_new
 from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, Commands, add_command
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
-from deconflict.runtime.rpc import PortTakenError
 from deconflict.settings import site, site_file
 from deconflict.settings.importers import plan_reader
 from deconflict.settings.importers.plan import PlanError

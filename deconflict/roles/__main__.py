@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.roles.processes.fork_server import ForkServer
+from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service import load_role, run_role
 from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED
 from deconflict.runtime.logging_setup import VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
-from deconflict.runtime.rpc import PortTakenError
 from ingest.languages.visible_text import visible_lines
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError

@@ -25,7 +25,8 @@ from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.health.canary_health import CanaryHealth
 from deconflict.roles.operator_calls import OperatorCalls
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
-from deconflict.runtime.rpc import PortTakenError, listening, socket_path
+from deconflict.roles.processes.ports import PortTakenError, family_of
+from deconflict.runtime.rpc import listening, socket_path
 from deconflict.runtime.until_either import until_either
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
@@ -106,12 +107,11 @@ class OperatorRole:
             await serving
 
     def _listener(self) -> socket.socket:
-        host, port = self._site.operator.host, self._site.operator.port
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        address = self._site.operator
         try:
-            return socket.create_server((host, port), family=family)
+            return socket.create_server((address.host, address.port), family=family_of(address.host))
         except OSError as error:
-            raise PortTakenError("operator", host, port) from error
+            raise PortTakenError("operator", address, error) from error
 
     async def _attach_store(self) -> None:
         """Use the file of advisories as soon as it can be used, and memory if it was removed."""

@@ -18,7 +18,8 @@ from random import Random
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.roles.engine_link.tick_times import TickTimes
 from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
-from deconflict.runtime.rpc import PortTakenError, listening, socket_path
+from deconflict.roles.processes.ports import PortTakenError
+from deconflict.runtime.rpc import listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path, load_fast_path
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
@@ -140,11 +141,10 @@ class ReceiverRole:
             self.recorder.close()
 
     async def _open_port(self) -> None:
-        settings = self.site.receiver
         try:
             await self.receiver.start()
         except OSError as error:
-            raise PortTakenError("receiver", settings.host, settings.port) from error
+            raise PortTakenError("receiver", self.site.receiver, error) from error
 
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         rule = self.fleet.receive(raw, arrival_s, connection)

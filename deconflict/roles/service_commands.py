@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.roles.processes.data_formats import refuse_newer
-from deconflict.roles.processes.supervisor import PARTS, Supervisor
+from deconflict.roles.processes.ports import port_number, refuse_taken
+from deconflict.roles.processes.supervisor import PARTS, PORTS, Supervisor
 from deconflict.roles.service import cluster_problems, runtime_directory
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import create_data_directory, locked
@@ -58,11 +59,14 @@ def add_ports(command: argparse.ArgumentParser) -> None:
     command.add_argument("--host", help="address that both ports listen on; this machine only by default")
     command.add_argument("--open", action="store_true", help="allow access without credentials, also from a network")
     command.add_argument(
-        "--robots-port", type=int, metavar="PORT", help="port for the robots' messages; 3000 or as in the site file"
+        "--robots-port",
+        type=port_number,
+        metavar="PORT",
+        help="port for the robots' messages; 3000 or as in the site file",
     )
     command.add_argument(
         "--operator-port",
-        type=int,
+        type=port_number,
         metavar="PORT",
         help="port of the API, the stream and the page; 8080 or as in the site file",
     )
@@ -121,6 +125,7 @@ def _serve(args: argparse.Namespace) -> int:
     parts, manager = args.part or tuple(PARTS), Notifier(os.environ)
     with locked(data, parts), runtime_directory() as name:
         refuse_newer(data)
+        refuse_taken(settings, [role for part in parts for role in PARTS[part] if role in PORTS])
         supervisor = Supervisor(settings, data, Path(name), lambda: _checked_settings(args), parts, manager)
         signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.request())
         supervisor.run(stop)
@@ -150,7 +155,11 @@ def add_site_new(parts: Commands) -> None:
     )
     new_parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
     new_parser.add_argument(
-        "--robots-port", type=int, default=3000, metavar="PORT", help="port for the robots (default: %(default)s)"
+        "--robots-port",
+        type=port_number,
+        default=3000,
+        metavar="PORT",
+        help="port for the robots (default: %(default)s)",
     )
     new_parser.add_argument("--open", action="store_true", help="listen to a network, too, without credentials")
     new_parser.set_defaults(run=_site_new)

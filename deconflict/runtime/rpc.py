@@ -32,13 +32,6 @@ class LinkDownError(ConnectionError):
         self.role = role
 
 
-class PortTakenError(OSError):
-    """The service can't listen on a port that it needs."""
-
-    def __init__(self, section: str, host: str, port: int) -> None:
-        super().__init__(f"can't listen on {host}:{port}; is it in use? Set another {section}.port")
-
-
 @asynccontextmanager
 async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterator[None]:
     """Answer calls at `path`, and replace the socket of an earlier process. Ends all connections at exit."""

@@ -25,11 +25,13 @@ class Run:
     adviser: str
     obey: float = 1.0
     seconds: float = 420.0
+    robots: int | None = None
 
 
 def driven(run: Run) -> tuple[Figures, float]:
     """The figures of one floor, and the processor time of its adviser."""
-    made_of = floor_of(run.kind, run.seed, VENDORS[:1] if run.adviser == ONE_PLAN else VENDORS)
+    vendors = VENDORS[:1] if run.adviser == ONE_PLAN else VENDORS
+    made_of = floor_of(run.kind, run.seed, vendors, run.robots)
     world, advising_s = CellWorld(made_of, Compliance(share=run.obey)), 0.0
     adviser = Adviser() if run.adviser == "this" else None
     while world.since_s < run.seconds:
@@ -47,10 +49,12 @@ def driven(run: Run) -> tuple[Figures, float]:
     return world.figures(), advising_s
 
 
-def table(kind: str, seeds: Sequence[int], shares: Sequence[float], jobs: int) -> Iterator[str]:
+def table(
+    kind: str, seeds: Sequence[int], shares: Sequence[float], jobs: int, robots: int | None = None
+) -> Iterator[str]:
     """Rows of one floor: means over seeds, and the paired difference to none with its 95 % interval."""
     rows = [(NONE, 1.0), *(("this", share) for share in shares), (ONE_PLAN, 1.0)]
-    runs = [Run(kind, seed, adviser, share) for adviser, share in rows for seed in seeds]
+    runs = [Run(kind, seed, adviser, share, robots=robots) for adviser, share in rows for seed in seeds]
     with ProcessPoolExecutor(jobs) as processes:
         found = list(processes.map(driven, runs))
     none = np.array([figures.mps for figures, _ in found[: len(seeds)]])
@@ -70,12 +74,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options.add_argument("--floor", choices=SIZES, nargs="+", default=list(SIZES))
     options.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     options.add_argument("--obey", type=float, nargs="+", default=[1.0, 0.5, 0.2], help="shares of robots that follow")
+    options.add_argument("--robots", type=int, help="on each floor; by its name if absent")
     options.add_argument("--jobs", type=int, default=1)
     args = options.parse_args(arguments)
     print("| floor | advice | m/s | to none | cells/min | requests/robot-hour | encounters/robot-hour |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for kind in args.floor:
-        for row in table(kind, args.seeds, args.obey, args.jobs):
+        for row in table(kind, args.seeds, args.obey, args.jobs, args.robots):
             print(row, flush=True)
 
 

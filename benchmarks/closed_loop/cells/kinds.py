@@ -11,9 +11,13 @@ SIZES = {"warehouse": (131, 126, 66), "sortation": (55, 66, 39), "scattered": (4
 """Robots, and cells along x and y."""
 
 
-def floor_of(kind: str, seed: int, vendors: Sequence[str] = VENDORS) -> GridFloor:
-    """A floor whose robots are shared evenly among vendors; with a single one all robots follow one plan."""
-    robots, width, height = SIZES[kind]
+def floor_of(kind: str, seed: int, vendors: Sequence[str] = VENDORS, robots: int | None = None) -> GridFloor:
+    """A floor whose robots are shared evenly among vendors; with a single one all robots follow one plan.
+
+    `robots` of `SIZES` if none are given.
+    """
+    usual, width, height = SIZES[kind]
+    robots = robots or usual
     shares = [robots // len(vendors) + (number < robots % len(vendors)) for number in range(len(vendors))]
     habits = tuple(Habits(vendor, share) for vendor, share in zip(vendors, shares, strict=True))
     made_of = GridFloor(kind, habits, width=width, height=height, layout=kind, seed=seed)  # type: ignore[arg-type]

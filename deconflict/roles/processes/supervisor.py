@@ -46,7 +46,7 @@ class Supervisor:
         roles = [*chain.from_iterable((CLUSTER_PARTS if site.cluster else PARTS)[part] for part in parts)]
         self._runtime, self._written_s = runtime, float("-inf")
         self.reloader = Reloader(site, read or (lambda: site), runtime)
-        server = [sys.executable, "-m", "deconflict.roles", str(runtime), str(data), *roles]
+        server = [sys.executable, "-P", "-m", "deconflict.roles", str(runtime), str(data), *roles]
         self.fork_server = RoleProcess("fork server", by_command(server))
         self.roles = [RoleProcess(role, partial(forked, runtime, role)) for role in roles]
 

@@ -3,12 +3,12 @@
 import asyncio
 import json
 import signal
-import socket
 import sys
 import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, closing, suppress
+from errno import EADDRINUSE
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -28,7 +28,8 @@ from deconflict.client import Client, ClientError
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_link.tick_times import IDLE_TICK_S
-from deconflict.roles.processes.supervisor import Supervisor
+from deconflict.roles.processes.ports import PortTakenError, free_port
+from deconflict.roles.processes.supervisor import PORTS, Supervisor
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.data_lock import create_data_directory
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
@@ -83,21 +84,22 @@ def _lost_to_others_s(data: Path) -> float:
 
 
 def _on_free_ports(site: Site, console: Console) -> Site:
-    """The site with every occupied port replaced by a free one. Prints each replacement."""
-    changed = {}
-    for name in ("receiver", "operator"):
+    """The site with every occupied port replaced by a free one. Prints each replacement.
+
+    Raises `PortTakenError` if no port of a host can be used.
+    """
+    ports: dict[str, int] = {}
+    for name in PORTS:
         section = getattr(site, name)
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((section.host, section.port))
-                port = probe.getsockname()[1]
-            except OSError:
-                probe.bind((section.host, 0))
-                port = probe.getsockname()[1]
-                console.print(f"Port {section.port} is in use. The {name} listens on {port} instead.")
-        changed[name] = section.model_copy(update={"port": port})
-    return site.model_copy(update=changed)
+        try:
+            ports[name] = free_port(section.host, section.port, ports.values())
+        except OSError as error:
+            if error.errno != EADDRINUSE:
+                raise PortTakenError(name, section, error) from error
+            ports[name] = free_port(section.host, 0)
+            console.print(f"Port {section.port} is in use. The {name} listens on {ports[name]} instead.")
+    sections = {name: getattr(site, name).model_copy(update={"port": port}) for name, port in ports.items()}
+    return site.model_copy(update=sections)
 
 
 async def _show(site: Site, runtime: Path, console: Console, floor: FollowingFloor, seconds: float | None) -> DemoView:
