@@ -148,7 +148,7 @@ class Engine:
 
     @property
     def _learners(self) -> dict[str, Learner]:
-        shared = self._shared.contention.learners | self.presence.learners
+        shared = self._shared.contention.learners | self._shared.asked.learners | self.presence.learners
         return estimator_learners(self.foresight) | shared | {"rests": self._map_drift}
 
     def receive(self, batch: Batch) -> None:

@@ -174,16 +174,16 @@ def test_a_part_with_a_damaged_column_is_set_aside_as_a_whole(saved: bytes, dama
         assert outcome(damaged)[:2] == expected(saved, part)
 
 
-def _json_damages(value: Any) -> Iterator[Any]:
+def json_damages(value: Any) -> Iterator[Any]:
     """The value with one thing in it changed."""
     yield from (None, "x", -1, float("nan"), 10**400, [], {})
     if isinstance(value, list) and value:
         yield value[:-1]
         yield [*value, value[0]]
-        yield from ([damaged, *value[1:]] for damaged in _json_damages(value[0]))
+        yield from ([damaged, *value[1:]] for damaged in json_damages(value[0]))
     if isinstance(value, dict) and value:
         first = next(iter(value))
-        yield from ({**value, first: damaged} for damaged in _json_damages(value[first]))
+        yield from ({**value, first: damaged} for damaged in json_damages(value[first]))
 
 
 def test_no_value_of_a_part_ends_the_engine_and_none_is_taken_that_was_changed(saved: bytes) -> None:
@@ -194,7 +194,7 @@ def test_no_value_of_a_part_ends_the_engine_and_none_is_taken_that_was_changed(s
         for key, value in part.items():
             if isinstance(value, np.ndarray):
                 continue
-            for damaged in _json_damages(value):
+            for damaged in json_damages(value):
                 engine = Engine(FLOOR_SITE, learned=parts | {name: part | {key: damaged}})
                 assert set(engine.set_aside) <= {name}
                 assert (
