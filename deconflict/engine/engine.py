@@ -103,8 +103,7 @@ class Engine:
         shared = self._crowds, self.measures, restored, self._advice.queue_advice, names.describe
         self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
-        new = self._shared.asked.learners
-        self.set_aside = resume_all(self._learners, upgraded(learned), new) if learned else {}
+        self.set_aside = resume_all(self._learners, upgraded(learned), self._shared.asked.learners) if learned else {}
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s)
         self.near_misses, self.losses, self.refusals = [], [], []

@@ -17,7 +17,7 @@ from deconflict.settings.site import DEFAULT
 from ingest.measures.measures import Measures
 from tests.deconflict.adviser.advised_floor import CANNOT, OBEYS, SILENT, AdvisedFloor
 from tests.deconflict.adviser.floors import START_S, face_to_face
-from tests.deconflict.engine.learned.test_damaged_learning import json_damages
+from tests.deconflict.engine.learned.json_damages import json_damages
 
 PARTS = {"standoffs", "requests"}
 
