@@ -14,11 +14,12 @@ from deconflict.advisories.words.advice_words import advice_headline, advice_sum
 from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Location, Severity, moment
-from deconflict.advisory.robot_advice import ASKED, ENDED, YIELDED, RobotAdvice
+from deconflict.advisory.robot_advice import ASKED, ENDED, RobotAdvice
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.foresight.losses.refusal import AdviceRefusal
+from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
 from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures
@@ -47,7 +48,7 @@ class AdviceLifecycle:
     ) -> None:
         """`describe` names places. `restored` was open before a restart: the first look ends it, and asks anew."""
         self._vendors, self._describe, self._measures = site.vendors, describe, measures
-        self._standoffs = StandoffAdvice(self._vendors)
+        self._standoffs = StandoffAdvice(self._vendors, measures)
         self._restored = list(restored)
         self._open: dict[str, RobotAdvice] = {}
         """By id of the request."""
@@ -55,7 +56,6 @@ class AdviceLifecycle:
         """By id of the request, the first answer: that is the one that counts."""
         self._refusals = Refusals(measures)
         self._looked_s = float("-inf")
-        measures.call_before_reading(self._measure)
 
     def open(self) -> list[RobotAdvice]:
         """The newest revision of all that is open."""
@@ -65,6 +65,11 @@ class AdviceLifecycle:
     def crossings(self) -> list[Crossing]:
         """Where robots stand for each other before a free crossing, by the last look."""
         return self._standoffs.crossings
+
+    @property
+    def learners(self) -> dict[str, Learner]:
+        """What is worth keeping over a restart; after `step` has raised, of the adviser that began anew."""
+        return self._standoffs.learners
 
     def take_refusals(self) -> list[AdviceRefusal]:
         """The refusals that are over since the last call."""
@@ -86,7 +91,7 @@ class AdviceLifecycle:
         try:
             return self._look(robots, now_s, answers)
         except Exception:
-            self._standoffs, self._open, self._answers = StandoffAdvice(self._vendors), {}, {}
+            self._standoffs, self._open, self._answers = StandoffAdvice(self._vendors, self._measures), {}, {}
             self._restored = before
             raise
 
@@ -162,9 +167,6 @@ class AdviceLifecycle:
             self._open[request.id] = _advice(request, point, spot, robots, now_s)
             self._measures.count(ASKED, robots[request.robot].vendor, request.verb)
             yield self._open[request.id]
-
-    def _measure(self) -> None:
-        self._measures.level(YIELDED, {(*pair,): seconds for pair, seconds in self._standoffs.worth.yielded_s.items()})
 
 
 def _why(

@@ -72,9 +72,10 @@ class Adviser:
         self._advice.answer(str(request_id), answer, str(why or ""), self._robots, self._now_s)
 
     def _begin(self) -> None:
-        self._fleet = fleet_of(self._settings, Measures())
+        measures = Measures()
+        self._fleet = fleet_of(self._settings, measures)
         self._robots = RobotTable(PlaceGeometry(self._settings.resources, self._settings.zones))
-        self._advice = StandoffAdvice(self._settings.vendors, self._numbers)
+        self._advice = StandoffAdvice(self._settings.vendors, measures, self._numbers)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:
         try:

@@ -3,9 +3,12 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import floor
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
 
 from deconflict.adviser.request import Request, Verb
+from deconflict.runtime.learned_state import Form, Part, Seconds
 
 BEGINS_WITHIN_S = 3.0
 """A robot that follows has set out by then. Else another is asked."""
@@ -21,6 +24,8 @@ BUSY_S = 3.0
 """A robot that was busy is asked nothing for so long, and for twice as long each further time."""
 UNABLE_AFTER = 2
 """A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
+UNABLE_S = 7 * 86400.0
+"""After this time it is asked again: the vendor's program may be another."""
 CANNOT, BUSY = "cannot", "busy"
 """Reasons to decline: a vendor that never can, and a robot that cannot now. Any other is about the place."""
 PLACE_M = 3.0
@@ -28,6 +33,24 @@ PLACE_M = 3.0
 USUALLY_DONE, USUAL_ANSWERS, PLACE_WEIGHT = 0.8, 5, 1.0
 """How likely a verb can be done that was never asked, and how many answers that counts for; the third for how many
 answers at a place the share on all floors counts."""
+MOST_PLACES, MOST_ROBOTS = 5000, 1000
+"""Squares of verbs that are known, the least recently answered are dropped; and robots that are kept over a restart."""
+MOST_REQUESTS, MOST_ANSWERS = 20, 100
+"""Requests of a robot, and answers to a verb, that count. With more both counts are halved: who changes is believed."""
+_Square = Annotated[int, Field(ge=-(10**9), le=10**9)]
+_Faded = Annotated[float, Field(ge=0.0, le=MOST_ANSWERS)]
+_Answers = tuple[_Faded, _Faded]
+FORM = Form(
+    "by vendor and verb a robot that accepted it and when robots could not do it; requests accepted and declined by "
+    f"verb and square of {PLACE_M:g} m, and by verb; requests that each robot was asked and followed",
+    {
+        "can": list[tuple[str, Verb, list[str], dict[str, Seconds]]],
+        "places": list[tuple[Verb, _Square, _Square, _Answers]],
+        "anywhere": dict[Verb, _Answers],
+        "has_answered": bool,
+        "robots": dict[str, tuple[_Faded, _Faded]],
+    },
+)
 
 
 @dataclass(slots=True)
@@ -68,8 +91,8 @@ class Option(NamedTuple):
 
 @dataclass(slots=True)
 class _OfRobot:
-    asked: int = 0
-    followed: int = 0
+    asked: float = 0.0
+    followed: float = 0.0
     ignored: int = 0
     """The newest requests in a row that it did not follow."""
     asked_s: float = 0.0
@@ -89,11 +112,11 @@ class Following:
         """`verbs` may be asked of the robots of a vendor; every verb of robots of vendors that are not named."""
         self._verbs = verbs
         self._robots: dict[str, _OfRobot] = {}
-        self._can: dict[tuple[str, Verb], tuple[set[str], set[str]]] = {}
-        """By vendor and verb: a robot that has accepted it, and the first that cannot do it."""
-        self._at: dict[tuple[Verb, int, int], list[int]] = {}
-        """By verb and square: how many requests were accepted, and how many declined."""
-        self._anywhere: dict[Verb, list[int]] = {}
+        self._can: dict[tuple[str, Verb], tuple[set[str], dict[str, float]]] = {}
+        """By vendor and verb: a robot that has accepted it, and when the first that cannot do it were asked."""
+        self._at: dict[tuple[Verb, int, int], list[float]] = {}
+        """By verb and square: how many requests were accepted, and how many declined. The newest answer is last."""
+        self._anywhere: dict[Verb, list[float]] = {}
         """The same by verb."""
         self._answers = False
         """Whether any robot has ever answered."""
@@ -124,12 +147,12 @@ class Following:
         pause_s = min(PAUSE_S * 2**record.ignored, LONGEST_PAUSE_S) if record.ignored else 0.0
         declined_until_s = record.declined_until_s.get((option.verb, option.other), 0.0)
         is_rested = now_s >= max(record.asked_s + pause_s, record.busy_until_s, declined_until_s)
-        return is_rested and self.can(vendor, option.verb)
+        return is_rested and self.can(vendor, option.verb, now_s)
 
-    def can(self, vendor: str, verb: Verb) -> bool:
+    def can(self, vendor: str, verb: Verb, now_s: float) -> bool:
         """Whether a verb may be asked of the robots of a vendor."""
-        able, unable = self._can.get((vendor, verb), ((), ()))
-        return verb in self._verbs.get(vendor, (verb,)) and (bool(able) or len(unable) < UNABLE_AFTER)
+        able, unable = self._can.get((vendor, verb), ((), {}))
+        return verb in self._verbs.get(vendor, (verb,)) and (bool(able) or len(_lately(unable, now_s)) < UNABLE_AFTER)
 
     def waits_s(self) -> float:
         """How long a robot has time to answer, or to set out."""
@@ -137,7 +160,10 @@ class Following:
 
     def ask(self, robot: str, now_s: float) -> None:
         record = self._of(robot)
-        record.asked, record.ignored, record.asked_s = record.asked + 1, record.ignored + 1, now_s
+        record.ignored, record.asked_s = record.ignored + 1, now_s
+        if record.asked + 1 > MOST_REQUESTS:
+            record.asked, record.followed = record.asked / 2, record.followed / 2
+        record.asked += 1
 
     def follow(self, robot: str) -> None:
         record = self._of(robot)
@@ -153,13 +179,13 @@ class Following:
     def answer(self, asked: Asked, vendor: str, answer: str, why: str, now_s: float) -> None:
         """A robot has answered."""
         self._answers, request = True, asked.request
-        able, unable = self._can.setdefault((vendor, request.verb), (set(), set()))
+        able, unable = self._can.get((vendor, request.verb), (set(), {}))
+        self._can[vendor, request.verb] = able, (unable := _lately(unable, now_s))
         record, reason = self._of(request.robot), reason_of(why)
         is_able = reason != CANNOT
-        counts = (
-            self._at.setdefault(_square(request.verb, asked.from_m), [0, 0]),
-            self._anywhere.setdefault(request.verb, [0, 0]),
-        )
+        is_about_place = answer == "accepted" or (answer == "declined" and is_able and reason != BUSY)
+        if is_about_place:
+            self._count(request.verb, asked.from_m, is_accepted=answer == "accepted")
         if answer == "declined":
             record.asked, record.ignored = record.asked - 1, 0
             until = {key: until_s for key, until_s in record.declined_until_s.items() if until_s > now_s}
@@ -169,21 +195,57 @@ class Following:
                 until[request.verb, request.other or ""] = now_s + (DECLINED_S if is_able else CANNOT_S)
                 record.busy = 0
             record.declined_until_s = until
-            for count in counts:
-                count[1] += is_able and reason != BUSY
             if not is_able and len(unable) < UNABLE_AFTER:
-                unable.add(request.robot)
+                unable[request.robot] = now_s
         elif answer == "accepted":
             if not able:
                 able.add(request.robot)
             record.busy = 0
-            for count in counts:
-                count[0] += 1
+
+    def _count(self, verb: Verb, at_m: tuple[float, float], *, is_accepted: bool) -> None:
+        """Count an answer at its square and anywhere."""
+        square = _square(verb, at_m)
+        self._at[square] = self._at.pop(square, [0.0, 0.0])
+        if len(self._at) > MOST_PLACES:
+            del self._at[next(iter(self._at))]
+        for counts in (self._at[square], self._anywhere.setdefault(verb, [0.0, 0.0])):
+            if sum(counts) + 1 > MOST_ANSWERS:
+                counts[:] = (count / 2 for count in counts)
+            counts[not is_accepted] += 1
 
     def forget(self, robots: Iterable[str]) -> None:
         """Robots have left."""
         for robot in robots:
             self._robots.pop(robot, None)
+
+    def learned(self) -> Part:
+        """What is kept over a restart.
+
+        Not kept is until when a robot is asked nothing. A newest request that was not followed does not count, as it
+        may be open.
+        """
+        asked = {uuid: record.asked - (record.ignored > 0) for uuid, record in self._robots.items()}
+        newest = sorted(self._robots.items(), key=lambda item: item[1].asked_s)[-MOST_ROBOTS:]
+        return FORM.part(
+            {
+                "can": [[*key, sorted(able), dict(unable)] for key, (able, unable) in self._can.items()],
+                "places": [[*square, list(counts)] for square, counts in self._at.items()],
+                "anywhere": {verb: list(counts) for verb, counts in self._anywhere.items()},
+                "has_answered": self._answers,
+                "robots": {
+                    uuid: [asked[uuid], min(record.followed, asked[uuid])] for uuid, record in newest if asked[uuid] > 0
+                },
+            }
+        )
+
+    def resume(self, part: Part) -> None:
+        """Continue from what `learned` gave. Raises `UnreadableError`."""
+        state = FORM.checked(part)
+        self._can = {(vendor, verb): (set(able), unable) for vendor, verb, able, unable in state["can"]}
+        self._at = {(verb, x, y): list(counts) for verb, x, y, counts in state["places"][-MOST_PLACES:]}
+        self._anywhere = {verb: list(counts) for verb, counts in state["anywhere"].items()}
+        self._answers = state["has_answered"]
+        self._robots = {uuid: _OfRobot(asked, followed) for uuid, (asked, followed) in state["robots"].items()}
 
     def _of(self, robot: str) -> _OfRobot:
         return self._robots.setdefault(robot, _OfRobot())
@@ -192,6 +254,11 @@ class Following:
 def reason_of(why: str) -> str:
     """The reason of an answer, without what follows a colon."""
     return why.partition(":")[0].strip().lower()
+
+
+def _lately(unable: Mapping[str, float], now_s: float) -> dict[str, float]:
+    """Without robots that could not do it so long ago that it is asked again. A clock may have gone back."""
+    return {robot: at_s for robot, at_s in unable.items() if abs(now_s - at_s) < UNABLE_S}
 
 
 def _square(verb: Verb, at_m: tuple[float, float]) -> tuple[Verb, int, int]:

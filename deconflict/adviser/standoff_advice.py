@@ -13,10 +13,13 @@ from deconflict.adviser.standoffs import Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import ExpectedSaving, Worth
+from deconflict.advisory.robot_advice import YIELDED
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
+from deconflict.runtime.learned_state import Learner
 from ingest.batch import Batch
+from ingest.measures.measures import Measures
 from ingest.settings import Vendor
 
 STANDS_S = 4.0
@@ -59,9 +62,10 @@ asked again and again would never arrive. Of the others the robot yields that ca
 class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
-    def __init__(self, vendors: Iterable[Vendor] = (), numbers: Iterator[int] | None = None) -> None:
+    def __init__(self, vendors: Iterable[Vendor], measures: Measures, numbers: Iterator[int] | None = None) -> None:
         """`vendors` are those of the site: nothing is asked of people. `numbers` are ids to give."""
         vendors, self._numbers = tuple(vendors), count(1) if numbers is None else numbers
+        self._measures = measures
         self._people = frozenset(vendor.name for vendor in vendors if vendor.participant == "person")
         self._open: dict[str, Asked] = {}
         """By robot."""
@@ -87,9 +91,9 @@ class StandoffAdvice:
         return self._standing
 
     @property
-    def worth(self) -> Worth:
-        """What was learned of standoffs, and what vendors yielded."""
-        return self._worth
+    def learners(self) -> dict[str, Learner]:
+        """What is worth keeping over a restart: how long standoffs and requests last, who yielded, and who follows."""
+        return {"standoffs": self._worth, "requests": self._following}
 
     @property
     def crossings(self) -> list[Crossing]:
@@ -198,11 +202,13 @@ class StandoffAdvice:
 
     def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> list[Request]:
         """End a request that is done, or whose robot stands for somebody again. Returns what is withdrawn."""
-        request, takes_s = asked.request, now_s - asked.asked_s
+        request, takes_s = asked.request, max(now_s - asked.asked_s, 0.0)
         is_done = moved_m >= PASSED_M or asked.answer == "done"
         if is_done and asked.begun_s is not None and request.other in robots:
             yields = Option(request.robot, request.verb, request.other or "").yields
-            self._worth.add_yield(request.verb, robots[yields[0]].vendor, robots[yields[1]].vendor, takes_s)
+            vendors = robots[yields[0]].vendor, robots[yields[1]].vendor
+            self._worth.add_yield(request.verb, *vendors, takes_s, now_s)
+            self._measures.count(YIELDED, *vendors, by=takes_s)
         if is_done:
             return self._end(asked)
         waiting, rested_s = self._standing.waiting.get(request.robot), now_s - robots.rests_since_s(request.robot)
@@ -239,7 +245,7 @@ class StandoffAdvice:
         for first in self._ask_best("crossing", now_s - crossing.since_s, options, robots, now_s):
             yield first
             other = b if first.robot == a else a
-            if not self._following.can(robots[other].vendor, "wait_before"):
+            if not self._following.can(robots[other].vendor, "wait_before", now_s):
                 continue
             before_m = crossing.before_m[crossing.robots.index(other)]
             wait = self._new(Option(other, "wait_before", first.robot), before_m, (first.robot,), first.latest_s)
@@ -263,7 +269,7 @@ class StandoffAdvice:
                 works = self._following.likely(option.robot)
                 works *= self._following.possible(option.verb, robots.reported_pose(option.robot)[:2])
                 saving = self._worth.saving(kind, option.verb, works, stood_s, behind)
-                is_fair = not self._worth.yields_too_much(yielding, other)
+                is_fair = not self._worth.yields_too_much(yielding, other, now_s)
                 came_s = robots.rests_since_s(option.yields[0])
                 last_asked_s = self._following.asked_s(option.robot)
                 order = (-behind[0], -last_asked_s) if option.verb in AWAY else (0, came_s)

@@ -103,7 +103,7 @@ class Engine:
         shared = self._crowds, self.measures, restored, self._advice.queue_advice, names.describe
         self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
-        self.set_aside = resume_all(self._learners, upgraded(learned)) if learned else {}
+        self.set_aside = resume_all(self._learners, upgraded(learned), self._shared.asked.learners) if learned else {}
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s)
         self.near_misses, self.losses, self.refusals = [], [], []
@@ -148,7 +148,7 @@ class Engine:
 
     @property
     def _learners(self) -> dict[str, Learner]:
-        shared = self._shared.contention.learners | self.presence.learners
+        shared = self._shared.contention.learners | self._shared.asked.learners | self.presence.learners
         return estimator_learners(self.foresight) | shared | {"rests": self._map_drift}
 
     def receive(self, batch: Batch) -> None:

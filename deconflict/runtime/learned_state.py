@@ -7,7 +7,7 @@ each as a whole and with a reason, and are learned anew.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from io import BytesIO
 from math import inf
@@ -151,11 +151,16 @@ def learned_of(learners: Mapping[str, Learner]) -> dict[str, Part]:
     return {name: learner.learned() for name, learner in learners.items()}
 
 
-def resume_all(learners: Mapping[str, Learner], parts: Mapping[str, Part]) -> dict[str, str]:
-    """Let each go on with its part. Returns the parts that are set aside, each with the reason."""
+def resume_all(learners: Mapping[str, Learner], parts: Mapping[str, Part], new: Collection[str] = ()) -> dict[str, str]:
+    """Let each go on with its part. Returns the parts that are set aside, each with the reason.
+
+    Parts that are `new` are not missed, since files of earlier releases do not have them.
+    """
     others = parts.keys() - learners.keys() - {TICK}
     set_aside = {name: str(parts[name].get(DAMAGE, "this release has no such part")) for name in others}
     for name, learner in learners.items():
+        if name in new and name not in parts:
+            continue
         try:
             if name not in parts:
                 raise UnreadableError("it is missing")

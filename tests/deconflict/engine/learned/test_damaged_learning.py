@@ -1,7 +1,7 @@
 """Whatever the parts of learned state are like, the engine goes on, and with no part that is not as it was written."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from io import BytesIO
 from math import pi
@@ -15,6 +15,7 @@ from deconflict.advisory import ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.runtime.learned_state import FORM, HEAD, Part, packed, unpacked
 from deconflict.settings.shared_places import Resource
+from tests.deconflict.engine.learned.json_damages import json_damages
 from tests.deconflict.engine.made_engine import SITE, Course, Floor
 from tests.helpers.saying import HALL
 
@@ -174,18 +175,6 @@ def test_a_part_with_a_damaged_column_is_set_aside_as_a_whole(saved: bytes, dama
         assert outcome(damaged)[:2] == expected(saved, part)
 
 
-def _json_damages(value: Any) -> Iterator[Any]:
-    """The value with one thing in it changed."""
-    yield from (None, "x", -1, float("nan"), 10**400, [], {})
-    if isinstance(value, list) and value:
-        yield value[:-1]
-        yield [*value, value[0]]
-        yield from ([damaged, *value[1:]] for damaged in _json_damages(value[0]))
-    if isinstance(value, dict) and value:
-        first = next(iter(value))
-        yield from ({**value, first: damaged} for damaged in _json_damages(value[first]))
-
-
 def test_no_value_of_a_part_ends_the_engine_and_none_is_taken_that_was_changed(saved: bytes) -> None:
     """A digest tells of each change in a file. Here the statement alone is to keep the engine from failing."""
     parts = unpacked(saved)
@@ -194,7 +183,7 @@ def test_no_value_of_a_part_ends_the_engine_and_none_is_taken_that_was_changed(s
         for key, value in part.items():
             if isinstance(value, np.ndarray):
                 continue
-            for damaged in _json_damages(value):
+            for damaged in json_damages(value):
                 engine = Engine(FLOOR_SITE, learned=parts | {name: part | {key: damaged}})
                 assert set(engine.set_aside) <= {name}
                 assert (
