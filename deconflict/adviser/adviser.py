@@ -74,7 +74,7 @@ class Adviser:
     def _begin(self) -> None:
         self._fleet = fleet_of(self._settings, Measures())
         self._robots = RobotTable(PlaceGeometry(self._settings.resources, self._settings.zones))
-        self._advice = StandoffAdvice(self._settings.vendors, self._numbers)
+        self._advice = StandoffAdvice(self._settings, self._numbers)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:
         try:

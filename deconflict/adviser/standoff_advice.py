@@ -8,6 +8,7 @@ from math import hypot, inf, pi, remainder
 import numpy as np
 
 from deconflict.adviser.asked import Asked, Following, Option
+from deconflict.adviser.barred_ground import BarredGround
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
@@ -16,8 +17,8 @@ from deconflict.adviser.worth import ExpectedSaving, Worth
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
+from deconflict.settings.site import DEFAULT, Site
 from ingest.batch import Batch
-from ingest.settings import Vendor
 
 STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
@@ -59,16 +60,18 @@ asked again and again would never arrive. Of the others the robot yields that ca
 class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
-    def __init__(self, vendors: Iterable[Vendor] = (), numbers: Iterator[int] | None = None) -> None:
-        """`vendors` are those of the site: nothing is asked of people. `numbers` are ids to give."""
-        vendors, self._numbers = tuple(vendors), count(1) if numbers is None else numbers
-        self._people = frozenset(vendor.name for vendor in vendors if vendor.participant == "person")
+    def __init__(self, site: Site = DEFAULT, numbers: Iterator[int] | None = None) -> None:
+        """`site` says which vendors are people, of whom nothing is asked, and onto which ground nobody is sent.
+        `numbers` are ids to give."""
+        self._numbers = count(1) if numbers is None else numbers
+        self._people = frozenset(vendor.name for vendor in site.vendors if vendor.participant == "person")
         self._open: dict[str, Asked] = {}
         """By robot."""
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
-        self._following = Following({vendor.name: vendor.verbs for vendor in vendors})
-        self._worth, self._tracks = Worth(), Tracks()
+        self._following = Following({vendor.name: vendor.verbs for vendor in site.vendors})
+        self._ground = BarredGround(site)
+        self._worth, self._tracks = Worth(), Tracks(self._ground)
         self._waiting: dict[str, str] = {}
         """By robot that is asked to wait, the robot that goes first."""
         self._searched_s: dict[str, float] = {}
@@ -279,6 +282,8 @@ class StandoffAdvice:
         at = self._place_m(option, robots, now_s)
         if option.verb == "back_out" and at is None:
             return None
+        if option.verb == "go_around" and not self._ground.leaves_a_side(robots, *_slots(option, robots)):
+            return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
         request = replace(
@@ -306,14 +311,19 @@ class StandoffAdvice:
             return None
         self._searches_left -= 1
         self._searched_s[option.robot] = now_s
-        numbers = robots.column({option.robot: 1, option.other: 2})
-        slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
+        slot, other = _slots(option, robots)
         passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
         return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
 
     def _ring_searched_s(self, ring: tuple[str, ...]) -> float:
         """When a place for one of a ring was last searched for: those that wait for longest come first."""
         return max(self._searched_s.get(robot, -inf) for robot in ring)
+
+
+def _slots(option: Option, robots: RobotTable) -> tuple[int, int]:
+    """The slots of the robot that is asked and of the other."""
+    numbers = robots.column({option.robot: 1, option.other: 2})
+    return int(np.flatnonzero(numbers == 1)[0]), int(np.flatnonzero(numbers == 2)[0])
 
 
 def _both(request: Request) -> tuple[str, ...]:

@@ -81,6 +81,8 @@ class NamedArea(FloorPart):
 
     name: str
     """Name for people."""
+    keep_clear: bool = False
+    """Whether advice sends no robot onto it: ground for people, in front of fire doors, or where no robot may stand."""
 
 
 class Obstacle(FloorPart):
