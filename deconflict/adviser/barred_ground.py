@@ -1,16 +1,17 @@
 """Ground of the site file onto which no robot is sent."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import cos, sin
 
 import numpy as np
 import shapely
 
-from deconflict.adviser.ways import BESIDE_M, Boxes, bodies, wanted_ways
+from deconflict.adviser.ways import BESIDE_M, Boxes
 from deconflict.contention.robots.lookahead import corners
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.settings.shared_places import Point, outlines
 from deconflict.settings.site import Site
-from ingest.batch import Bools
+from ingest.batch import Bools, Floats
 
 FloorOutlines = Mapping[str, shapely.STRtree]
 """Outlines by the floor that they are on."""
@@ -27,14 +28,20 @@ class BarredGround:
         self._not_to_drive_on = _by_floor(parts)
         self._not_to_stand_on = _by_floor([*parts, *places])
 
-    def bars_standing(self, floor: str, places: Boxes) -> Bools:
-        """(n,) whether a body at each of `places` (n,) touches ground on which no robot is sent to stand."""
-        return _touched(self._not_to_stand_on.get(floor), places)
+    def bars_standing(self, floor: str, poses: Floats, length_m: float, width_m: float) -> Bools:
+        """(n,) whether a body at each pose touches ground on which no robot is sent to stand; `poses` (n, 3) are x, y
+        and yaw."""
+        outlines_here = self._not_to_stand_on.get(floor)
+        if outlines_here is None:
+            return np.zeros(len(poses), np.bool_)
+        x_m, y_m, yaw_rad = poses.T
+        halves_m = (np.full(len(poses), size_m / 2) for size_m in (length_m, width_m))
+        return _touched(outlines_here, Boxes(x_m, y_m, yaw_rad, *halves_m))
 
-    def leaves_a_side(self, robots: RobotTable, slot: int, other: int) -> bool:
-        """Whether the robot of a slot may drive past that of another on at least one side of it."""
-        outlines_here = self._not_to_drive_on.get(robots.datum(int(robots.records["floor"][slot])))
-        return outlines_here is None or not _touched(outlines_here, _sides(robots, slot, other)).all()
+    def leaves_a_side(self, robots: RobotTable, robot: str, other: str, way_rad: float) -> bool:
+        """Whether a robot whose way leads to `way_rad` may drive past another on at least one side of it."""
+        outlines_here = self._not_to_drive_on.get(robots[robot].datum)
+        return outlines_here is None or not _touched(outlines_here, _sides(robots, robot, other, way_rad)).all()
 
 
 def _by_floor(floor_outlines: Iterable[tuple[str, Sequence[Point]]]) -> FloorOutlines:
@@ -44,32 +51,21 @@ def _by_floor(floor_outlines: Iterable[tuple[str, Sequence[Point]]]) -> FloorOut
     return {floor: shapely.STRtree(polygons) for floor, polygons in found.items()}
 
 
-def _touched(outlines_here: shapely.STRtree | None, boxes: Boxes) -> Bools:
+def _touched(outlines_here: shapely.STRtree, boxes: Boxes) -> Bools:
     """(n,) whether each of `boxes` (n,) touches an outline."""
-    found = np.zeros(len(boxes.x_m), np.bool_)
-    if outlines_here is not None:
-        rectangles = shapely.polygons(corners(*boxes[:3], 2 * boxes.half_length_m, 2 * boxes.half_width_m))
-        found[outlines_here.query(rectangles, predicate="intersects")[0]] = True
+    rectangles = shapely.polygons(corners(*boxes[:3], 2 * boxes.half_length_m, 2 * boxes.half_width_m))
+    found = np.zeros(len(rectangles), np.bool_)
+    found[outlines_here.query(rectangles, predicate="intersects")[0]] = True
     return found
 
 
-def _sides(robots: RobotTable, slot: int, other: int) -> Boxes:
-    """(2,) the strips beside the body of `other`, left and right, as wide as the robot of `slot` with its room."""
-    body = bodies(robots, np.array([other]))
-    way_rad = _way_rad(robots, slot, body)
-    along, across = np.abs(np.cos(body.yaw_rad - way_rad)), np.abs(np.sin(body.yaw_rad - way_rad))
-    half_along_m = body.half_length_m * along + body.half_width_m * across
-    half_across_m = body.half_length_m * across + body.half_width_m * along
-    half_strip_m = robots.records["width_m"][slot] / 2 + BESIDE_M
-    left_m = (half_across_m + half_strip_m) * (1.0, -1.0)
-    x_m, y_m = body.x_m - left_m * np.sin(way_rad), body.y_m + left_m * np.cos(way_rad)
-    return Boxes(x_m, y_m, np.full(2, way_rad), np.full(2, half_along_m), np.full(2, half_strip_m))
-
-
-def _way_rad(robots: RobotTable, slot: int, body: Boxes) -> float:
-    """The direction of a robot's way where it comes nearest to `body` (1,); its heading if it means to stay."""
-    ways = wanted_ways(robots, np.array([slot])).boxes
-    if not len(ways.x_m):
-        return float(robots.records["reported_yaw_rad"][slot])
-    away_m = np.hypot(ways.x_m[0, 1:] - body.x_m, ways.y_m[0, 1:] - body.y_m)
-    return float(ways.yaw_rad[0, 1 + int(np.nanargmin(away_m))])
+def _sides(robots: RobotTable, robot: str, other: str, way_rad: float) -> Boxes:
+    """(2,) the strips beside the body of `other`, left and right of a way, as wide as `robot` with its room."""
+    (x_m, y_m, yaw_rad), body = robots.reported_pose(other), robots[other]
+    along, across = abs(cos(yaw_rad - way_rad)), abs(sin(yaw_rad - way_rad))
+    half_along_m = (body.length_m * along + body.width_m * across) / 2
+    half_across_m = (body.length_m * across + body.width_m * along) / 2
+    half_strip_m = robots[robot].width_m / 2 + BESIDE_M
+    left_m = (half_across_m + half_strip_m) * np.array([1.0, -1.0])
+    alike = (np.full(2, value) for value in (way_rad, half_along_m, half_strip_m))
+    return Boxes(x_m - left_m * sin(way_rad), y_m + left_m * cos(way_rad), *alike)

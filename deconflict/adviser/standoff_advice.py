@@ -282,8 +282,10 @@ class StandoffAdvice:
         at = self._place_m(option, robots, now_s)
         if option.verb == "back_out" and at is None:
             return None
-        if option.verb == "go_around" and not self._ground.leaves_a_side(robots, *_slots(option, robots)):
-            return None
+        if option.verb == "go_around":
+            way_rad = self._standing.waiting[option.robot].way_rad
+            if not self._ground.leaves_a_side(robots, option.robot, option.other, way_rad):
+                return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
         request = replace(
@@ -311,19 +313,14 @@ class StandoffAdvice:
             return None
         self._searches_left -= 1
         self._searched_s[option.robot] = now_s
-        slot, other = _slots(option, robots)
+        numbers = robots.column({option.robot: 1, option.other: 2})
+        slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
         passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
         return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
 
     def _ring_searched_s(self, ring: tuple[str, ...]) -> float:
         """When a place for one of a ring was last searched for: those that wait for longest come first."""
         return max(self._searched_s.get(robot, -inf) for robot in ring)
-
-
-def _slots(option: Option, robots: RobotTable) -> tuple[int, int]:
-    """The slots of the robot that is asked and of the other."""
-    numbers = robots.column({option.robot: 1, option.other: 2})
-    return int(np.flatnonzero(numbers == 1)[0]), int(np.flatnonzero(numbers == 2)[0])
 
 
 def _both(request: Request) -> tuple[str, ...]:

@@ -60,8 +60,8 @@ class Tracks:
         places = Boxes(poses[:, :1], poses[:, 1:2], poses[:, 2:], *halves)
         is_blocked = touch(places, Boxes._make(column[None] for column in others)).any(axis=1)
         ways = Boxes._make(column.reshape(1, -1) for column in passing.boxes)
-        body = Boxes(*poses.T, np.full(len(poses), size.length_m / 2), np.full(len(poses), size.width_m / 2))
-        is_free = ~touch(places, ways).any(axis=1) & ~self._ground.bars_standing(size.datum, body)
+        is_barred = self._ground.bars_standing(size.datum, poses, size.length_m, size.width_m)
+        is_free = ~touch(places, ways).any(axis=1) & ~is_barred
         reachable = np.logical_and.accumulate(~is_blocked)
         away_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
         found = np.flatnonzero(is_free & reachable & (away_m >= LEAST_BACK_M))
