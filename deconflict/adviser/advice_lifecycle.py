@@ -47,8 +47,8 @@ class AdviceLifecycle:
         restored: Iterable[RobotAdvice] = (),
     ) -> None:
         """`describe` names places. `restored` was open before a restart: the first look ends it, and asks anew."""
-        self._vendors, self._describe, self._measures = site.vendors, describe, measures
-        self._standoffs = StandoffAdvice(self._vendors, measures)
+        self._site, self._describe, self._measures = site, describe, measures
+        self._standoffs = StandoffAdvice(self._site, measures)
         self._restored = list(restored)
         self._open: dict[str, RobotAdvice] = {}
         """By id of the request."""
@@ -91,7 +91,7 @@ class AdviceLifecycle:
         try:
             return self._look(robots, now_s, answers)
         except Exception:
-            self._standoffs, self._open, self._answers = StandoffAdvice(self._vendors, self._measures), {}, {}
+            self._standoffs, self._open, self._answers = StandoffAdvice(self._site, self._measures), {}, {}
             self._restored = before
             raise
 

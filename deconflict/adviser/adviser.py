@@ -75,7 +75,7 @@ class Adviser:
         measures = Measures()
         self._fleet = fleet_of(self._settings, measures)
         self._robots = RobotTable(PlaceGeometry(self._settings.resources, self._settings.zones))
-        self._advice = StandoffAdvice(self._settings.vendors, measures, self._numbers)
+        self._advice = StandoffAdvice(self._settings, measures, self._numbers)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:
         try:

@@ -8,6 +8,7 @@ from math import hypot, inf, pi, remainder
 import numpy as np
 
 from deconflict.adviser.asked import Asked, Following, Option
+from deconflict.adviser.barred_ground import BarredGround
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
@@ -18,9 +19,9 @@ from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.runtime.learned_state import Learner
+from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
-from ingest.settings import Vendor
 
 STANDS_S = 4.0
 """A robot that has stood in the way for so long stands about as long again."""
@@ -62,17 +63,18 @@ asked again and again would never arrive. Of the others the robot yields that ca
 class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
-    def __init__(self, vendors: Iterable[Vendor], measures: Measures, numbers: Iterator[int] | None = None) -> None:
-        """`vendors` are those of the site: nothing is asked of people. `numbers` are ids to give."""
-        vendors, self._numbers = tuple(vendors), count(1) if numbers is None else numbers
-        self._measures = measures
-        self._people = frozenset(vendor.name for vendor in vendors if vendor.participant == "person")
+    def __init__(self, site: Site, measures: Measures, numbers: Iterator[int] | None = None) -> None:
+        """`site` says which vendors are people, of whom nothing is asked, and onto which ground nobody is sent.
+        `numbers` are ids to give."""
+        self._measures, self._numbers = measures, count(1) if numbers is None else numbers
+        self._people = frozenset(vendor.name for vendor in site.vendors if vendor.participant == "person")
         self._open: dict[str, Asked] = {}
         """By robot."""
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
-        self._following = Following({vendor.name: vendor.verbs for vendor in vendors})
-        self._worth, self._tracks = Worth(), Tracks()
+        self._following = Following({vendor.name: vendor.verbs for vendor in site.vendors})
+        self._ground = BarredGround(site)
+        self._worth, self._tracks = Worth(), Tracks(self._ground)
         self._waiting: dict[str, str] = {}
         """By robot that is asked to wait, the robot that goes first."""
         self._searched_s: dict[str, float] = {}
@@ -285,6 +287,10 @@ class StandoffAdvice:
         at = self._place_m(option, robots, now_s)
         if option.verb == "back_out" and at is None:
             return None
+        if option.verb == "go_around":
+            way_rad = self._standing.waiting[option.robot].way_rad
+            if not self._ground.leaves_a_side(robots, option.robot, option.other, way_rad):
+                return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
         request = replace(

@@ -11,7 +11,7 @@ from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.deadlocks import Want, rings
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.foresight.motion_assumptions import CROSSING_M, CROSSING_S
-from ingest.batch import Bools, Ints
+from ingest.batch import Bools, Floats, Ints
 
 SLOW_MPS = 0.8
 """A robot that is not faster, and has another in its way, is about to stop for it."""
@@ -31,8 +31,10 @@ class Waiting:
     """Since when it rests, seconds since the epoch."""
     other_since_s: float
     """Since when the other rests; inf if it does not."""
-    speed_mps: float = 0.0
+    speed_mps: float
     """0 if it rests."""
+    way_rad: float
+    """Direction of its way where the other's body is."""
 
     @property
     def both_since_s(self) -> float:
@@ -99,8 +101,9 @@ def standing(robots: RobotTable, now_s: float, foresees: bool) -> Standing:
     rests = heard & resting(records)
     slows = heard & (records["speed_mps"] <= SLOW_MPS) & foresees
     ways = wanted_ways(robots, np.flatnonzero(rests | slows))
-    others = first_in_way(robots, ways, np.flatnonzero(heard))
-    waiting = _waiting(robots, ways.slots[others >= 0], others[others >= 0], rests)
+    others, way_rad = first_in_way(robots, ways, np.flatnonzero(heard))
+    waits = others >= 0
+    waiting = _waiting(robots, ways.slots[waits], others[waits], way_rad[waits], rests)
     wants = [Want((each.robot, 0), ((each.other, 0),), "path", each.since_s) for each in waiting.values()]
     found = [tuple(link.waiter for link in ring) for ring in rings(wants)]
     in_rings = {robot for ring in found for robot in ring}
@@ -123,12 +126,13 @@ def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now
     ]
 
 
-def _waiting(robots: RobotTable, slots: Ints, others: Ints, rests: Bools) -> dict[str, Waiting]:
-    """By robot, those of `slots` (n,) whose ways `others` (n,) stand or drive in; `rests` is by slot."""
+def _waiting(robots: RobotTable, slots: Ints, others: Ints, way_rad: Floats, rests: Bools) -> dict[str, Waiting]:
+    """By robot, those of `slots` (n,) whose ways `others` (n,) stand or drive in, which lead to `way_rad` (n,) there;
+    `rests` is by slot."""
     uuids, rests_s = robots.uuids, robots.records["rests_s"]
     other_s = np.where(rests[others], rests_s[others], np.inf)
     speed_mps = np.where(rests[slots], 0.0, robots.records["speed_mps"][slots])
-    columns = (column.tolist() for column in (slots, others, rests_s[slots], other_s, speed_mps))
+    columns = (column.tolist() for column in (slots, others, rests_s[slots], other_s, speed_mps, way_rad))
     return {
         uuids[slot]: Waiting(uuids[slot], uuids[other], *numbers)
         for slot, other, *numbers in zip(*columns, strict=True)

@@ -6,6 +6,7 @@ from math import hypot
 
 import numpy as np
 
+from deconflict.adviser.barred_ground import BarredGround
 from deconflict.adviser.ways import Boxes, Ways, bodies, touch
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Floats
@@ -23,7 +24,8 @@ LEAST_BACK_M = 0.5
 class Tracks:
     """The last metres that each robot drove."""
 
-    def __init__(self) -> None:
+    def __init__(self, ground: BarredGround) -> None:
+        self._ground = ground
         self._poses: dict[str, deque[tuple[float, float, float]]] = {}
         """By robot x, y and yaw, newest last."""
         self._floors: dict[str, int] = {}
@@ -47,7 +49,8 @@ class Tracks:
 
     def refuge_m(self, robots: RobotTable, robot: str, passing: Ways, others: Boxes) -> tuple[float, float] | None:
         """The nearest place on a robot's own track where it is in nobody's way: neither on the ways of those that are
-        to pass, nor where bodies `others` (m,) are. None if there is none, or if another is on the track before it."""
+        to pass, nor where bodies `others` (m,) are, nor on barred ground, which may lie before it. None if there is
+        none, or if another is on the track before it."""
         poses: Floats = np.array(self._poses.get(robot, ()))[::-1]
         if not len(poses):
             return None
@@ -57,7 +60,8 @@ class Tracks:
         places = Boxes(poses[:, :1], poses[:, 1:2], poses[:, 2:], *halves)
         is_blocked = touch(places, Boxes._make(column[None] for column in others)).any(axis=1)
         ways = Boxes._make(column.reshape(1, -1) for column in passing.boxes)
-        is_free = ~touch(places, ways).any(axis=1)
+        is_barred = self._ground.bars_standing(size.datum, poses, size.length_m, size.width_m)
+        is_free = ~touch(places, ways).any(axis=1) & ~is_barred
         reachable = np.logical_and.accumulate(~is_blocked)
         away_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
         found = np.flatnonzero(is_free & reachable & (away_m >= LEAST_BACK_M))

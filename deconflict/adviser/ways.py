@@ -113,21 +113,23 @@ def bodies(robots: RobotTable, slots: Ints) -> Boxes:
     return Boxes(x_m, y_m, yaw_rad, length_m / 2, width_m / 2)
 
 
-def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> Ints:
-    """(n,) the slot of `others` (m,) whose body is first on each way; -1 if none is."""
+def first_in_way(robots: RobotTable, ways: Ways, others: Ints) -> tuple[Ints, Floats]:
+    """(n,) the slot of `others` (m,) whose body is first on each way, -1 if none is; and the direction of the way
+    there."""
     body = bodies(robots, others)
     pairs = touching_boxes(around(ways.boxes), around(Boxes._make(column[:, None] for column in body)))
     row, other = pairs.T
     is_other = (ways.slots[row] != others[other]) & can_meet(robots, ways.slots[row], others[other])
     row, other = row[is_other], other[is_other]
     hit = touch(Boxes._make(c[row] for c in ways.boxes), Boxes._make(c[other][:, None] for c in body))
-    found = np.full(len(ways.slots), -1)
+    found, way_rad = np.full(len(ways.slots), -1), ways.boxes.yaw_rad[:, 1].copy()
     first = np.where(hit.any(axis=1), hit.argmax(axis=1), hit.shape[1])
     away_m = np.hypot(*(body[k][other] - robots.records[name][ways.slots[row]] for k, name in _REPORTED))
     order = np.lexsort((away_m, first))[::-1]
     order = order[first[order] < hit.shape[1]]
     found[row[order]] = others[other[order]]
-    return found
+    way_rad[row[order]] = ways.boxes.yaw_rad[row[order], np.maximum(first[order], 1)]
+    return found, way_rad
 
 
 def can_meet(robots: RobotTable, slots: Ints, others: Ints) -> Bools:

@@ -81,10 +81,13 @@ class NamedArea(FloorPart):
 
     name: str
     """Name for people."""
+    keep_clear: bool = False
+    """Whether advice sends no robot onto it: ground for people, or in front of a fire door."""
 
 
 class Obstacle(FloorPart):
-    """A rack, a wall or a machine that stands on a floor. The map draws it, and texts name places by it."""
+    """A rack, a wall or a machine that stands on a floor. The map draws it, texts name places by it, and advice sends
+    no robot onto it."""
 
     kind: Literal["rack", "wall", "machine"]
     """What it is."""

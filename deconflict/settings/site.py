@@ -172,9 +172,9 @@ class Site(Section):
     zones: tuple[Zone, ...] = ()
     """Crossings, single-lane aisles and doors that robots share."""
     areas: tuple[NamedArea, ...] = ()
-    """Parts of the floors that people have a name for."""
+    """Parts of the floors that people have a name for, or that robots should keep clear."""
     obstacles: tuple[Obstacle, ...] = ()
-    """Racks, walls and machines, which the map draws."""
+    """Racks, walls and machines, which the map draws, and onto which advice sends no robot."""
     mqtt_sources: tuple[MqttSource, ...] = ()
     """Brokers whose robots are heard."""
     receiver: ReceiverSettings = ReceiverSettings()
