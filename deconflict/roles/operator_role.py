@@ -25,7 +25,7 @@ from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.health.canary_health import CanaryHealth
 from deconflict.roles.operator_calls import OperatorCalls
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
-from deconflict.roles.processes.ports import PortTakenError, family_of
+from deconflict.roles.processes.ports import listen_at
 from deconflict.runtime.rpc import listening, socket_path
 from deconflict.runtime.until_either import until_either
 from deconflict.settings.hot_reload import CurrentSite
@@ -72,7 +72,7 @@ class OperatorRole:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set. Raises `HangingFaceError`."""
-        self._publisher.loop, listener = asyncio.get_running_loop(), self._listener()
+        self._publisher.loop, listener = asyncio.get_running_loop(), listen_at("operator", self._site.operator)
         self.port = listener.getsockname()[1]
         try:
             async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):
@@ -105,13 +105,6 @@ class OperatorRole:
                 self._publisher.end()
             self._face.end()
             await serving
-
-    def _listener(self) -> socket.socket:
-        address = self._site.operator
-        try:
-            return socket.create_server((address.host, address.port), family=family_of(address.host))
-        except OSError as error:
-            raise PortTakenError("operator", address, error) from error
 
     async def _attach_store(self) -> None:
         """Use the file of advisories as soon as it can be used, and memory if it was removed."""

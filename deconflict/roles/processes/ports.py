@@ -1,9 +1,10 @@
 """The network ports of the service: refused before it starts if it can't listen on them."""
 
 import argparse
-import errno
+import os
 import socket
 from collections.abc import Iterable
+from contextlib import ExitStack
 from typing import Protocol
 
 from deconflict.settings.site import Site
@@ -22,12 +23,14 @@ class Address(Protocol):
 
 
 class PortTakenError(OSError):
-    """The service can't listen on a port that it needs."""
+    """The service can't listen on a port that it needs. `errno` is that of the cause."""
 
     def __init__(self, section: str, address: Address, error: OSError) -> None:
-        why = error.strerror or str(error)
+        number = error.errno or 0
+        why = os.strerror(number) if number > 0 else error.strerror or str(error)
         where = f"{address.host}:{address.port}"
         super().__init__(f"can't listen on {where}: {why}. Set another {section}.port or {section}.host")
+        self.errno = error.errno
 
 
 def port_number(text: str) -> int:
@@ -37,27 +40,17 @@ def port_number(text: str) -> int:
     return int(text)
 
 
-def free_port(host: str, port: int, others: Iterable[int] = ()) -> int:
-    """A port of a host on which this process can listen now; if `port` is 0, any. `others` are wanted for something
-    else. Raises OSError if it can't."""
-    if port in others:
-        raise OSError(errno.EADDRINUSE, "Another port of the service has this number")
-    with socket.socket(family_of(host)) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        probe.bind((host, port))
-        return int(probe.getsockname()[1])
-
-
-def family_of(host: str) -> socket.AddressFamily:
-    return socket.AF_INET6 if ":" in host else socket.AF_INET
+def listen_at(section: str, address: Address) -> socket.socket:
+    """A socket that listens at the address of a section of the site. Raises `PortTakenError`."""
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    try:
+        return socket.create_server((address.host, address.port), family=family)
+    except OSError as error:
+        raise PortTakenError(section, address, error) from error
 
 
 def refuse_taken(site: Site, sections: Iterable[str]) -> None:
-    """Raises `PortTakenError` if the service can't listen on a port of these `sections` of the site."""
-    wanted: list[int] = []
-    for section in sections:
-        address: Address = getattr(site, section)
-        try:
-            wanted.append(free_port(address.host, address.port, wanted))
-        except OSError as error:
-            raise PortTakenError(section, address, error) from error
+    """Raises `PortTakenError` if the service can't listen at the addresses of these `sections` of the site at once."""
+    with ExitStack() as listeners:
+        for section in sections:
+            listeners.enter_context(listen_at(section, getattr(site, section)))

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, closing, suppress
+from contextlib import ExitStack, asynccontextmanager, closing, suppress
 from errno import EADDRINUSE
 from functools import partial
 from math import inf
@@ -28,7 +28,7 @@ from deconflict.client import Client, ClientError
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_link.tick_times import IDLE_TICK_S
-from deconflict.roles.processes.ports import PortTakenError, free_port
+from deconflict.roles.processes.ports import PortTakenError, listen_at
 from deconflict.roles.processes.supervisor import PORTS, Supervisor
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.data_lock import create_data_directory
@@ -88,17 +88,20 @@ def _on_free_ports(site: Site, console: Console) -> Site:
 
     Raises `PortTakenError` if no port of a host can be used.
     """
-    ports: dict[str, int] = {}
-    for name in PORTS:
-        section = getattr(site, name)
-        try:
-            ports[name] = free_port(section.host, section.port, ports.values())
-        except OSError as error:
-            if error.errno != EADDRINUSE:
-                raise PortTakenError(name, section, error) from error
-            ports[name] = free_port(section.host, 0)
-            console.print(f"Port {section.port} is in use. The {name} listens on {ports[name]} instead.")
-    sections = {name: getattr(site, name).model_copy(update={"port": port}) for name, port in ports.items()}
+    sections = {}
+    with ExitStack() as listeners:
+        for name in PORTS:
+            wanted = getattr(site, name)
+            try:
+                listening = listen_at(name, wanted)
+            except PortTakenError as error:
+                if error.errno != EADDRINUSE:
+                    raise
+                listening = listen_at(name, wanted.model_copy(update={"port": 0}))
+            port = listeners.enter_context(listening).getsockname()[1]
+            if wanted.port not in (0, port):
+                console.print(f"Port {wanted.port} is in use. The {name} listens on {port} instead.")
+            sections[name] = wanted.model_copy(update={"port": port})
     return site.model_copy(update=sections)
 
 

@@ -9,8 +9,12 @@ from pathlib import Path
 import pytest
 
 from deconflict.__main__ import parser
+from deconflict.roles.processes.ports import PortTakenError, refuse_taken
+from deconflict.roles.processes.supervisor import PORTS
 from deconflict.runtime.command_parsers import MISUSED
-from tests.deconflict.roles.made_service import Served, healthy
+from deconflict.settings.site import Operator, Site
+from ingest.settings import ReceiverSettings
+from tests.deconflict.roles.made_service import Served, free_ports, healthy
 from tests.helpers.patience import PATIENCE_S
 
 NEVER = "2001:db8::1"
@@ -38,6 +42,15 @@ def test_two_ports_of_one_service_are_two_numbers(tmp_path: Path) -> None:
     code, sentence = started(tmp_path, "serve", "--robots-port", "8080", "--operator-port", "8080")
     assert code == MISUSED
     assert "8080" in sentence
+
+
+def test_two_ports_at_two_addresses_may_have_one_number() -> None:
+    (port,) = free_ports(1)
+    receiver = ReceiverSettings(host="127.0.0.2", port=port)
+    operator = Operator(host="127.0.0.1", port=port)
+    refuse_taken(Site(receiver=receiver, operator=operator), ("receiver", "operator"))
+    with pytest.raises(PortTakenError, match=r"operator\.port"):
+        refuse_taken(Site(receiver=receiver.model_copy(update={"host": "127.0.0.1"}), operator=operator), PORTS)
 
 
 @pytest.mark.parametrize("command", ["serve", "demo"])
