@@ -70,7 +70,10 @@ class Assessment(NamedTuple):
     matter: Matter
     robots: tuple[str, ...]
     """Those that it lists."""
+    possible: SituationAdvice | None
+    """What there is to do, whether or not anybody is asked for it now."""
     advice: SituationAdvice | None
+    """What is asked for now."""
     severity: Severity
     keeps_sentence: bool
     """Whether its sentence stays as it is, because its advice stands that no advisory asks for any more."""
@@ -78,6 +81,7 @@ class Assessment(NamedTuple):
 
 def assessed(
     before: Situation | None,
+    possible: SituationAdvice | None,
     advisories: Sequence[AnyAdvisory],
     robots: tuple[str, ...],
     stakes: Stakes,
@@ -85,29 +89,32 @@ def assessed(
     busy: Collection[str],
     now_s: float,
 ) -> Assessment:
-    """What at least one advisory comes to, after the revision `before`. `robots` are those that are listed, and `busy`
-    ones have more urgent things to do."""
+    """What at least one advisory comes to, after the revision `before` and with what was `possible` then. `robots` are
+    those that are listed, and `busy` ones have more urgent things to do."""
     proposal = proposal_of(advisories, [robot for robot in robots if robot not in busy], now_s, stakes.passing)
-    advice = revised_advice(before.advice if before else None, proposal, robots, busy, now_s)
-    asking = _asking(proposal, advice)
+    possible = revised_advice(possible, proposal, robots, busy, now_s)
+    asking = _asking(proposal, possible)
     matter = matter_of(advisories, before.situation_kind if before else None, asking)
-    severity = min(urgency, _most_severe(matter, advice), key=SEVERITIES.index)
+    severity = min(urgency, _most_severe(matter, possible), key=SEVERITIES.index)
     severity = max(severity, stakes.claim_severity, key=SEVERITIES.index)
-    keeps_sentence = advice is not None and advice.for_people and asking is None
-    return Assessment(advisories, stakes, matter, robots, advice, severity, keeps_sentence)
+    keeps_sentence = possible is not None and possible.for_people and asking is None
+    return Assessment(advisories, stakes, matter, robots, possible, possible, severity, keeps_sentence)
 
 
-def _asking(proposal: Proposal, advice: SituationAdvice | None) -> AnyAdvisory | None:
+def _asking(proposal: Proposal, possible: SituationAdvice | None) -> AnyAdvisory | None:
     """The advisory that asks people for the first action."""
-    if advice is None or not advice.for_people:
+    if possible is None or not possible.for_people:
         return None
-    asking = proposal.asked.get(key_of(advice.actions[0]))
+    asking = proposal.asked.get(key_of(possible.actions[0]))
     return asking.advisory if asking else None
 
 
-def _most_severe(matter: Matter, advice: SituationAdvice | None) -> Severity:
-    """How severe a situation is at most. What people can do nothing about is a caution; a warning, if it may last."""
-    if advice and advice.for_people:
+def _most_severe(matter: Matter, possible: SituationAdvice | None) -> Severity:
+    """How severe a situation is at most. What people can do nothing about is a caution; a warning, if it may last.
+
+    Whether they are asked now does not count: it is not less severe while they wait.
+    """
+    if possible and possible.for_people:
         return Severity.CRITICAL
     return Severity.WARNING if matter.kind in MAY_LAST else Severity.CAUTION
 
@@ -149,7 +156,7 @@ def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
 
 def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]:
     """All fields but texts and outline."""
-    advisories, stakes, matter, listed, advice, severity, _ = assessment
+    advisories, stakes, matter, listed, _, advice, severity, _ = assessment
     names = names_of(advisories)
     vendors = {robot: vendor for each in advisories for robot, vendor in zip(each.robots, each.vendors, strict=True)}
     soonest = min(matter.advisories, key=lambda advisory: (advisory.time_left_s(now_s), advisory.id))

@@ -17,7 +17,7 @@ from deconflict.advisories.situations.advice.advised_robots import AdvisedRobots
 from deconflict.advisories.situations.advice.recurrences import Recurrences
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
-from deconflict.advisories.situations.situation import AnyRevision, Situation
+from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
 from deconflict.advisories.situations.situation_fields import Assessment
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
@@ -51,6 +51,8 @@ class _Watched:
     """When it was worth a reaction last."""
     urgency: Severity = Severity.CAUTION
     """How severe it is if people can do something."""
+    possible: SituationAdvice | None = None
+    """What there was to do at the last look, whether or not anybody was asked for it."""
     held_s: float = 0.0
     """When its urgency was not too high last."""
     look_s: float = 0.0
@@ -102,7 +104,8 @@ class SituationLifecycle:
             group = _restored_group(situation, members_of.get(situation.id, {}))
             self._grouping.restore(group)
             updated_s = situation.updated_at.timestamp()
-            self._watched[group.id] = _Watched(group, situation, updated_s, situation.severity, updated_s)
+            watched = _Watched(group, situation, updated_s, situation.severity, situation.advice, updated_s)
+            self._watched[group.id] = watched
             self._advised.keep(situation, situation.severity)
 
     def published(self, now_s: float, revisions: Sequence[AnyAdvisory]) -> list[AnyRevision]:
@@ -187,6 +190,7 @@ class SituationLifecycle:
         else:
             watched.look_s = min(watched.look_s, closes_s)
         if not advisories:
+            watched.possible = None
             return situation_fields.emptied(before, self._spot(before.location), now_s) if before.advisories else None
         assessment = self._assessed(watched, advisories, stakes, now_s)
         is_urgent = rises(assessment.severity, before.severity) or assessment.advice is not before.advice
@@ -219,7 +223,11 @@ class SituationLifecycle:
         watched.urgency = _urgency(watched, urgency_of_stakes(stakes, watched.urgency if before else None), now_s)
         robots = situation_fields.listed_robots(advisories)
         busy = self._advised.busy(watched.group.id, watched.urgency, robots)
-        return situation_fields.assessed(before, advisories, robots, stakes, watched.urgency, busy, now_s)
+        assessment = situation_fields.assessed(
+            before, watched.possible, advisories, robots, stakes, watched.urgency, busy, now_s
+        )
+        watched.possible = assessment.possible
+        return assessment
 
     def _spot(self, location: Location | None) -> Spot:
         """Where it is, for a person; empty without a place."""
