@@ -1,5 +1,6 @@
 """Situations as published: open advisories that share robots or a place, as one thing for a person to look at."""
 
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
@@ -20,6 +21,8 @@ POSITION_LOST = 4416
 STORE_FAILED = 1011
 """Close code of the stream: the stored advisories can't be read."""
 
+PeopleWaitFor = Literal["robots", "other_advice"]
+"""What people wait for before they are asked."""
 MOST_CORNERS = 32
 MOST_ADVISORIES = 40
 
@@ -31,7 +34,10 @@ class SituationAdvice(Published):
     for_people: bool = Field(default=True, description="whether people have time for it; else only programs do")
     text: str = Field(description="the actions as one sentence")
     since_at: datetime = Field(description="since when it is advised")
-    changed_because: str = Field(default="", description="why it replaces other advice; empty if it is the first")
+    changed_because: str = Field(
+        default="",
+        description="why it replaces other advice, or which robots were asked before people; empty if it is the first",
+    )
 
 
 class Situation(Advisory):
@@ -49,6 +55,12 @@ class Situation(Advisory):
         description="UUID of the robot that stands or is silent in the way of the others; null if none is",
     )
     advice: SituationAdvice | None = Field(default=None, description="one thing to do; null if nothing helps any more")
+    people_wait_for: PeopleWaitFor | None = Field(
+        default=None,
+        exclude_if=operator.not_,
+        description="why people are not asked yet for what they could do: its robots were asked, or people were asked "
+        "for something else less than a minute ago; absent if they are asked, or can do nothing",
+    )
     outline: tuple[tuple[float, float], ...] = Field(
         max_length=MOST_CORNERS, description="corners of its area, in metres in the frame of the location's datum"
     )

@@ -12,6 +12,7 @@ from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation import (
     MOST_ADVISORIES,
+    PeopleWaitFor,
     Situation,
     SituationAdvice,
 )
@@ -37,7 +38,7 @@ from deconflict.advisory import (
     moment,
 )
 
-NOTHING_LEFT: dict[str, Any] = {"advice": None, "advisories": (), "more_advisories": 0}
+NOTHING_LEFT: dict[str, Any] = {"advice": None, "people_wait_for": None, "advisories": (), "more_advisories": 0}
 OVER = f"by itself: {ClearedCode.NOTHING_LEFT.because}"
 """How a situation ends whose last advisory has ended."""
 MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
@@ -77,6 +78,8 @@ class Assessment(NamedTuple):
     severity: Severity
     keeps_sentence: bool
     """Whether its sentence stays as it is, because its advice stands that no advisory asks for any more."""
+    people_wait_for: PeopleWaitFor | None = None
+    """Why people are not asked yet for what is possible."""
 
 
 def assessed(
@@ -156,7 +159,7 @@ def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
 
 def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]:
     """All fields but texts and outline."""
-    advisories, stakes, matter, listed, _, advice, severity, _ = assessment
+    advisories, stakes, matter, listed = assessment[:4]
     names = names_of(advisories)
     vendors = {robot: vendor for each in advisories for robot, vendor in zip(each.robots, each.vendors, strict=True)}
     soonest = min(matter.advisories, key=lambda advisory: (advisory.time_left_s(now_s), advisory.id))
@@ -164,7 +167,7 @@ def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]
     members = sorted(group.members, key=lambda name: (group.members[name].raised_s, name))
     return {
         "situation_kind": matter.kind,
-        "severity": severity,
+        "severity": assessment.severity,
         "robots": listed,
         "names": tuple(short_text(names[robot], MOST_NAME_BYTES) for robot in listed),
         "vendors": tuple(vendors[robot] for robot in listed),
@@ -176,7 +179,8 @@ def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]
         "culprit": matter.culprit if matter.culprit in listed else None,
         "cost_s": round(stakes.cost_s, 1),
         "preventable_s": None if stakes.preventable_s is None else round(stakes.preventable_s, 3),
-        "advice": advice,
+        "advice": assessment.advice,
+        "people_wait_for": assessment.people_wait_for,
         "advisories": tuple(members[:MOST_ADVISORIES]),
         "more_advisories": max(len(group.members) - MOST_ADVISORIES, 0),
     }

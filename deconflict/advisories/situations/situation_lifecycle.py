@@ -17,6 +17,7 @@ from deconflict.advisories.situations.advice.advised_robots import AdvisedRobots
 from deconflict.advisories.situations.advice.recurrences import Recurrences
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
+from deconflict.advisories.situations.people_last import PeopleLast
 from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
 from deconflict.advisories.situations.situation_fields import Assessment
 from deconflict.advisories.words.words import Spot
@@ -64,9 +65,11 @@ class _Watched:
 class SituationLifecycle:
     """Every situation."""
 
-    def __init__(self, describe: Describe) -> None:
+    def __init__(self, describe: Describe, people: PeopleLast | None = None) -> None:
+        """`people` has them wait for robots that were asked. None where nobody hears what is asked of robots."""
         self.describe = describe
         """Renewed when the site changes."""
+        self._people = people
         self._recurrences = Recurrences()
         self._advisories: dict[str, AnyAdvisory] = {}
         """The newest revision of each open advisory, by id."""
@@ -227,7 +230,7 @@ class SituationLifecycle:
             before, watched.possible, advisories, robots, stakes, watched.urgency, busy, now_s
         )
         watched.possible = assessment.possible
-        return assessment
+        return self._people.given_now(watched.group.id, before, assessment, busy, now_s) if self._people else assessment
 
     def _spot(self, location: Location | None) -> Spot:
         """Where it is, for a person; empty without a place."""
@@ -271,7 +274,7 @@ def is_news(before: Situation, after: Situation) -> bool:
         before.severity != after.severity
         or (before.situation_kind, before.culprit) != (after.situation_kind, after.culprit)
         or before.robots != after.robots
-        or before.advice != after.advice
+        or (before.advice, before.people_wait_for) != (after.advice, after.people_wait_for)
         or before.advisories != after.advisories
         or _is_elsewhere(before, after)
         or (before.time_to_conflict_s > 0) != (after.time_to_conflict_s > 0)

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Collection, Iterable, Sequence
 from math import inf
 
+from deconflict.advisories.situations.people_last import PeopleLast
 from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of, situations_of
 from deconflict.advisories.situations.situation_counts import (
     SITUATION_FAILURES,
@@ -23,8 +24,10 @@ log = logging.getLogger(__name__)
 class SituationPublisher:
     """Makes situations of what each pass publishes."""
 
-    def __init__(self, describe: Describe) -> None:
-        self._lifecycle = SituationLifecycle(describe)
+    def __init__(self, describe: Describe, people: PeopleLast | None = None) -> None:
+        """`people` as in `SituationLifecycle`."""
+        self._people = people
+        self._lifecycle = SituationLifecycle(describe, people)
         self._open: dict[str, Situation] = {}
         """The newest revision of each open situation that was given out, by id."""
         self._has_failed = False
@@ -77,7 +80,7 @@ class SituationPublisher:
 
     def _begin_anew(self, now_s: float) -> list[Situation]:
         """Clear every situation; the advisories make new ones."""
-        before, self._lifecycle = self._lifecycle, SituationLifecycle(self._lifecycle.describe)
+        before, self._lifecycle = self._lifecycle, SituationLifecycle(self._lifecycle.describe, self._people)
         self._lifecycle.restore((), before.advisories())
         self._has_failed = False
         return [each.cleared_revision(now_s, ClearedCode.FAULT) for each in self._open.values()]

@@ -16,7 +16,7 @@ import { Shown } from "./floor/shown.js";
 import { Shift } from "./dialogs/shift.js";
 import { RobotBox, fillTable } from "./list/robots.js";
 import { Vendors } from "./list/vendors.js";
-import { KINDS, clock, isOver, mostUrgentFirst, needsSomebody, plural, seconds, severityOf, short, toDo, what } from "./texts.js";
+import { KINDS, clock, isDue, isOver, mostUrgentFirst, needsSomebody, plural, seconds, severityOf, short, toDo, what } from "./texts.js";
 
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
@@ -229,14 +229,14 @@ function showBox() {
   box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
 }
 
-// New situations are announced politely, critical ones at once, also if somebody acknowledged them before they became critical.
+// New situations are announced politely, critical ones at once unless robots or other advice come first, also if somebody acknowledged them before they became critical.
 // The list has them when it is made the next time. With `isNow` a revision is no repetition, however old it is. `before` is the revision before, if it was open.
 function announce(situation, before, isNow = false) {
   if (situation.state === "cleared") ends(situation);
   else if (!shown.isPast && (isNow || live.nowS() - seconds(situation.updated_at) < NEWS_S) && !(situation.acknowledgement && situation.severity !== "critical")) {
-    const { first, then } = toDo(situation, live.nowS()), isCritical = situation.severity === "critical";
+    const { first, then } = toDo(situation, live.nowS());
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
-    if (isCritical && before?.severity !== "critical") {
+    if (isDue(situation) && !(before && isDue(before))) {
       $("say").textContent = text;
       alarm.raise(KINDS[situation.situation_kind], `${what(situation)}. ${first || then}`);
     }

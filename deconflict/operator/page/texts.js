@@ -51,17 +51,26 @@ export function severityOf(revision) { return isOver(revision) ? "✓ Over" : `$
 // Whether somebody has to do something about it.
 export function needsSomebody(situation) { return !isCalm(situation) && !isOver(situation); }
 
+// Whether somebody has to do something critical now: neither robots nor other advice come first.
+export function isDue({ severity, people_wait_for: first }) { return severity === "critical" && !first; }
+
 // Whether nobody has to do anything: such a card is one line until it is chosen.
 export function isCalm({ severity, advice }) { return severity === "caution" && !advice?.for_people; }
 
-// What people do: the first thing, and the other things after it. If there is nothing, how it ends, and what programs do.
-export function toDo({ advice, ends }, nowS) {
+const WAITING = {
+  robots: "Nothing to do yet: its robots are asked first. If none of them accepts within 10 s, you are asked.",
+  other_advice: "Nothing to do yet: you were asked for something else less than a minute ago, or something more severe comes first.",
+};
+
+// What people do: the first thing, and the other things after it. If there is nothing, for what they wait, or how it ends, and
+// what programs do.
+export function toDo({ advice, ends, people_wait_for: first }, nowS) {
   if (advice?.for_people) {
     const [first, ...then] = steps(advice, nowS);
     return { first: sentence(first), then: then.length ? `Then: ${then.join("; ")}` : "" };
   }
   const programs = advice ? ` Programs that move robots are advised: ${steps(advice, nowS).join("; ")}.` : "";
-  return { first: "", then: `Nothing to do now. It ends ${ends}.${programs}` };
+  return { first: "", then: `${WAITING[first] ?? `Nothing to do now. It ends ${ends}.`}${programs}` };
 }
 
 // Who has it done, and why by these robots. `isPerson(vendor)` is whether a vendor's robots are people.

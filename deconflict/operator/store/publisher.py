@@ -79,6 +79,8 @@ class Publisher:
         self._store, self.measures, self.set_asides = store, measures, SetAsides(measures)
         self.forward_answer: Callable[[str, Acknowledgement], Awaitable[None]] | None = None
         """Sends an answer to the stream that numbers it, and returns once it has come back. None if this store does."""
+        self.heard_answer: Callable[[AnyRevision], None] | None = None
+        """Hears each answer that is published, on the event loop that publishes."""
         self.loop: asyncio.AbstractEventLoop | None = None
         """The event loop that publishes; None if there is no other."""
         self._tail: deque[PublishedLine] = deque(maxlen=TAIL_LENGTH)
@@ -212,6 +214,8 @@ class Publisher:
             await self.store_pending()
             if answered and answered.seq > self.last_seq:
                 self._announce([answered])
+                if self.heard_answer:
+                    self.heard_answer(answered)
         return answered
 
     async def reached(self, seq: int) -> None:

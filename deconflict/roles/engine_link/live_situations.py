@@ -9,10 +9,12 @@ import asyncio
 import logging
 from collections.abc import Iterable, Sequence
 
+from deconflict.advisories.situations.people_last import PeopleLast
 from deconflict.advisories.situations.situation import AnyRevision, Situation, advice_of, advisories_of
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisory import AnyAdvisory
+from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
@@ -30,11 +32,15 @@ class LiveSituations:
 
     def __init__(self, site: Site, store: Store, publisher: Publisher) -> None:
         self._store, self._publisher = store, publisher
-        self._situations = SituationPublisher(PlaceNames.of(site).describe)
+        self._people = PeopleLast(site)
+        self._situations = SituationPublisher(PlaceNames.of(site).describe, self._people)
         self._is_restored = False
         """Whether it continues what the store had open. The store is read before the first pass."""
         self._advisories: list[AnyAdvisory] = []
         """Published revisions of a pass that is not complete."""
+        self._requests: list[RobotAdvice] = []
+        """Published revisions of what is asked of robots, and answers to it, since the last complete pass."""
+        publisher.heard_answer = self._hear_answer
         self._unpublished: list[Situation] = []
         """Revisions that the store has not taken."""
         self._publishing = asyncio.Lock()
@@ -46,6 +52,7 @@ class LiveSituations:
         names = await asyncio.to_thread(PlaceNames.of, site)
         await self.settled()
         self._situations.renew(names.describe)
+        self._people.renew(site)
 
     async def publish(self, revisions: Iterable[AnyRevision]) -> None:
         """Publish revisions of advisories with the ids of their situations, and of advice.
@@ -58,7 +65,7 @@ class LiveSituations:
             revisions = list(revisions)
             advisories = advisories_of(revisions)
             if advice := advice_of(revisions):
-                await self._publisher.publish(advice)
+                self._requests += advice_of(await self._publisher.publish(advice))
             if advisories:
                 await self._publisher.publish(self._situations.stamped(advisories))
             self._advisories += advisories
@@ -71,11 +78,17 @@ class LiveSituations:
         """
         if passes_s:
             of_pass, self._advisories = self._advisories, []
-            self._following = asyncio.create_task(self._follow(self._following, of_pass, passes_s))
+            requests, self._requests = self._requests, []
+            self._following = asyncio.create_task(self._follow(self._following, of_pass, requests, passes_s))
+
+    def _hear_answer(self, answered: AnyRevision) -> None:
+        self._requests += advice_of([answered])
 
     async def _restore(self) -> None:
         if not self._is_restored:
-            self._situations.restore(await asyncio.to_thread(open_revisions, self._store, self._publisher.set_asides))
+            revisions = await asyncio.to_thread(open_revisions, self._store, self._publisher.set_asides)
+            self._situations.restore(revisions)
+            self._requests = [*advice_of(revisions), *self._requests]
             self._is_restored = True
 
     async def settled(self) -> None:
@@ -84,12 +97,16 @@ class LiveSituations:
             await asyncio.wait({self._following})  # unlike `await`, this cancels no task if the caller is cancelled
 
     async def _follow(
-        self, before: asyncio.Task[None] | None, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]
+        self,
+        before: asyncio.Task[None] | None,
+        advisories: Sequence[AnyAdvisory],
+        requests: Sequence[RobotAdvice],
+        passes_s: Sequence[float],
     ) -> None:
         if before:
             await asyncio.wait({before})
         try:
-            self._unpublished += await asyncio.to_thread(self._made, advisories, passes_s)
+            self._unpublished += await asyncio.to_thread(self._made, advisories, requests, passes_s)
             if self._unpublished:
                 await self._publisher.publish(self._unpublished)
         except StoreError as error:
@@ -102,7 +119,10 @@ class LiveSituations:
                 self._publisher.set_asides.add("unwritable", f"{each.id}, revision {each.revision}", error)
         self._unpublished = []
 
-    def _made(self, advisories: Sequence[AnyAdvisory], passes_s: Sequence[float]) -> list[Situation]:
+    def _made(
+        self, advisories: Sequence[AnyAdvisory], requests: Sequence[RobotAdvice], passes_s: Sequence[float]
+    ) -> list[Situation]:
         measures, (*quiet_s, last_s) = self._publisher.measures, passes_s
+        self._people.take(requests, last_s)
         made = [each for now_s in quiet_s for each in self._situations.revise(now_s, [], measures)]
         return made + self._situations.revise(last_s, advisories, measures)

@@ -7,7 +7,7 @@ from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
-from deconflict.advisory import AdviceAnswer, AdvisoryState, ClearedCode
+from deconflict.advisory import AdviceAnswer, AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort
@@ -54,6 +54,8 @@ class AdvisedFloor:
         self.names = {robot.uuid: robot.name for robot in self.robots}
         self.answers: list[AnsweredAdvice] = []
         """What the engine hears at the next look."""
+        self.advisories: list[AnyAdvisory] = []
+        """The revisions of the last second."""
         self._moving: dict[str, tuple[RobotAdvice, Reply]] = {}
         self._meet()
 
@@ -96,7 +98,7 @@ class AdvisedFloor:
         for robot in self.robots:
             self._hear(robot.status(self.now_s))
         self.engine.receive(Batch.from_bytes(self.fleet.next_batch(self.now_s).to_bytes()))
-        self.engine.step(self.now_s)
+        self.advisories = self.engine.step(self.now_s)
         answers, self.answers = self.answers, []
         for advice in self.engine.advise(self.now_s, answers, self.effort):
             self._follow(advice)

@@ -19,7 +19,8 @@ from deconflict.advisory import (
     Wait,
     moment,
 )
-from tests.helpers.made_advisories import made
+from deconflict.advisory.robot_advice import RobotAdvice
+from tests.helpers.made_advisories import made, made_advice
 from tests.helpers.saying import HALL
 
 NOW_S = 1_790_000_000.0
@@ -82,6 +83,15 @@ def deadlock(robots: str, **fields: Any) -> DeadlockAdvisory:
     ring = zip(robots, robots[1:] + robots[0], strict=True)
     cycle = tuple(Wait(waiter=a, holder=b, where="lane", from_at=moment(NOW_S)) for a, b in ring)
     return DeadlockAdvisory(**finding("deadlock", robots, cycle=cycle, **fields))
+
+
+def request(number: int, robot: str, other: str, after_s: float = 0.0, **fields: Any) -> RobotAdvice:
+    """One robot is asked for another. Each is named by one letter."""
+    robots = tuple(sorted((robot, other)))
+    at = moment(NOW_S + after_s)
+    times = {"raised_at": at, "updated_at": at, "predicted_at": at, "latest_at": moment(NOW_S + after_s + 20)}
+    names = tuple(f"Robot {letter}" for letter in robots)
+    return made_advice(number, robots=robots, names=names, robot=robot, other=other, **(times | fields))
 
 
 def advice(*actions: Action) -> Recommendation:

@@ -1,0 +1,73 @@
+"""People are asked only for what machines do not do, and for one new thing at a time. Pure.
+
+Only advice for people waits. The situation itself is told at once, as severe as it is.
+"""
+
+from collections.abc import Collection, Iterable
+
+from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, listed, short_text
+from deconflict.advisories.situations.advice.action_sets import proposal_of
+from deconflict.advisories.situations.advice.asked_robots import AskedRobots
+from deconflict.advisories.situations.advice.people_turns import PeopleTurns
+from deconflict.advisories.situations.advice.situation_advice import revised_advice
+from deconflict.advisories.situations.situation import PeopleWaitFor, Situation, SituationAdvice
+from deconflict.advisories.situations.situation_fields import Assessment
+from deconflict.advisory import AnyAdvisory, Severity
+from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict.settings.site import Site
+
+
+class PeopleLast:
+    """When the situations of a floor ask people, where robots are asked, too."""
+
+    def __init__(self, site: Site) -> None:
+        self._robots, self._turns = AskedRobots(), PeopleTurns()
+        self.renew(site)
+
+    def renew(self, site: Site) -> None:
+        """Know the people of a changed site: what is critical for one of them does not wait for a turn."""
+        self._persons = {vendor.name for vendor in site.vendors if vendor.participant == "person"}
+
+    def take(self, requests: Iterable[RobotAdvice], now_s: float) -> None:
+        """Revisions of what is asked of robots."""
+        self._robots.take(requests, now_s)
+
+    def given_now(
+        self, situation_id: str, before: Situation | None, assessment: Assessment, busy: Collection[str], now_s: float
+    ) -> Assessment:
+        """The assessment of a situation with the advice that is given now, after the revision `before`.
+
+        What people wait for, programs are advised at once.
+        """
+        advisories, robots, standing = assessment.advisories, assessment.robots, before.advice if before else None
+        waiting = {each.id for each in advisories if self._waits(each, standing, now_s)}
+        free = [robot for robot in robots if robot not in busy]
+        proposal = proposal_of(advisories, free, now_s, assessment.stakes.passing | waiting)
+        is_new = proposal.for_people and not _asks_people(standing)
+        has_turn = not is_new or self._has_turn(situation_id, before, assessment, now_s)
+        if not has_turn:
+            proposal = proposal_of(advisories, free, now_s, {each.id for each in advisories})
+        advice = revised_advice(standing, proposal, robots, busy, now_s)
+        if advice and is_new and has_turn and (tried := self._robots.tried(proposal.first.advisory)):
+            because = f"{listed(tried)} {'were' if len(tried) > 1 else 'was'} asked first, without effect"
+            advice = advice.model_copy(update={"changed_because": short_text(because, MOST_SUMMARY_BYTES)})
+        is_held = _asks_people(assessment.possible) and not _asks_people(advice)
+        first: PeopleWaitFor | None = ("robots" if waiting else None) if has_turn else "other_advice"
+        return assessment._replace(advice=advice, people_wait_for=first if is_held else None)
+
+    def _waits(self, advisory: AnyAdvisory, standing: SituationAdvice | None, now_s: float) -> bool:
+        """Whether people wait for what robots do about an advisory. They do not if they are asked already."""
+        asked = {action.robot for action in standing.actions} if standing and standing.for_people else set[str]()
+        return asked.isdisjoint(advisory.robots) and self._robots.should_end(advisory, now_s)
+
+    def _has_turn(self, situation_id: str, before: Situation | None, assessment: Assessment, now_s: float) -> bool:
+        """Whether people may be asked for something new now."""
+        vendors = {vendor for each in assessment.advisories for vendor in each.vendors}
+        if assessment.severity is Severity.CRITICAL and not vendors.isdisjoint(self._persons):
+            return True
+        raised_s = before.raised_at.timestamp() if before else now_s
+        return self._turns.take(situation_id, assessment.severity, raised_s, now_s)
+
+
+def _asks_people(advice: SituationAdvice | None) -> bool:
+    return advice is not None and advice.for_people
