@@ -4,11 +4,12 @@ Only advice for people waits. The situation itself is told at once, as severe as
 """
 
 from collections.abc import Collection, Iterable
+from math import inf
 
 from deconflict.advice.document_limits import MOST_SUMMARY_BYTES, listed, short_text
-from deconflict.advisories.situations.advice.action_sets import proposal_of
+from deconflict.advisories.situations.advice.action_sets import key_of, proposal_of
 from deconflict.advisories.situations.advice.asked_robots import AskedRobots
-from deconflict.advisories.situations.advice.people_turns import PeopleTurns
+from deconflict.advisories.situations.advice.people_turns import BETWEEN_S, PeopleTurns
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
 from deconflict.advisories.situations.situation import PeopleWaitFor, Situation, SituationAdvice
 from deconflict.advisories.situations.situation_fields import Assessment
@@ -22,6 +23,8 @@ class PeopleLast:
 
     def __init__(self, site: Site) -> None:
         self._robots, self._turns = AskedRobots(), PeopleTurns()
+        self._asked_s: dict[str, float] = {}
+        """By id of an advisory: when a situation last asked people for something about it."""
         self.renew(site)
 
     def renew(self, site: Site) -> None:
@@ -44,24 +47,40 @@ class PeopleLast:
         free = [robot for robot in robots if robot not in busy]
         proposal = proposal_of(advisories, free, now_s, assessment.stakes.passing | waiting)
         is_new = proposal.for_people and not _asks_people(standing)
-        has_turn = not is_new or self._has_turn(situation_id, before, assessment, now_s)
+        has_turn = not is_new or self._has_turn(situation_id, before, assessment, proposal.first.advisory, now_s)
         if not has_turn:
             proposal = proposal_of(advisories, free, now_s, {each.id for each in advisories})
         advice = revised_advice(standing, proposal, robots, busy, now_s)
         if advice and is_new and has_turn and (tried := self._robots.tried(proposal.first.advisory)):
             because = f"{listed(tried)} {'were' if len(tried) > 1 else 'was'} asked first, without effect"
             advice = advice.model_copy(update={"changed_because": short_text(because, MOST_SUMMARY_BYTES)})
+        if advice and advice.for_people and (asking := proposal.asked.get(key_of(advice.actions[0]))):
+            self._note(asking.advisory, now_s)
         is_held = _asks_people(assessment.possible) and not _asks_people(advice)
         first: PeopleWaitFor | None = ("robots" if waiting else None) if has_turn else "other_advice"
         return assessment._replace(advice=advice, people_wait_for=first if is_held else None)
 
     def _waits(self, advisory: AnyAdvisory, standing: SituationAdvice | None, now_s: float) -> bool:
         """Whether people wait for what robots do about an advisory. They do not if they are asked already."""
+        if self._is_asked(advisory, now_s):
+            return False
         asked = {action.robot for action in standing.actions} if standing and standing.for_people else set[str]()
         return asked.isdisjoint(advisory.robots) and self._robots.should_end(advisory, now_s)
 
-    def _has_turn(self, situation_id: str, before: Situation | None, assessment: Assessment, now_s: float) -> bool:
-        """Whether people may be asked for something new now."""
+    def _note(self, advisory: AnyAdvisory, now_s: float) -> None:
+        self._asked_s[advisory.id] = now_s
+        self._asked_s = {name: at_s for name, at_s in self._asked_s.items() if 0.0 <= now_s - at_s < BETWEEN_S}
+
+    def _is_asked(self, advisory: AnyAdvisory, now_s: float) -> bool:
+        """Whether people are asked about an advisory, or were lately: that is nothing new, in whichever situation."""
+        return 0.0 <= now_s - self._asked_s.get(advisory.id, -inf) < BETWEEN_S
+
+    def _has_turn(
+        self, situation_id: str, before: Situation | None, assessment: Assessment, asking: AnyAdvisory, now_s: float
+    ) -> bool:
+        """Whether people may be asked about an advisory now."""
+        if self._is_asked(asking, now_s):
+            return True
         vendors = {vendor for each in assessment.advisories for vendor in each.vendors}
         if assessment.severity is Severity.CRITICAL and not vendors.isdisjoint(self._persons):
             return True
