@@ -11,7 +11,7 @@ from deconflict.advisory import AdviceAnswer
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import DEFAULT
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Event, LogReader, Received, Tick
+from ingest.recording.log_reader import LogReader, Tick
 from ingest.recording.recorder import Recorder
 from metrics.replay.recorded_passes import EnginePass, PassReader
 from metrics.replay.replay import replay
@@ -51,13 +51,9 @@ def taught(engine: Engine) -> tuple[dict[tuple[str, ...], float], list[float]]:
     return dict(outcomes), engine.foresight.calibration.of_all.weights.tolist()
 
 
-def scores(log: Path, *, is_ours: bool = True) -> dict[str, Any]:
+def scores(log: Path) -> dict[str, Any]:
     reader = LogReader()
-    events: list[Event] = list(reader.read([log]))
-    if not is_ours:
-        heard = [event for event in events if isinstance(event, Received)]
-        events = [Received(each.raw, each.arrival_s, replace(each.connection, id=0)) for each in heard]
-    figures: dict[str, Any] = replay(reader, events, DEFAULT, [DEFAULT.conflict.clearance_m])["scores"][0]
+    figures: dict[str, Any] = replay(reader, reader.read([log]), DEFAULT, [DEFAULT.conflict.clearance_m])["scores"][0]
     return figures
 
 
@@ -105,5 +101,15 @@ def test_a_warning_whose_conflict_a_followed_request_ended_is_heeded_in_a_log_of
     assert (warnings["alerts"], warnings["in_vain"], warnings["heeded"]) == (1, 0, 1)
     assert figures["heeded"] == 1
     assert min(figures["heeded_samples"], warnings["probability"]["heeded_samples"]) > 5
-    others = scores(tmp_path, is_ours=False)
-    assert (others["heeded_samples"], others["warnings"]["heeded"]) == (0, 0), "its robots heard nothing of this"
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_robots_of_a_log_that_another_service_recorded_follow_nothing(heard: bool, tmp_path: Path) -> None:
+    recorded(tmp_path, OBEYS)
+    engine, following = Engine(DEFAULT), []
+    for each in passes(tmp_path):
+        engine.receive(each.batch)
+        engine.step(each.now_s, heard=heard)
+        engine.advise(each.now_s)
+        following += engine.foresight.following_advice(each.now_s)
+    assert bool(following) is heard
