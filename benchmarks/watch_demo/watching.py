@@ -112,7 +112,7 @@ class Watch:
         self.contention.add_output(now_s, advisories)
         self.situation_scores.add(now_s, situations)
         if self._is_followed:
-            self.waits.add(now_s, self._engine.foresight.robots_following_advice(now_s))
+            self.waits.add(now_s, self._engine.foresight.following_advice(now_s))
 
     def _take(self, advisory: AnyAdvisory) -> None:
         if advisory.id not in self.alerts:

@@ -23,6 +23,7 @@ from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
 from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures
+from ingest.verbs import Followed
 
 LOOK_S = 1.0
 """Time between two looks for standoffs."""
@@ -55,6 +56,7 @@ class AdviceLifecycle:
         self._answers: dict[str, AnsweredAdvice] = {}
         """By id of the request, the first answer: that is the one that counts."""
         self._refusals = Refusals(measures)
+        self._followed: list[Followed] = []
         self._looked_s = float("-inf")
 
     def open(self) -> list[RobotAdvice]:
@@ -74,6 +76,12 @@ class AdviceLifecycle:
     def take_refusals(self) -> list[AdviceRefusal]:
         """The refusals that are over since the last call."""
         return self._refusals.take()
+
+    def take_followed(self) -> list[Followed]:
+        """The robots that have visibly begun what they were asked, or were still at it when that ended, by the last
+        look; none if they were taken."""
+        followed, self._followed = self._followed, []
+        return followed
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots of a batch were updated."""
@@ -113,7 +121,9 @@ class AdviceLifecycle:
         before = dict(self._standoffs.asked)
         requests = self._standoffs.step(robots, now_s)
         known = (*before.values(), *self._standoffs.asked.values())
-        begun_s = {asked.request.robot: asked.begun_s for asked in known if asked.begun_s is not None}
+        begun = {asked.request: asked.begun_s for asked in known if asked.begun_s is not None}
+        begun_s = {request.robot: at_s for request, at_s in begun.items()}
+        self._followed = sorted((request.robot, request.other) for request in begun if request.other)
         self._refusals.look(self._standoffs.standing, begun_s, now_s)
         withdrawn = {request.id for request in requests if request.withdrawn}
         revisions += self._ended(before, withdrawn, robots, now_s)

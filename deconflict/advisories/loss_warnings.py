@@ -19,6 +19,11 @@ KEPT_S = 600.0
 FORGETS_EVERY_S = 60.0
 
 
+def nobody_asked(*_: object) -> bool:
+    """Where nothing is asked of robots, none follows."""
+    return False
+
+
 @dataclass(slots=True)
 class _Span:
     from_s: float
@@ -39,10 +44,15 @@ class _Published:
 class LossWarnings:
     """The advisories that are open, or were not long ago."""
 
-    def __init__(self, advisories: Iterable[AnyAdvisory], last_advised_wait_s: Callable[[str], float]) -> None:
+    def __init__(
+        self,
+        advisories: Iterable[AnyAdvisory],
+        last_advised_wait_s: Callable[[str], float],
+        has_followed: Callable[[str, str, float], bool] = nobody_asked,
+    ) -> None:
         """`advisories` are open from before; `last_advised_wait_s(uuid)` is when a robot was last seen to wait as
-        advised."""
-        self._last_advised_wait_s = last_advised_wait_s
+        advised; `has_followed(uuid, uuid, at_s)` whether one of two robots did then what it was asked for the other."""
+        self._last_advised_wait_s, self._has_followed = last_advised_wait_s, has_followed
         self._published: dict[str, _Published] = defaultdict(_Published)
         """By id."""
         self._ids: dict[str, set[str]] = defaultdict(set)
@@ -80,7 +90,9 @@ class LossWarnings:
             if robot in (loss.robot, loss.by, loss.root) and span.holds(loss.from_s)
         ]
         is_heeded = any(self._last_advised_wait_s(robot) >= from_s for robot, from_s in advised)
-        return LossNotice(bool(warnings), bool(advised), is_heeded)
+        others = {loss.by, loss.root} if warnings else ()
+        has_followed = any(self._has_followed(loss.robot, other, loss.from_s) for other in others)
+        return LossNotice(bool(warnings), bool(advised) or has_followed, is_heeded or has_followed)
 
     def _warnings(self, loss: Loss) -> Iterator[_Published]:
         """The advisories that named both robots from long enough before the loss until it began."""

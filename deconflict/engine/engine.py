@@ -50,6 +50,7 @@ from deconflict.sweep.incremental import ACCURACY_M
 from ingest.batch import Batch, Pair
 from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
+from ingest.verbs import Followed
 
 COARSE_M = 0.25
 """Accuracy of the smallest separation when the engine can't keep up."""
@@ -66,6 +67,9 @@ class Engine:
 
     refusals: list[AdviceRefusal]
     """Refusals of advice that were over at the last call of `advise`."""
+
+    followed: list[Followed]
+    """What robots did as they were asked, if the last call of `advise` was a look."""
 
     set_aside: dict[str, str]
     """The parts of the learned state with which this engine does not go on, each with the reason."""
@@ -105,8 +109,8 @@ class Engine:
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
         self.set_aside = resume_all(self._learners, upgraded(learned), self._shared.asked.learners) if learned else {}
         self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
-        self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s)
-        self.near_misses, self.losses, self.refusals = [], [], []
+        self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s, self.foresight.has_followed)
+        self.near_misses, self.losses, self.refusals, self.followed = [], [], [], []
         self._updated: set[str] = set()
         """Robots with a new forecast since the last pass, and those that have left since."""
         self._metrics = EngineMetrics(self.measures, self.open, self.foresight, self._map_drift, self._partly_examined)
@@ -173,29 +177,33 @@ class Engine:
         return self._advice.pending()
 
     def step(
-        self, now_s: float, effort: Effort = Effort.FULL, pending: int | None = None, heard: bool = True
+        self,
+        now_s: float,
+        effort: Effort = Effort.FULL,
+        pending: int | None = None,
+        heard: bool = True,
+        followed: Iterable[Followed] | None = None,
     ) -> list[AnyAdvisory]:
         """One pass: the revisions at `now_s`, with no more work than `effort` allows.
 
         `pending` newest questions count as not answered: `pending()` before the pass, or what a recording says of it;
-        if None, `pending()` now. `heard` is whether robots may act on the advice: not those of a log that another
-        service recorded.
+        if None, `pending()` now; likewise `followed`. `heard` is whether robots may act on the advice: not those of a
+        log that another service recorded.
         """
         self._advice.set_pending(self.pending() if pending is None else pending)
+        if heard:
+            self.foresight.note_followed(now_s, self.followed if followed is None else followed)
         silent = self._update_presence(now_s)
-        crowded = self._crowds.step(now_s)
+        crowded, numbers = self._crowds.step(now_s), self._crowds.numbers
         self._sweep.sweeper.touch(crowded)
         updated, self._updated = self._updated, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
-        dormant = self._sweep.grow_quiet(now_s)
-        self.live.set_aside(dormant)
-        self.foresight.let_sleep(dormant, now_s)
+        dormant = self._let_sleep(now_s)
         accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
         conflicts = self._sweep.find_conflicts(now_s, reach_s, accuracy_m)
         self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._moves(pair)]
         predictions = self._predictions(now_s, conflicts).until(now_s + reach_s)
-        revisions: list[AnyAdvisory] = []
-        revisions += self._conflicts.dismiss(crowded, self._crowds.numbers, ClearedCode.CROWDED, now_s)
+        revisions: list[AnyAdvisory] = [*self._conflicts.dismiss(crowded, numbers, ClearedCode.CROWDED, now_s)]
         revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, ClearedCode.BOTH_SILENT, now_s)
         revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s)
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
@@ -218,10 +226,12 @@ class Engine:
         """
         revisions = self._shared.advise(now_s, answers, effort)
         self.refusals = [self._placed_refusal(refusal) for refusal in self._shared.asked.take_refusals()]
+        self.followed = self._shared.asked.take_followed()
         return revisions
 
     def withdraw_advice(self, now_s: float) -> list[RobotAdvice]:
         """End all that is asked of robots, after `advise` has raised an error."""
+        self.followed = []
         return self._shared.withdraw_advice(now_s)
 
     def _placed_refusal(self, refusal: AdviceRefusal) -> AdviceRefusal:
@@ -254,6 +264,13 @@ class Engine:
             self._add(presence_batches.stopped_batch(self.live, changes.stopped, now_s))
         self._shared.update_presence(changes, now_s)
         return changes.silent
+
+    def _let_sleep(self, now_s: float) -> set[str]:
+        """The robots that have stood for so long that only a report changes anything."""
+        dormant = self._sweep.grow_quiet(now_s)
+        self.live.set_aside(dormant)
+        self.foresight.let_sleep(dormant, now_s)
+        return dormant
 
     def _partly_examined(self) -> Counter[str]:
         """By vendor, how many robots are compared with some others only."""

@@ -82,9 +82,9 @@ class EngineRole:
             if not self._delivery.has_room():
                 stop.wait(RETRY_S)
                 continue
-            pending = engine.pending()
+            pending, followed = engine.pending(), json.dumps(engine.followed, separators=(",", ":")).encode()
             try:
-                payload = b"%b %d %d %b" % (request, self._load.effort, pending, WITH_CANARY)
+                payload = b"%b %d %d %b %b" % (request, self._load.effort, pending, followed, WITH_CANARY)
                 reply, canary = unpacked_canary(self._receiver.call("batch", payload))
                 batch = Batch.from_bytes(reply)
             except LinkDownError:

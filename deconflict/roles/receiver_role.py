@@ -206,21 +206,21 @@ class ReceiverRole:
     async def _batch(self, payload: bytes) -> bytes:
         """The batch of the next tick.
 
-        The payload is `everything` (the first call of an engine) or `changes`, then the engine's effort and the number
-        of solver answers that it waits for, and perhaps `canary` for an answer with the canary that is due. Unless the
-        disk is slow, the messages of the batch are recorded before this returns, so that a replay has what the engine
-        has seen even if this process is killed.
+        The payload is `everything` (the first call of an engine) or `changes`, then the engine's effort, the number of
+        solver answers that it waits for, and what robots do as asked (JSON without blanks), and perhaps `canary` for an
+        answer with the canary that is due. Unless the disk is slow, the messages of the batch are recorded before this
+        returns, so that a replay has what the engine has seen even if this process is killed.
         """
         *arguments, last = payload.split() or [b""]
         with_canary = last == WITH_CANARY
         arguments += [] if with_canary else [last]
         everything = arguments[:1] == [b"everything"]
-        effort, pending = map(int, arguments[1:]) if arguments[1:] else (0, 0)
+        effort, pending, followed = map(json.loads, arguments[1:]) if arguments[1:] else (0, 0, ())
         now_s = await self._ticks.next_s()
         if everything:
             self.recorder.engine_started(now_s)
         was_behind = self.recorder.behind
-        self.recorder.tick(now_s, effort, pending)
+        self.recorder.tick(now_s, effort, pending, followed)
         self.measures.count("deconflict_ticks_total")
         self._ask_for_fast_path()
         batch = self.fleet.next_batch(now_s, everything).to_bytes()

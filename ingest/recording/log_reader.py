@@ -24,6 +24,7 @@ from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS, language_of_to
 from ingest.port.connection import Connection
 from ingest.recording.compression import DAMAGED, unpacked
 from ingest.recording.log_segments import last_lines, opened_log, segments
+from ingest.verbs import Followed
 
 LONGEST_LINE = 1 << 24
 """Bytes. Anything longer is no line of a log, and is not read into memory as one."""
@@ -76,6 +77,8 @@ class Tick:
     """0 if the pass did everything. A higher number left out more, for lack of time."""
     pending: int = 0
     """How many of the newest questions for advice had no answer at the pass."""
+    followed: tuple[Followed, ...] = ()
+    """What robots did as asked when the adviser last looked, if it looked since the pass before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,7 +268,8 @@ def parsed(line: bytes) -> Event:
 def _rare_event(line: str, document: dict[str, Any]) -> Event:
     """The event of a line that is not of the two frequent kinds."""
     if "tick" in document:
-        return Tick(_time(document["tick"]), document.get("effort", 0), document.get("pending", 0))
+        followed = tuple((str(robot), str(other)) for robot, other in document.get("followed", ()))
+        return Tick(_time(document["tick"]), document.get("effort", 0), document.get("pending", 0), followed)
     if "engine" in document:
         return EngineStarted(_time(document["at"]))
     if any(note in document for note in NOTES):

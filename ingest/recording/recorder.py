@@ -9,7 +9,7 @@
     {"closed": "...Z", "connection": 3}
     {"given": "...Z", "uuid": "...", "vendor": "Alder"}
     {"tick": "...Z"}
-    {"tick": "...Z", "effort": 1, "pending": 2}
+    {"tick": "...Z", "effort": 1, "pending": 2, "followed": [["...", "..."]]}
     {"engine": "started", "at": "...Z"}
 
 An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines,
@@ -19,8 +19,9 @@ message `overtaken` by a newer status of its robot was never read, so its conten
 it out as well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a
 WebSocket. `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A message `waits` if
 its robot is not examined yet (`ingest/fleet/owners/admission.py`). A robot is `given` to a vendor by a person. A
-tick has an `effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), and a number
-`pending` of answers if advice was still being computed (`deconflict/advice/deferred_answers.py`).
+tick has an `effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), a number
+`pending` of answers if advice was still being computed (`deconflict/advice/deferred_answers.py`), and `followed` if
+robots did what they were asked: each robot with that for which it was asked (`deconflict/adviser/`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -33,7 +34,7 @@ megabytes.
 import base64
 import binascii
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,7 @@ from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
 from ingest.recording.rejected_shares import HEAD_BYTES, RecordedPart, RejectedShares
 from ingest.settings import RecorderSettings
+from ingest.verbs import Followed
 
 FLUSH_BYTES = 1 << 18
 """Lines that wait for a tick are passed on when they exceed this, so that little is left to write at the tick."""
@@ -127,9 +129,10 @@ class Recorder:
     def engine_started(self, now_s: float) -> None:
         self._add(f'{{"engine":"started","at":"{timestamps.write(now_s)}"}}\n'.encode())
 
-    def tick(self, now_s: float, effort: int = 0, pending: int = 0) -> None:
-        keys = "".join(f',"{name}":{value}' for name, value in (("effort", effort), ("pending", pending)) if value)
-        self._add(f'{{"tick":"{timestamps.write(now_s)}"{keys}}}\n'.encode())
+    def tick(self, now_s: float, effort: int = 0, pending: int = 0, followed: Sequence[Followed] = ()) -> None:
+        values = {"effort": effort, "pending": pending, "followed": followed}
+        line = {"tick": timestamps.write(now_s)} | {name: value for name, value in values.items() if value}
+        self._add(json.dumps(line, separators=(",", ":")).encode() + b"\n")
         self.flush()
 
     def flush(self) -> None:

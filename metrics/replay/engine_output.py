@@ -26,8 +26,8 @@ class EngineOutput:
     """Probability that the same pairs come within the clearance."""
     bands_m: Floats
     """(n, horizons, bands) error radii that the engine's ledger holds for the forecasts of the batch."""
-    waiting: Sequence[str] = ()
-    """Robots that wait as advised."""
+    waiting: Sequence[str | Pair] = ()
+    """Robots that wait as advised, and pairs of which one robot does what it was asked for the other."""
     measures: dict[str, Any] | None = None
     """The engine's measures. None if the pass has no measures of the receiver."""
     place_forecast: PlaceForecast | None = None

@@ -46,10 +46,11 @@ class EngineRun:
         now_s, batch = engine_pass.now_s, engine_pass.batch
         bands_m = self._bands_m(batch)
         self.engine.receive(batch)
-        advisories = self.engine.step(now_s, engine_pass.effort, engine_pass.pending, engine_pass.is_own_log)
+        recorded = engine_pass.effort, engine_pass.pending, engine_pass.is_own_log, engine_pass.followed
+        advisories = self.engine.step(now_s, *recorded)
         self.engine.advise(now_s, effort=engine_pass.effort)
         published = self._situations.published(now_s, list(advisories))
-        waiting = self.engine.foresight.robots_following_advice(now_s)
+        waiting = self.engine.foresight.following_advice(now_s)
         measures = self.measures() if engine_pass.measures else None
         probabilities, contact_probabilities = self._probabilities(now_s)
         return EngineOutput(

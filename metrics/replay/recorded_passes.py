@@ -18,6 +18,7 @@ from ingest.batch import Batch
 from ingest.fleet import fleet_report
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Given, Received, Tick
+from ingest.verbs import Followed
 from metrics.replay import conformance_counts
 from metrics.scoring.vendor_records import LOOK_S
 
@@ -41,6 +42,8 @@ class EnginePass:
     """Questions for advice that were still unanswered at this pass when it was recorded."""
     is_own_log: bool = False
     """The log has ticks, so this service recorded it, and its robots may have followed the service's advice."""
+    followed: tuple[Followed, ...] = ()
+    """What robots did as asked at this pass when it was recorded."""
     measures: dict[str, Any] | None = None
     """The receiver's measures, once a minute, for the records of vendors."""
 
@@ -87,13 +90,13 @@ class PassReader:
                 if isinstance(event, Given):
                     self.fleet.give(event.uuid, event.vendor)
                 if isinstance(event, Tick):
-                    yield self._pass(event.now_s, Effort(event.effort), event.pending)
+                    yield self._pass(event)
 
     def last_passes(self) -> Iterator[EnginePass]:
         """The passes after the last event."""
         yield from self._feed(self._release())
         if not self._has_own_ticks and self._ticked is not None:
-            yield self._pass((self._ticked + 1) * TICK_S)
+            yield self._pass(Tick((self._ticked + 1) * TICK_S))
 
     def measures(self) -> dict[str, Any]:
         """The receiver's measures at present, as a document."""
@@ -126,7 +129,7 @@ class PassReader:
 
     def _passes_until(self, now_s: float) -> Iterator[EnginePass]:
         for tick in self._new_ticks(floor(now_s / TICK_S)):
-            yield self._pass(tick * TICK_S)
+            yield self._pass(Tick(tick * TICK_S))
 
     def _new_ticks(self, now: int) -> range:
         """The ticks after the newest one up to `now`; empty if `now` is earlier."""
@@ -134,9 +137,11 @@ class PassReader:
         self._ticked = max(before, now)
         return range(max(before, now - LONGEST_GAP) + 1, now + 1)
 
-    def _pass(self, now_s: float, effort: Effort = Effort.FULL, pending: int = 0) -> EnginePass:
+    def _pass(self, tick: Tick) -> EnginePass:
+        now_s = tick.now_s
         batch = self.fleet.next_batch(now_s, self._needs_full_batch)
         self.now_s, self._needs_full_batch = now_s, False
         before, self._minute = self._minute, now_s // LOOK_S
         measures = self.measures() if before not in (None, self._minute) else None
-        return EnginePass(now_s, batch, effort, pending, self._has_own_ticks, measures)
+        effort, is_own = Effort(tick.effort), self._has_own_ticks
+        return EnginePass(now_s, batch, effort, tick.pending, is_own, tick.followed, measures)

@@ -162,8 +162,8 @@ def _warning_sentence(total: LossRow) -> str:
     warned = f"Of {_span(total.lost_s)} lost, {_span(total.warned_s)} were warned of before"
     if not total.advised_s:
         return f"{warned}."
-    advised = f"for {_span(total.advised_s)} of them one of the two robots was advised to wait"
-    return f"{warned}; {advised}, and for {_span(total.heeded_s)} it waited."
+    advised = f"for {_span(total.advised_s)} of them one of the two robots was advised"
+    return f"{warned}; {advised}, and for {_span(total.heeded_s)} it did as advised."
 
 
 def _span(lost_s: float) -> str:

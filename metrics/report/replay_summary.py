@@ -13,7 +13,7 @@ from metrics.report.html_cells import Part, moment, percent
 CELL_M = 5.0
 """Warnings in vain are counted by squares of this side."""
 OTHER_OUTCOMES = {
-    "heeded": "ended in the advised wait",
+    "heeded": "ended as advised",
     "in_progress": "came after the beginning",
     "unknown": "had no known outcome",
 }

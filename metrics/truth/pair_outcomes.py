@@ -35,7 +35,7 @@ class Verdict(IntEnum):
     REPEATED = 3
     """The outcome credits another alert of the pair."""
     HEEDED = 4
-    """One of the pair waited as advised."""
+    """One of the pair waited as advised, or did what it was asked for the other."""
     UNKNOWN = 5
     """A robot left before an outcome, or it is unknown whether their fleet had ordered a wait."""
     IN_PROGRESS = 6

@@ -39,7 +39,7 @@ def _passes(log: Path, site: Site) -> Iterator[tuple[float, Engine, list[AnyAdvi
         elif isinstance(event, Tick):
             engine.receive(fleet.next_batch(event.now_s, everything))
             everything = False
-            advisories = engine.step(event.now_s, Effort(event.effort), event.pending)
+            advisories = engine.step(event.now_s, Effort(event.effort), event.pending, followed=event.followed)
             if event.effort < Effort.NEAR:
                 engine.advise(event.now_s)
             yield event.now_s, engine, advisories

@@ -64,9 +64,9 @@ class LossNotice(NamedTuple):
     is_warned: bool = False
     """An advisory named both robots."""
     is_advised: bool = False
-    """It advised one of them to wait."""
+    """It advised one of them to wait, or one did what it was asked for the other."""
     is_heeded: bool = False
-    """That robot waited as advised."""
+    """That robot did as advised."""
 
 
 def kind_of(turn_rad: float, *, stands: bool, waits: bool, for_each_other: bool) -> LossKind:

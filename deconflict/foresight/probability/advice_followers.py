@@ -1,8 +1,9 @@
-"""Robots that wait because they were advised to. The outcomes of their pairs do not show how good forecasts are.
+"""Robots that do what they were advised. The outcomes of their pairs do not show how good forecasts are.
 
 Advice that is followed prevents the conflict. If the models learned from that, they would doubt the next conflict, and
 a vendor's forecasts would look wrong because its robots follow advice. A robot follows advice if it was on its way when
-it was advised to wait, and its reports since then show that it stands.
+it was advised to wait, and its reports since then show that it stands. What else it is asked, for one other robot
+(`deconflict/adviser/`), says nothing of its other pairs.
 """
 
 from collections.abc import Iterable
@@ -11,6 +12,7 @@ import numba
 import numpy as np
 
 from deconflict.advisory import AnyAdvisory
+from deconflict.foresight.probability.pair_table import has_robot_of, slots_of
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
@@ -20,6 +22,8 @@ _STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 NOBODY: Ints = np.empty(0, np.int64)
 ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait belong to one wait if they are less apart."""
+KEPT_S = 600.0
+"""A pair is known to have followed advice for so long: losses are reported when they end, or last 60 s."""
 
 
 def waits_until_s(revisions: Iterable[AnyAdvisory]) -> dict[str, float]:
@@ -68,7 +72,10 @@ def _own_until_s(newest: Floats, since_s: Floats, last_s: Floats, asked_s: float
 
 
 class AdviceFollowers:
-    """By slot: until when a robot is advised to wait, and from when until when its reports show that it does."""
+    """By slot: until when a robot is advised to wait, and from when until when its reports show that it does.
+
+    By pair: from when until when one of the two did what it was asked for the other.
+    """
 
     def __init__(self) -> None:
         self._advised_until_s = np.zeros(0)
@@ -79,6 +86,8 @@ class AdviceFollowers:
         self._last_s = np.zeros(0)
         """When the robot was last seen to wait."""
         self._is_any_advised = False
+        self._of_pair: dict[int, tuple[float, float]] = {}
+        """By code of a pair, from when until when."""
 
     def grow(self, slots: int) -> None:
         """Make room for this many slots."""
@@ -90,12 +99,22 @@ class AdviceFollowers:
     def forget(self, slots: Ints) -> None:
         """Other robots have these slots from now on."""
         self._advised_until_s[slots] = self._since_s[slots] = self._last_s[slots] = -np.inf
+        code = np.array(list(self._of_pair), np.int64)
+        for gone in code[has_robot_of(code, slots)].tolist():
+            del self._of_pair[gone]
 
     def note_advice(self, slot: int, now_s: float, until_s: float, stands: bool) -> None:
         """A robot should wait until `until_s`. `stands` is whether it stands already."""
         if now_s > self._advised_until_s[slot]:
             self._was_moving[slot] = not stands
         self._advised_until_s[slot], self._is_any_advised = until_s, True
+
+    def note_followed(self, code: int, now_s: float) -> None:
+        """One robot of a pair does what it was asked for the other."""
+        if code not in self._of_pair:
+            self._of_pair = {of: span for of, span in self._of_pair.items() if span[1] >= now_s - KEPT_S}
+        since_s, last_s = self._of_pair.get(code, (now_s, now_s))
+        self._of_pair[code] = (since_s if now_s - last_s <= ONE_WAIT_S else now_s), now_s
 
     def record_waits(self, slots: Ints, event_s: Floats, stand: Bools) -> Ints:
         """Take in reports of robots `slots` (n,); `stand` (n,) marks those that stand. Returns the slots of those that
@@ -113,7 +132,24 @@ class AdviceFollowers:
         """Slots of the robots that were seen to wait at `since_s` or later."""
         return np.flatnonzero(self._last_s >= since_s) if self._is_any_advised else NOBODY
 
-    def own_until_s(self, newest: Floats, asked_s: float, horizon_s: float) -> Floats:
-        """(slots,) until when each robot was heard and did not wait as advised, within the horizon from `asked_s`; -inf
-        if it waited as advised already at `asked_s`. `newest` (slots, 5) are the newest reports."""
-        return _own_until_s(newest, self._since_s, self._last_s, asked_s, horizon_s)
+    def followed(self, since_s: float) -> Ints:
+        """Codes of the pairs of which one robot did what it was asked for the other at `since_s` or later."""
+        return np.array([code for code, (_, last_s) in self._of_pair.items() if last_s >= since_s], np.int64)
+
+    def has_followed(self, code: int, at_s: float) -> bool:
+        """Whether one robot of a pair did what it was asked for the other at `at_s`."""
+        since_s, last_s = self._of_pair.get(code, (np.inf, -np.inf))
+        return since_s <= at_s <= last_s
+
+    def own_until_s(self, newest: Floats, code: Ints, asked_s: float, horizon_s: float) -> Floats:
+        """(p,) until when both robots of each pair `code` (p,), ascending, were heard and neither followed advice,
+        within the horizon from `asked_s`; -inf if one did already at `asked_s`. `newest` (slots, 5) are the newest
+        reports."""
+        robot_s = _own_until_s(newest, self._since_s, self._last_s, asked_s, horizon_s)
+        a, b = slots_of(code)
+        until_s = np.minimum(robot_s[a], robot_s[b])
+        for followed, (since_s, last_s) in self._of_pair.items():
+            if since_s <= asked_s + horizon_s and last_s >= asked_s:
+                row = slice(*np.searchsorted(code, (followed, followed + 1)))
+                until_s[row] = np.minimum(until_s[row], since_s) if since_s > asked_s else -np.inf
+        return until_s

@@ -7,7 +7,7 @@ the probability that the two come within the clearance, or that one gives way to
 Outcomes are read from the robots' own reports, as in offline scoring.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -50,6 +50,7 @@ from deconflict.sweep.pair_choice import NO_CROWDS, Claims
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 from ingest.kernels import ready
 from ingest.measures.measures import Labels, Measures
+from ingest.verbs import Followed
 
 STAYS_S = 20.0
 """A robot that has stood for at least this time is expected to stay."""
@@ -251,13 +252,30 @@ class ProbabilityEstimator:
             stands = self._robots.records["rests"][slot] or self._pending.speed_mps(slot) < STANDING_MPS
             self._followers.note_advice(slot, now_s, until_s[uuid], bool(stands))
 
-    def robots_following_advice(self, now_s: float) -> list[str]:
-        """UUIDs of the robots that wait as advised, by their newest reports."""
-        return sorted(self._robots.names[self._followers.waiting(now_s - JOINED_S)].tolist())
+    def note_followed(self, now_s: float, followed: Iterable[Followed]) -> None:
+        """Robots do what they were asked, each with that for which it was asked."""
+        for robot, other in followed:
+            if (code := self._code_of(robot, other)) is not None:
+                self._followers.note_followed(code, now_s)
+
+    def following_advice(self, now_s: float) -> list[str | Pair]:
+        """UUIDs of the robots that wait as advised, by their newest reports, and the pairs of which one robot does what
+        it was asked for the other."""
+        robots = sorted(self._robots.names[self._followers.waiting(now_s - JOINED_S)].tolist())
+        return [*robots, *sorted(self._robots.pair_names(self._followers.followed(now_s - JOINED_S)))]
 
     def last_advised_wait_s(self, uuid: str) -> float:
         """When a robot was last seen to wait as advised; -inf if it never was."""
         return self._followers.last_wait_s(self._robots.slots.get(uuid))
+
+    def has_followed(self, robot: str, other: str, at_s: float) -> bool:
+        """Whether one of two robots did what it was asked for the other at `at_s`."""
+        return (code := self._code_of(robot, other)) is not None and self._followers.has_followed(code, at_s)
+
+    def _code_of(self, robot: str, other: str) -> int | None:
+        """The code of two robots in any order; None if one of them is unknown."""
+        slots = self._robots.slots_of({robot, other}).tolist()
+        return self._robots.pair_code(*slots) if len(slots) == 2 else None
 
     def is_standing(self, uuid: str) -> bool:
         """Whether a robot stands, by its forecast or by its reports. False for an unknown robot."""
@@ -311,9 +329,9 @@ class ProbabilityEstimator:
         slots = self._robots.slots_of(uuids)
         self.learning.resolve_left(slots, self._pairs, self._own_until_s, were_present=were_present)
 
-    def _own_until_s(self, asked_s: float) -> Floats:
-        """(slots,) until when each robot was heard and drove unadvised, see `AdviceFollowers.own_until_s`."""
-        return self._followers.own_until_s(self._pending.newest, asked_s, self._bounds.horizon_s)
+    def _own_until_s(self, code: Ints, asked_s: float) -> Floats:
+        """(p,) until when both robots of each pair were heard and drove unadvised."""
+        return self._followers.own_until_s(self._pending.newest, code, asked_s, self._bounds.horizon_s)
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._stated_ways)

@@ -14,7 +14,7 @@ import numpy as np
 
 from deconflict.foresight.probability.calibration import CONTACT, Calibration, contact_features
 from deconflict.foresight.probability.censoring import CensoredOutcomes, outcomes_of
-from deconflict.foresight.probability.pair_table import PAIR, SLOT_BITS, SLOTS, Pairs, has_robot_of
+from deconflict.foresight.probability.pair_table import PAIR, Pairs, has_robot_of
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 from ingest.measures.measures import Measures
@@ -22,9 +22,9 @@ from ingest.measures.measures import Measures
 _PAIRS, _INTS, _BOOLS = numba.from_dtype(PAIR)[::1], numba.int64[::1], numba.boolean[::1]
 _CODES = numba.types.Array(numba.int64, 1, "A", readonly=True)
 
-OwnUntil = Callable[[float], Floats]
-"""Takes the time of a question. Returns by slot until when each robot was heard and drove unadvised, (slots,); -inf for
-a robot that did not when the question was asked."""
+OwnUntil = Callable[[Ints, float], Floats]
+"""Takes pairs `code` (p,), ascending, and the time of their question. Returns until when both robots of each were heard
+and drove unadvised, (p,); -inf for a pair of which one did not when the question was asked."""
 
 
 @dataclass(slots=True, eq=False)
@@ -63,7 +63,7 @@ def _ended(
     """The outcomes of the pairs `asked` (n,), ascending codes, within the horizon of the question.
 
     Returns for the m pairs whose outcome is known: their rows of `asked` (m,); when the two got in each other's way, or
-    else the end of observation by `until_s` (slots,), and whether they did, (m,) each; and the same two arrays of
+    else the end of observation by `until_s` (n,), and whether they did, (m,) each; and the same two arrays of
     coming within the clearance.
 
     Left out are pairs that were in an encounter, or gave way, when asked, and pairs of one vendor of which it is not
@@ -80,7 +80,7 @@ def _ended(
             pair = pairs[row]
             started_s, last_within_s, uncertain_s = pair.started_s, pair.last_within_s, pair.uncertain_s
             yielded_s, yield_end_s = pair.yielded_s, pair.yield_end_s
-        last_s = min(until_s[code >> SLOT_BITS], until_s[code & SLOTS])
+        last_s = until_s[at]
         until_end_s = min(asked_s + horizon_s, last_s)
         was_in_encounter = not (started_s > asked_s or last_within_s < asked_s)
         if was_in_encounter or yielded_s <= asked_s < yield_end_s or last_s == -np.inf:
@@ -122,7 +122,7 @@ class OpenQuestions:
             rows = has_robot_of(question.code, slots)
             if rows.any():
                 settled = Question(question.asked_s, question.code[rows], question.features[rows])
-                self._settled.append(self._answer(settled, pairs, own_until_s(question.asked_s), were_present))
+                self._settled.append(self._answer(settled, pairs, own_until_s, were_present))
                 question.code, question.features = question.code[~rows], question.features[~rows]
 
     def answered(self, now_s: float, pairs: Pairs, own_until_s: OwnUntil) -> list[AnsweredQuestion]:
@@ -131,11 +131,13 @@ class OpenQuestions:
         answers, self._settled = self._settled, []
         while self.open and self.open[0].asked_s + self.horizon_s + self.waits_s <= now_s:
             question = self.open.pop(0)
-            answers.append(self._answer(question, pairs, own_until_s(question.asked_s)))
+            answers.append(self._answer(question, pairs, own_until_s))
         return answers
 
-    def _answer(self, question: Question, pairs: Pairs, until_s: Floats, were_present: bool = True) -> AnsweredQuestion:
-        asked_s = question.asked_s
+    def _answer(
+        self, question: Question, pairs: Pairs, own_until_s: OwnUntil, were_present: bool = True
+    ) -> AnsweredQuestion:
+        asked_s, until_s = question.asked_s, own_until_s(question.code, question.asked_s)
         kept, ended_s, met, touched_s, touched = _ended(pairs, question.code, until_s, asked_s, self.horizon_s)
         ended_s = ended_s if were_present else np.where(met, ended_s, np.inf)
         interacted = outcomes_of(ended_s - asked_s, met, self.horizon_s)

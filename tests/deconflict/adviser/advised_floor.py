@@ -18,6 +18,7 @@ from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received
+from ingest.recording.recorder import Recorder
 from tests.deconflict.adviser.floors import START_S, Robot
 
 ASIDE_M, HALF_M = 1.2, 0.2
@@ -44,6 +45,8 @@ class AdvisedFloor:
     reply: Callable[[RobotAdvice], Reply] = lambda _: Reply()
     site: Site = DEFAULT
     effort: Effort = Effort.FULL
+    recorder: Recorder | None = None
+    """Records what the engine hears, and its passes, as the service does. Answers are in no log."""
     second: float = 0.0
     revisions: list[RobotAdvice] = field(default_factory=list)
     refusals: list[AdviceRefusal] = field(default_factory=list)
@@ -97,6 +100,8 @@ class AdvisedFloor:
     def _look(self) -> None:
         for robot in self.robots:
             self._hear(robot.status(self.now_s))
+        if self.recorder:
+            self.recorder.tick(self.now_s, self.effort, 0, self.engine.followed)
         self.engine.receive(Batch.from_bytes(self.fleet.next_batch(self.now_s).to_bytes()))
         self.advisories = self.engine.step(self.now_s)
         answers, self.answers = self.answers, []
@@ -114,10 +119,13 @@ class AdvisedFloor:
             self._moving.pop(advice.id, None)
 
     def _hear(self, message: dict[str, object]) -> None:
-        maker = self._all[str(message["uuid"])].maker
-        connection = Connection(1, "peer", f"/{maker}", maker)
-        fault = self.fleet.receive_recorded(Received(json.dumps(message).encode(), self.now_s, connection))
+        number = list(self._all).index(uuid := str(message["uuid"])) + 1
+        connection = Connection(number, "peer", f"/{self._all[uuid].maker}", self._all[uuid].maker)
+        received = Received(json.dumps(message).encode(), self.now_s, connection)
+        fault = self.fleet.receive_recorded(received)
         assert not fault, fault
+        if self.recorder:
+            self.recorder.received(received.raw, received.arrival_s, received.connection, None)
 
     def _line(self, advice: RobotAdvice, last: RobotAdvice, from_s: float) -> str:
         until = [f"until {self.names[uuid]} passed" for uuid in advice.until]

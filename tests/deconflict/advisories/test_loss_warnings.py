@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisories.loss_warnings import FORESEEN_S, KEPT_S, LossWarnings
+from deconflict.advisories.loss_warnings import FORESEEN_S, KEPT_S, LossWarnings, nobody_asked
 from deconflict.advisory import ConflictAdvisory, Hold, Recommendation
 from deconflict.foresight.losses.loss import Loss, LossKind, LossNotice
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
@@ -32,8 +32,12 @@ def never(_: str) -> float:
     return -inf
 
 
-def warnings(*revisions: Any, last_wait_s: Callable[[str], float] = never) -> LossWarnings:
-    known = LossWarnings((), last_wait_s)
+def warnings(
+    *revisions: Any,
+    last_wait_s: Callable[[str], float] = never,
+    has_followed: Callable[[str, str, float], bool] = nobody_asked,
+) -> LossWarnings:
+    known = LossWarnings((), last_wait_s, has_followed)
     for revision in revisions:
         known.note(revision.updated_at.timestamp(), [revision])
     return known
@@ -83,6 +87,17 @@ def test_advice_to_either_robot_counts_and_is_heeded_if_that_robot_waited_since(
     assert heeded.notice_of(loss(RAISED_S + 5.0)) == HEEDED
     before = warnings(given, last_wait_s=lambda _: RAISED_S - 1.0)
     assert before.notice_of(loss(RAISED_S + 5.0)) == ADVISED
+
+
+def test_what_was_warned_of_is_heeded_if_one_of_the_two_then_did_what_it_was_asked_for_the_other() -> None:
+    def has_followed(*following: Any) -> bool:
+        return following in {(A, B, RAISED_S + 5.0), (A, "root", RAISED_S + 5.0)}
+
+    known = warnings(made(0), has_followed=has_followed)
+    assert known.notice_of(loss(RAISED_S + 5.0)) == HEEDED
+    assert known.notice_of(loss(RAISED_S + 6.0, until_s=RAISED_S + 51.0)) == WARNED
+    assert known.notice_of(loss(RAISED_S + 5.0, robot=B, by=A, root=A)) == WARNED
+    assert warnings(has_followed=has_followed).notice_of(loss(RAISED_S + 5.0)) == NOTHING
 
 
 def test_advice_that_was_withdrawn_when_the_loss_began_does_not_count() -> None:

@@ -237,7 +237,7 @@ async def test_what_it_costs_says_how_much_was_warned_of_and_heeded(browser: "Br
     total = {"lost_s": 90, "losses": 9, "warned_s": 60, "advised_s": 30, "heeded_s": 20, "cost": None}
     sentence = (
         "Of 90 s lost, 60 s were warned of before; "
-        "for 30 s of them one of the two robots was advised to wait, and for 20 s it waited."
+        "for 30 s of them one of the two robots was advised, and for 20 s it did as advised."
     )
     async with opened(browser, face) as page:
         assert sentence in await page.evaluate(script, total)

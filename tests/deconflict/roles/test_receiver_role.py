@@ -53,6 +53,16 @@ async def test_messages_are_recorded_before_the_engine_receives_them(tmp_path: P
         assert kinds[-2:] == [Received, Tick]
 
 
+async def test_what_an_engine_says_of_its_last_pass_is_recorded_with_the_tick(tmp_path: Path) -> None:
+    async with serving(tmp_path):
+        engine = AsyncCaller(tmp_path, "receiver")
+        await engine.call("batch", b'changes 1 2 [["a","b"]] canary')
+        await engine.call("batch", b"changes 0 0 [] canary")
+    full, plain = (event for event in read(tmp_path / "log")[0] if isinstance(event, Tick))
+    assert (full.effort, full.pending, full.followed) == (1, 2, (("a", "b"),))
+    assert (plain.effort, plain.pending, plain.followed) == (0, 0, ())
+
+
 async def test_the_floor_is_shown_while_no_engine_asks_for_it(tmp_path: Path) -> None:
     async with serving(tmp_path) as role, connect(f"ws://127.0.0.1:{role.receiver.port}") as socket:
         follower, seen = AsyncCaller(tmp_path, "receiver"), set[float]()

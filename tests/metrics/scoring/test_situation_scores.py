@@ -82,9 +82,10 @@ def test_another_advisory_that_came_true_makes_its_situation_true() -> None:
     assert (figures["true"], figures["lead_time_s"]["median"]) == (1, -6.0)
 
 
-def test_a_robot_that_waited_as_advised_prevented_it() -> None:
+@pytest.mark.parametrize("heeds", ["a", ("a", "b")], ids=["a wait", "what a was asked for b"])
+def test_a_robot_that_did_as_advised_prevented_it(heeds: str | Pair) -> None:
     waits = AdvisedWaits()
-    waits.add(NOW_S + 20, ["a"])
+    waits.add(NOW_S + 20, [heeds, ("a", "x"), ("c", "x")])
     figures = scored([*story(), *story("cd")], replace(NOBODY_LEFT, waits=waits))
     assert (figures["heeded"], figures["in_vain"]) == (1, 1)
     assert (figures["prevented"], figures["came_true"], figures["came_true_or_prevented"]) == (0.5, 0.0, 0.5)

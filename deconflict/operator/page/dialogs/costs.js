@@ -90,7 +90,7 @@ function byPlace(rows) {
 
 function warned(total) {
   if (!total.losses) return "";
-  const advised = total.advised_s ? `; for ${span(total.advised_s)} of them one of the two robots was advised to wait, and for ${span(total.heeded_s)} it waited` : "";
+  const advised = total.advised_s ? `; for ${span(total.advised_s)} of them one of the two robots was advised, and for ${span(total.heeded_s)} it did as advised` : "";
   return `Of ${span(total.lost_s)} lost, ${span(total.warned_s)} were warned of before${advised}. `;
 }
 

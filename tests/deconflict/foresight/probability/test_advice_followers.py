@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from deconflict.advisory import ClearedCode, Hold, Recommendation, Slot
-from deconflict.foresight.probability.advice_followers import AdviceFollowers, waits_until_s
+from deconflict.foresight.probability.advice_followers import KEPT_S, AdviceFollowers, waits_until_s
+from deconflict.foresight.probability.pair_table import codes
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_advisories import ROBOTS, START, made
 from tests.helpers.made_encounters import NOW_S
 
 TOLD_S, WAITS_S = 4, 8
+PAIRS = codes(np.array([0, 0, 1]), np.array([1, 2, 2]))
 
 
 def advice(holds: tuple[Hold, ...] = (), slots: tuple[Slot, ...] = ()) -> Recommendation:
@@ -28,7 +30,7 @@ def crossing(expected: bool) -> Stage:
     stage.walks["a"] = Walk((0.0, at), (0.0, 0.0), says=(0.0, 1.0))
     for t_s in range(TOLD_S + 1, TOLD_S + WAITS_S + 1):
         stage.second(t_s)
-    assert stage.foresight.robots_following_advice(NOW_S + TOLD_S + WAITS_S) == (["a"] if expected else [])
+    assert stage.foresight.following_advice(NOW_S + TOLD_S + WAITS_S) == (["a"] if expected else [])
     stage.walks["a"] = Walk((0.0, at - TOLD_S - WAITS_S), (0.0, 1.0))
     for t_s in range(TOLD_S + WAITS_S + 1, 40):
         stage.second(t_s)
@@ -92,8 +94,34 @@ def test_unadvised_time_ends_when_a_robot_begins_to_wait_as_advised() -> None:
         record_waits(followers, at_s, True)
     heard = np.zeros((3, 5))
     heard[:, 0] = (100.0, 100.0, 3.0)
-    until_s = [followers.own_until_s(heard, asked_s, 10.0).tolist() for asked_s in (1.0, 5.0, 13.0, 15.0)]
-    assert until_s == [[first_s, 100.0, 3.0] for first_s in (100.0, 12.0, -np.inf, 100.0)]
+    until_s = [followers.own_until_s(heard, PAIRS, asked_s, 10.0).tolist() for asked_s in (1.0, 5.0, 13.0, 15.0)]
+    assert until_s == [[first_s, min(first_s, 3.0), 3.0] for first_s in (100.0, 12.0, -np.inf, 100.0)]
+
+
+def test_unadvised_time_of_a_pair_ends_while_one_does_what_it_was_asked_for_the_other() -> None:
+    followers, heard = new_followers(), np.full((3, 5), 100.0)
+    for at_s in (12.0, 13.0, 14.0):
+        followers.note_followed(int(PAIRS[0]), at_s)
+    until_s = [followers.own_until_s(heard, PAIRS, asked_s, 10.0).tolist() for asked_s in (1.0, 5.0, 13.0, 15.0)]
+    assert until_s == [[first_s, 100.0, 100.0] for first_s in (100.0, 12.0, -np.inf, 100.0)]
+    assert followers.own_until_s(heard, PAIRS[1:], 13.0, 10.0).tolist() == [100.0, 100.0], "it is not asked about"
+    assert followers.followed(14.0).tolist() == PAIRS[:1].tolist()
+    assert [followers.has_followed(int(PAIRS[0]), at_s) for at_s in (11.9, 12.0, 14.0, 14.1)] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+
+
+def test_what_a_pair_followed_is_forgotten_with_its_robots_and_after_a_while() -> None:
+    followers = new_followers()
+    for code in PAIRS.tolist():
+        followers.note_followed(code, 10.0)
+    followers.forget(np.array([1]))
+    assert followers.followed(0.0).tolist() == PAIRS[1:2].tolist()
+    followers.note_followed(int(PAIRS[2]), 10.0 + 2 * KEPT_S)
+    assert followers.followed(0.0).tolist() == PAIRS[2:].tolist()
 
 
 def test_open_advice_gives_the_end_of_each_wait() -> None:

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.probability.censoring import STAYED, CensoredOutcomes
-from deconflict.foresight.probability.outcome_learning import AnsweredQuestion, OpenQuestions
+from deconflict.foresight.probability.outcome_learning import AnsweredQuestion, OpenQuestions, OwnUntil
 from deconflict.foresight.probability.pair_table import FEATURES, PAIR, Pairs, codes, select_pairs, slots_of
+from ingest.batch import Floats
 
 NOW_S = 1_790_000_000.0
 
@@ -11,6 +12,11 @@ NOW_S = 1_790_000_000.0
 def pairs(*slots: tuple[int, int]) -> Pairs:
     a, b = np.array(slots, np.int64).T
     return select_pairs(np.zeros(0, PAIR), codes(a, b), np.zeros(10, bool), np.zeros(10, bool), NOW_S).pairs
+
+
+def heard_until(robot_s: Floats) -> OwnUntil:
+    """Robots drove unadvised until then, by slot."""
+    return lambda code, _: np.minimum(*(robot_s[slots] for slots in slots_of(code)))
 
 
 def outcome(
@@ -24,8 +30,8 @@ def outcome(
     questions = OpenQuestions(horizon_s=10.0)
     questions.ask(NOW_S, every["code"], every["features"])
     heard = NOW_S + np.array(heard_s)
-    assert questions.answered(NOW_S + 15, every, lambda _: heard) == []
-    (known,) = questions.answered(NOW_S + 16, every, lambda _: heard)
+    assert questions.answered(NOW_S + 15, every, heard_until(heard)) == []
+    (known,) = questions.answered(NOW_S + 16, every, heard_until(heard))
     return known, known.interacted
 
 
@@ -80,7 +86,7 @@ def test_outcomes_equal_those_computed_pair_by_pair() -> None:
     until_s[3] = -np.inf
     questions = OpenQuestions(horizon_s=10.0)
     questions.ask(NOW_S, asked, np.zeros((len(asked), FEATURES)))
-    (question,) = questions.answered(NOW_S + 16, every, lambda _: until_s)
+    (question,) = questions.answered(NOW_S + 16, every, heard_until(until_s))
     outcomes = question.interacted
     found = {int(row["code"]): (row["started_s"], row["last_within_s"]) for row in every}
     expected = []
@@ -106,8 +112,8 @@ def test_pairs_of_an_absent_robot_did_not_meet_and_those_of_one_that_left_are_un
     every["started_s"][0], every["last_within_s"][0] = NOW_S + 2.0, NOW_S + 2.5
     questions, heard = OpenQuestions(horizon_s=10.0), NOW_S + np.array([3.0, 6.0, 6.0, 6.0])
     questions.ask(NOW_S, every["code"], every["features"])
-    questions.resolve_left(np.array([0]), every, lambda _: heard, were_present=were_present)
-    (known,) = questions.answered(NOW_S + 7, every, lambda _: heard)
+    questions.resolve_left(np.array([0]), every, heard_until(heard), were_present=were_present)
+    (known,) = questions.answered(NOW_S + 7, every, heard_until(heard))
     assert slots_of(known.code)[1].tolist() == [1, 2]
     assert known.interacted.met.tolist() == known.touched.met.tolist() == [True, False]
     assert known.interacted.part.tolist() == [2, 3 if were_present else STAYED]
@@ -115,5 +121,5 @@ def test_pairs_of_an_absent_robot_did_not_meet_and_those_of_one_that_left_are_un
     # by contact it counts as it always did
     assert known.touched.left.tolist() == [False, True]
     # another robot has the slot by the time that the others are known
-    (known,) = questions.answered(NOW_S + 16, every, lambda _: heard + 10.0)
+    (known,) = questions.answered(NOW_S + 16, every, heard_until(heard + 10.0))
     assert slots_of(known.code)[0].tolist() == [2]

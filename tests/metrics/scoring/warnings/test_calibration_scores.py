@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.probability.censoring import STAYED
+from ingest.batch import Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import means
 from metrics.scoring.warnings.calibration_scores import CalibrationSamples, CalibrationScores, CalibrationTally
@@ -123,10 +124,11 @@ def test_seconds_within_an_encounter_or_before_a_robot_leaves_are_excluded() -> 
     assert (whole.known().sum(), whole.fine[0, :STAYED].sum(), whole.left.sum()) == (20, 10, 9)
 
 
-def test_seconds_before_an_advised_wait_are_counted_separately() -> None:
+@pytest.mark.parametrize("heeds", ["a", PAIR], ids=["a wait", "what a was asked for the other"])
+def test_seconds_before_advice_is_followed_are_counted_separately(heeds: str | Pair) -> None:
     waits = AdvisedWaits()
     for at_s in (14.0, 15.0, 16.0):
-        waits.add(at_s, ["a"])
+        waits.add(at_s, [heeds])
     made = followed(CalibrationScores(waits), *[0.25] * 25)
     (whole,) = made.by_vendors.values()
     # of those of 4.05 to 15.05 s nobody knows; those of 16.05 to 19.05 s came true
