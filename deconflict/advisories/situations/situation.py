@@ -74,7 +74,9 @@ class Situation(Advisory):
     )
     more_advisories: int = Field(default=0, ge=0, description="open advisories left out")
     split_from: str | None = Field(default=None, description="id of the situation that its advisories left")
-    joined_into: str | None = Field(default=None, description="of earlier releases: id of the situation that it became part of")
+    joined_into: str | None = Field(
+        default=None, description="of earlier releases: id of the situation that it became part of"
+    )
 
 
 AnyRevision = Annotated[AnyAdvisory | Situation | RobotAdvice, Field(discriminator="kind")]
