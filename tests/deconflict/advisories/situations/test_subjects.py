@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, SituationLifecycle
@@ -48,6 +50,42 @@ def test_a_deadlock_does_not_end_as_a_meeting_that_is_16_m_away(pair: str) -> No
     cleared = by_id(situations.revise(NOW_S + 9 + OVER_S, []))[first.id]
     assert (cleared.situation_kind, cleared.cleared_code) == ("deadlock", ClearedCode.UNLOCKED)
     assert parts(situations) == {("later",)}
+
+
+MEETINGS = st.lists(
+    st.tuples(
+        st.sampled_from(["ac", "bd", "cd", "ce", "de", "ef"]),
+        st.sampled_from([0.0, 3.0, 9.0, FAR_M, 25.0]),  # how far from the deadlock
+        st.integers(0, 20),  # when it is raised, s
+        st.integers(1, 20),  # how long it lasts
+    ),
+    max_size=6,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(MEETINGS, st.integers(2, 25))
+def test_a_deadlock_stays_a_deadlock_whatever_meets_around_it(
+    drawn: list[tuple[str, float, int, int]], unlocked: int
+) -> None:
+    situations, locked, revisions = lifecycle(), deadlock("ab"), list[Situation]()
+    for second in range(50):
+        now_s = NOW_S + second
+        changed: list[AnyAdvisory] = [locked] if second == 0 else []
+        changed += [ended(locked, now_s, ClearedCode.UNLOCKED)] if second == unlocked else []
+        for number, (pair, x_m, from_s, lasts_s) in enumerate(drawn):
+            meeting = conflict(pair, 9.0, x_m, NOW_S + from_s, id=f"meeting {number}")
+            changed += [meeting] if second == from_s else []
+            changed += [ended(meeting, now_s)] if second == from_s + lasts_s else []
+        revisions += situations.revise(now_s, changed)
+    assert situations.open() == []
+    first = next(each for each in revisions if each.situation_kind == "deadlock")
+    chain = [each for each in revisions if each.id == first.id]
+    assert {(each.situation_kind, each.subject_robots) for each in chain} == {("deadlock", ("a", "b"))}
+    assert chain[-1].cleared_code is ClearedCode.UNLOCKED
+    assert (chain[-1].updated_at.timestamp() - NOW_S) <= unlocked + OVER_S
+    for each in revisions:
+        assert set(each.subject_robots) & set(each.robots)
 
 
 def test_what_goes_on_when_the_subject_is_over_is_another_situation() -> None:
