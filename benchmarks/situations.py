@@ -110,7 +110,6 @@ class Ledger:
         self.counts["split"] += before is None and revision.split_from is not None
         if revision.state is AdvisoryState.CLEARED:
             self._cleared.add(revision.id)
-            self.counts["joined"] += revision.joined_into is not None
         else:
             self.open[revision.id] = revision
 

@@ -19,6 +19,10 @@ INTENDED = FOLDER / "intended.toml"
 """The changes that were meant: under the name of a log, a key of a decision and the reason."""
 
 
+SITUATION = "situation "
+"""How the keys of decisions on situations begin."""
+
+
 class Change(NamedTuple):
     """A decision that is another one than when it was kept."""
 
@@ -33,6 +37,12 @@ def changes(kept: Decisions, today: Decisions) -> list[Change]:
     """All changed decisions, by key."""
     found = (Change(key, kept.get(key), today.get(key)) for key in sorted(kept.keys() | today.keys()))
     return [change for change in found if not _is_same(change.kept, change.today)]
+
+
+def with_situations(kept: Decisions, today: Decisions) -> Decisions:
+    """The kept decisions, but those on situations as they are today."""
+    others = {key: value for key, value in kept.items() if not key.startswith(SITUATION)}
+    return others | {key: value for key, value in today.items() if key.startswith(SITUATION)}
 
 
 def is_within_limit(changed: list[Change], kept: Decisions) -> bool:

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AdvisoryState
+from deconflict.advisories.situations.situation_counts import counted
+from deconflict.advisory import AdvisoryState, SituationKind
 from ingest.batch import Floats, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.contention_scores import AlertOutcome
@@ -27,18 +28,22 @@ LONG_STOP_S = 3.0
 """A shorter stop need not be part of a situation."""
 AHEAD_S = 3.0
 """An outcome was foreseen early if an advisory of its pair was raised so long before."""
+AGAIN_S = 60.0
+"""What comes back sooner had better been one situation."""
 
 
 @dataclass(slots=True, eq=False)
 class SituationCase:
     """One situation, from its revisions so far."""
 
-    kind: str
+    kind: SituationKind
     """When it was raised."""
     raised_s: float
     cleared_s: float = inf
-    is_joined: bool = False
-    """Whether it became part of another one."""
+    first_robots: tuple[str, ...] = ()
+    """Those that were listed when it was raised."""
+    is_changed: bool = False
+    """Whether it is about robots, and lists none of the first any more."""
     listed: dict[str, list[TimeSpan]] = field(default_factory=dict)
     """By robot, when it was listed; the last span ends at inf while it is."""
     advisories: set[str] = field(default_factory=set)
@@ -56,7 +61,10 @@ class SituationCase:
                 spans.append(TimeSpan(at_s, inf))
         self.advisories.update(revision.advisories)
         if is_cleared:
-            self.cleared_s, self.is_joined = at_s, revision.joined_into is not None
+            self.cleared_s = at_s
+        self.first_robots = self.first_robots or robots
+        is_of_robots = bool(robots) and not revision.subject_place
+        self.is_changed |= is_of_robots and set(self.first_robots).isdisjoint(robots)
 
     def pairs(self) -> Iterator[tuple[Pair, TimeSpan]]:
         """Each two of its robots that were listed together, and when: a span each time."""
@@ -126,11 +134,13 @@ class SituationScores:
     def figures(self, truth: SituationTruth) -> dict[str, Any]:
         """All figures. A share of no cases is None."""
         judged = [self._judged(case, truth) for case in self._cases.values()]
+        kinds = counted((name, case.kind) for name, case in self._cases.items())
         fresh_stops = sum(len(outcomes.stops_s) for outcomes in truth.outcomes.values())
         foreseen = self._foreseen(truth)
         early = foreseen[foreseen[:, 1] > 0]
         return {
-            **_counts(judged),
+            **_counts(judged, kinds.total()),
+            "again_60_s": self._again(),
             "per_hour": _per(len(judged), truth.span_s / 3600),
             "per_robot_hour": _per(len(judged), truth.robot_hours),
             "fresh_stops": fresh_stops,
@@ -144,8 +154,8 @@ class SituationScores:
                 "covered_3_s": interval(early[:, 0], means),
             },
             "by_kind": [
-                {"kind": kind, **_counts([each for each in judged if each.case.kind == kind])}
-                for kind in sorted({each.case.kind for each in judged})
+                {"kind": kind, **_counts([each for each in judged if each.case.kind == kind], count)}
+                for kind, count in sorted(kinds.items())
             ],
             "cases": {
                 "came_true": _letters(_shares(judged)["came_true"]),
@@ -155,6 +165,15 @@ class SituationScores:
 
     def _judged(self, case: SituationCase, truth: SituationTruth) -> JudgedSituation:
         return JudgedSituation(case, min(case.cleared_s, self._last_s) - case.raised_s, *_came(case, truth))
+
+    def _again(self) -> int:
+        """How many began with the kind and robots of one that had ended less than `AGAIN_S` before."""
+        times, ended_s = 0, dict[tuple[str, tuple[str, ...]], float]()
+        for case in sorted(self._cases.values(), key=lambda case: case.raised_s):
+            subject = case.kind, case.first_robots
+            times += case.raised_s - ended_s.get(subject, -inf) < AGAIN_S
+            ended_s[subject] = case.cleared_s
+        return times
 
     def _open_at_once(self) -> dict[str, int | None]:
         """The number of open situations over the seconds of the log: median, 95 % quantile and most."""
@@ -214,19 +233,19 @@ def _is_any_within(spans: Sequence[OutcomeSpan], together: TimeSpan) -> bool:
     return any(span.onset_s <= together.to_s + WITHIN_S and span.end_s >= together.from_s for span in spans)
 
 
-def _counts(judged: Sequence[JudgedSituation]) -> dict[str, Any]:
+def _counts(judged: Sequence[JudgedSituation], count: int) -> dict[str, Any]:
     verdicts = Counter(each.verdict for each in judged)
     leads_s = np.array([each.came_s - each.case.raised_s for each in judged])
     open_s = np.array([each.open_s for each in judged])
     cleared_s = [each.open_s for each in judged if each.case.cleared_s < inf]
     return {
-        "situations": len(judged),
+        "situations": count,
         "true": verdicts[Verdict.TRUE],
         "in_vain": verdicts[Verdict.KEPT_APART],
         "heeded": verdicts[Verdict.HEEDED],
         "unknown": verdicts[Verdict.UNKNOWN],
         "in_progress": verdicts[Verdict.IN_PROGRESS],
-        "joined": sum(each.case.is_joined for each in judged),
+        "changed_subject": sum(each.case.is_changed for each in judged),
         "not_cleared": len(judged) - len(cleared_s),
         **{name: mean(values) for name, values in _shares(judged).items()},
         "lead_time_s": spread(leads_s),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.decisions.compared import changes, intended, is_within_limit, read_kept
+from benchmarks.decisions.compared import changes, intended, is_within_limit, read_kept, with_situations
 from benchmarks.decisions.decided import decided
 from benchmarks.decisions.kept_logs import KEPT_LOGS, KeptLog
 
@@ -38,6 +38,12 @@ def test_a_change_is_found_whatever_it_is() -> None:
     changed = changes(kept, {**kept, **others})
     assert {change.key: change.today for change in changed} == others
     assert [change.today for change in changes(kept, {})] == [None] * 4
+
+
+def test_situations_are_kept_anew_and_nothing_else() -> None:
+    kept = {"situation a b from 1 at 1": "raised", "pair a b": "3 looks 0.5"}
+    today = {"situation a c from 1 at 1": "raised", "pair a b": "4 looks 0.5"}
+    assert with_situations(kept, today) == {"situation a c from 1 at 1": "raised", "pair a b": "3 looks 0.5"}
 
 
 def test_a_log_may_change_by_a_hundredth() -> None:

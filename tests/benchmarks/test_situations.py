@@ -3,8 +3,7 @@
 from benchmarks.situations import run
 
 
-def test_situations_keep_their_ids_through_joins_and_splits() -> None:
+def test_situations_keep_their_ids_through_splits() -> None:
     figures = run(hours=0.35, robots=300, open_count=30.0, seed=1)
-    assert figures["joined"]
     assert figures["split"]
     assert figures["situations"]

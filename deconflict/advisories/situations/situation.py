@@ -1,4 +1,4 @@
-"""Situations as published: open advisories that share robots or a place, as one thing for a person to look at."""
+"""Situations as published: open advisories that have one subject, as one thing for a person to look at."""
 
 import operator
 from collections.abc import Iterable
@@ -41,7 +41,7 @@ class SituationAdvice(Published):
 
 
 class Situation(Advisory):
-    """Open advisories that share robots or a place. Raised, updated and cleared like an advisory."""
+    """Open advisories that have one subject. Raised, updated and cleared like an advisory."""
 
     kind: Literal["situation"] = "situation"
     situation_kind: SituationKind = Field(description="what is going on")
@@ -61,6 +61,17 @@ class Situation(Advisory):
         description="why people are not asked yet for what they could do: its robots were asked, or people were asked "
         "for something else less than a minute ago; absent if they are asked, or can do nothing",
     )
+    subject_place: str = Field(
+        default="", description="what it is about if its robots change: a resource, a crowd or a claim; else empty"
+    )
+    subject_robots: tuple[Robot, ...] = Field(
+        default=(),
+        max_length=MOST_ROBOTS,
+        description="UUIDs of the robots that it is about, in ascending order; empty if it is about a place",
+    )
+    subject_is_ring: bool = Field(
+        default=False, description="whether it is about robots that wait, or will wait, for each other in a ring"
+    )
     outline: tuple[tuple[float, float], ...] = Field(
         max_length=MOST_CORNERS, description="corners of its area, in metres in the frame of the location's datum"
     )
@@ -74,8 +85,10 @@ class Situation(Advisory):
         max_length=MOST_ADVISORIES, description="ids of its open advisories, oldest first, at most 40"
     )
     more_advisories: int = Field(default=0, ge=0, description="open advisories left out")
-    split_from: str | None = Field(default=None, description="id of the situation from which it split off")
-    joined_into: str | None = Field(default=None, description="id of the situation that it became part of")
+    split_from: str | None = Field(default=None, description="id of the situation that its advisories left")
+    joined_into: str | None = Field(
+        default=None, description="of earlier releases: id of the situation that it became part of"
+    )
 
 
 AnyRevision = Annotated[AnyAdvisory | Situation | RobotAdvice, Field(discriminator="kind")]

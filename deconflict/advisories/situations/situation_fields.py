@@ -44,6 +44,9 @@ OVER = f"by itself: {ClearedCode.NOTHING_LEFT.because}"
 MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
 """What does not end by itself, or nobody knows when."""
 
+OF_FEW: frozenset[SituationKind] = frozenset(("meeting", "head_on", "deadlock"))
+"""What is told of the robots of its subject only, once it is over."""
+
 
 def emptied(before: Situation, spot: Spot, now_s: float) -> Situation:
     """The revision of a situation whose last advisory has ended, until it is cleared."""
@@ -59,8 +62,10 @@ def cleared(before: Situation, code: ClearedCode, spot: Spot, now_s: float) -> S
 
 
 def _past_texts(before: Situation, spot: Spot) -> dict[str, str]:
-    names = dict(zip(before.robots, before.names, strict=True))
-    return past_words(before.situation_kind, names, before.more_robots, before.culprit, spot.text)._asdict()
+    names, more_robots = dict(zip(before.robots, before.names, strict=True)), before.more_robots
+    if before.situation_kind in OF_FEW and len(before.subject_robots) > 1:
+        names, more_robots = {robot: names[robot] for robot in before.subject_robots if robot in names}, 0
+    return past_words(before.situation_kind, names, more_robots, before.culprit, spot.text)._asdict()
 
 
 class Assessment(NamedTuple):
@@ -86,18 +91,24 @@ def assessed(
     before: Situation | None,
     possible: SituationAdvice | None,
     advisories: Sequence[AnyAdvisory],
+    about: Collection[str],
     robots: tuple[str, ...],
     stakes: Stakes,
     urgency: Severity,
     busy: Collection[str],
     now_s: float,
 ) -> Assessment:
-    """What at least one advisory comes to, after the revision `before` and with what was `possible` then. `robots` are
-    those that are listed, and `busy` ones have more urgent things to do."""
+    """What at least one advisory comes to, after the revision `before` and with what was `possible` then.
+
+    `about` are ids of those that are about its subject, `robots` are those that are listed, and `busy` ones have more
+    urgent things to do.
+    """
     proposal = proposal_of(advisories, [robot for robot in robots if robot not in busy], now_s, stakes.passing)
     possible = revised_advice(possible, proposal, robots, busy, now_s)
     asking = _asking(proposal, possible)
-    matter = matter_of(advisories, before.situation_kind if before else None, asking)
+    on_subject = [advisory for advisory in advisories if advisory.id in about]
+    asks = asking if asking in on_subject else None
+    matter = matter_of(on_subject, before.situation_kind if before else None, asks)
     severity = min(urgency, _most_severe(matter, possible), key=SEVERITIES.index)
     severity = max(severity, stakes.claim_severity, key=SEVERITIES.index)
     keeps_sentence = possible is not None and possible.for_people and asking is None
@@ -131,6 +142,9 @@ def raised(group: Group, assessment: Assessment, spot: Spot, now_s: float) -> Si
         raised_at=moment(now_s),
         since_at=min(advisory.raised_at for advisory in assessment.advisories),
         split_from=group.split_from,
+        subject_place=group.subject.place,
+        subject_robots=tuple(sorted(group.subject.robots)),
+        subject_is_ring=group.subject.is_ring,
         **_facts(group, assessment, now_s),
         **_texts(assessment, spot, now_s),
         outline=outline(group),

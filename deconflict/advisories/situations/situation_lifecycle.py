@@ -2,12 +2,12 @@
 
     no situation --(what is at stake is worth a person's reaction)--> raised
     raised, updated --(kind, severity, robots or advice changed)--> updated
-    raised, updated --(not worth a reaction for a while, or it became part of another one)--> cleared
+    raised, updated --(nothing of its subject was worth a reaction for a while)--> cleared
 
 Pure: revisions of advisories and the time in, revisions of situations out.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import hypot
 
@@ -16,17 +16,20 @@ from deconflict.advisories.situations import situation_fields
 from deconflict.advisories.situations.advice.advised_robots import AdvisedRobots
 from deconflict.advisories.situations.advice.recurrences import Recurrences
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
-from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
+from deconflict.advisories.situations.grouping import Box, Group, Grouping
 from deconflict.advisories.situations.people_last import PeopleLast
 from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
 from deconflict.advisories.situations.situation_fields import Assessment
+from deconflict.advisories.situations.situation_kinds import matter_of
+from deconflict.advisories.situations.subject import NOWHERE, Member, Subject
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
 from ingest.batch import FloorPoint
 
-LINGERS_S = 10.0
-"""A situation is cleared once it has not been worth a reaction for so long."""
-UPDATE_GAP_S, JOINED_GAP_S = 4.0, 1.0
+LINGERS_S, OVER_S = 8.0, 5.0
+"""A situation is cleared once it has not been worth a reaction for so long; the second, if none of its advisories is
+left. So it is open for at least as long, and a person can read it."""
+UPDATE_GAP_S, JOINED_GAP_S = 4.0, 0.5
 """Shortest time between two revisions, unless severity rises or advice changes; and before one that lists another
 robot or advisory."""
 LOOK_S = 1.0
@@ -59,7 +62,7 @@ class _Watched:
     look_s: float = 0.0
     """When it is looked at next, unless there is news."""
     ended: AnyAdvisory | None = None
-    """The last of its advisories that has ended."""
+    """The last of its advisories about its subject that has ended."""
 
 
 class SituationLifecycle:
@@ -92,7 +95,7 @@ class SituationLifecycle:
     def situation_of(self, advisory_id: str) -> str | None:
         """The id of the open situation that an advisory is part of."""
         group = self._grouping.group_of(advisory_id)
-        return group.id if group and group.opened_s is not None else None
+        return group.id if group and group.is_open else None
 
     def restore(self, situations: Iterable[Situation], advisories: Iterable[AnyAdvisory]) -> None:
         """Continue what was open before a restart. An advisory is part of the situation that lists it."""
@@ -124,10 +127,9 @@ class SituationLifecycle:
         self._follow_clock(now_s)
         changed = self._regrouped | {revision.id: self._take(revision) for revision in revisions}
         self._regrouped = {}
-        groups, joins = self._grouping.update(now_s, changed)
-        for group in groups:
+        for group in self._grouping.update(now_s, changed):
             self._watched.setdefault(group.id, _Watched(group)).look_s = now_s
-        made = [revision for join in joins for revision in self._joined(join, now_s)]
+        made = []
         due = self._due(now_s)
         while due:
             is_any_losing = False
@@ -140,8 +142,12 @@ class SituationLifecycle:
         return made
 
     def _due(self, now_s: float) -> list[_Watched]:
-        """What is to be looked at by now."""
-        return [watched for watched in self._watched.values() if watched.look_s <= now_s]
+        """What is to be looked at by now. A group that became part of another one is forgotten."""
+        due = [watched for watched in self._watched.values() if watched.look_s <= now_s]
+        gone = [watched.group.id for watched in due if watched.group.id not in self._grouping.groups]
+        for group_id in gone:
+            del self._watched[group_id]
+        return [watched for watched in due if watched.group.id in self._watched]
 
     def _follow_clock(self, now_s: float) -> None:
         """Look at everything at once if the clock has gone back."""
@@ -156,7 +162,7 @@ class SituationLifecycle:
         if revision.state is AdvisoryState.CLEARED:
             self._advisories.pop(revision.id, None)
             group = self._grouping.group_of(revision.id)
-            if group and group.id in self._watched:
+            if group and group.id in self._watched and group.subject.has(group.members[revision.id]):
                 self._watched[group.id].ended = revision
             return None
         self._advisories[revision.id] = revision
@@ -166,19 +172,10 @@ class SituationLifecycle:
         """Keep a revision. Situations that lose a robot to it are looked at again; returns whether there are any."""
         is_open = revision.state is not AdvisoryState.CLEARED
         watched.situation = revision if is_open else None
-        watched.group.opened_s = revision.raised_at.timestamp() if is_open else None
         losing = self._advised.keep(revision, watched.urgency)
         for name in losing:
             self._watched[name].look_s = now_s
         return bool(losing)
-
-    def _joined(self, join: Join, now_s: float) -> Iterator[Situation]:
-        """The last revision of a situation that became part of another one."""
-        watched = self._watched.pop(join.group.id, None)
-        if watched and watched.situation:
-            cleared = self._cleared(watched.situation, ClearedCode.JOINED, now_s)
-            self._advised.keep(cleared, cleared.severity)
-            yield cleared.model_copy(update={"joined_into": join.into.id})
 
     def _revision(self, watched: _Watched, now_s: float) -> Situation | None:
         group, before = watched.group, watched.situation
@@ -188,7 +185,7 @@ class SituationLifecycle:
             return self._raised(watched, advisories, stakes, now_s)
         if is_worth(stakes):
             watched.last_s = now_s
-        elif now_s >= (closes_s := watched.last_s + LINGERS_S):
+        elif now_s >= (closes_s := watched.last_s + (LINGERS_S if advisories else OVER_S)):
             return self._ended(watched, before, now_s)
         else:
             watched.look_s = min(watched.look_s, closes_s)
@@ -215,6 +212,7 @@ class SituationLifecycle:
         if not is_worth(stakes):
             return None
         watched.last_s = watched.held_s = now_s
+        watched.group.open(Subject.of(matter_of(advisories)))
         assessment = self._assessed(watched, advisories, stakes, now_s)
         spot = self._spot(assessment.matter.principal.location)
         return situation_fields.raised(watched.group, assessment, spot, now_s)
@@ -226,8 +224,10 @@ class SituationLifecycle:
         watched.urgency = _urgency(watched, urgency_of_stakes(stakes, watched.urgency if before else None), now_s)
         robots = situation_fields.listed_robots(advisories)
         busy = self._advised.busy(watched.group.id, watched.urgency, robots)
+        has, members = watched.group.subject.has, watched.group.members
+        about = {name for name in members if has(members[name])}
         assessment = situation_fields.assessed(
-            before, watched.possible, advisories, robots, stakes, watched.urgency, busy, now_s
+            before, watched.possible, advisories, about, robots, stakes, watched.urgency, busy, now_s
         )
         watched.possible = assessment.possible
         return self._people.given_now(watched.group.id, before, assessment, busy, now_s) if self._people else assessment
@@ -298,8 +298,11 @@ def stamped(revision: AnyAdvisory, situation_id: str | None) -> AnyAdvisory:
 
 def _restored_group(situation: Situation, members: dict[str, Member]) -> Group:
     place = situation.location
-    datum, x_m, y_m = (place.datum, place.x, place.y) if place else ("", 0.0, 0.0)
-    began_s, opened_s = situation.since_at.timestamp(), situation.raised_at.timestamp()
-    group = Group(situation.id, began_s, datum, situation.split_from, opened_s, members, Box(x_m, y_m, x_m, y_m))
-    group.robots = set(situation.robots)
+    datum, x_m, y_m = (place.datum, place.x, place.y) if place else ("", *NOWHERE)
+    group = Group(situation.id, situation.since_at.timestamp(), datum, situation.split_from)
+    group.box = Box().including(x_m, y_m)
+    robots = situation.subject_robots or (() if situation.subject_place else situation.robots)
+    group.open(Subject(situation.subject_place, frozenset(robots), situation.subject_is_ring))
+    for advisory_id, member in members.items():
+        group.add(advisory_id, member)
     return group

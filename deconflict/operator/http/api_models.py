@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, StringConstraints
 
 from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import AdviceAnswer, AnyAdvisory, Severity
+from deconflict.advisory import AdviceAnswer, AnyAdvisory, Severity, SituationKind
 from deconflict.advisory.robot_advice import RobotAdvice
 
 Document = dict[str, Any]
@@ -150,6 +150,7 @@ class ShiftSituation(BaseModel):
     """A situation of a shift."""
 
     situation: Situation = Field(description="its newest revision")
+    first_kind: SituationKind = Field(description="its kind when it was raised")
     worst_severity: Severity
     most_cost_s: float = Field(description="the most seconds that its robots were expected to lose")
 
@@ -159,6 +160,9 @@ class Shift(BaseModel):
 
     since_s: float
     complete: bool = Field(description="false if older ones were left out")
+    counts: dict[SituationKind, int] = Field(
+        description="how many, by the kind that each had when it was raised, as metrics and a replay count them"
+    )
     situations: list[ShiftSituation]
 
 

@@ -14,6 +14,7 @@ from fastapi import FastAPI, HTTPException, Query, Response, WebSocket
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation import advisories_of, situations_of
+from deconflict.advisories.situations.situation_counts import counted
 from deconflict.operator.http.api_models import Heat, PastFloor, Recorded, Shift, StillThere
 from deconflict.operator.http.api_sources import FloorSource
 from deconflict.operator.live.live_socket import LiveSocket
@@ -102,11 +103,18 @@ class PageRoutes:
         """The situations that were open since a time, at most 5,000, with how severe each was at worst."""
         rows = self._store.situations_since(since_s, MOST_OF_A_SHIFT)
         situations = b",".join(
-            b'{"situation": %b, "worst_severity": "%b", "most_cost_s": %.1f}' % (text.encode(), worst.encode(), cost_s)
-            for text, worst, cost_s in rows
+            b'{"situation": %b, "first_kind": "%b", "worst_severity": "%b", "most_cost_s": %.1f}'
+            % (row.document.encode(), row.first_kind.encode(), row.worst_severity.encode(), row.most_cost_s)
+            for row in rows
         )
+        counts = to_json(counted((row.id, row.first_kind) for row in rows))
         complete = b"true" if len(rows) < MOST_OF_A_SHIFT else b"false"
-        body = b'{"since_s": %.3f, "complete": %b, "situations": [%b]}' % (since_s, complete, situations)
+        body = b'{"since_s": %.3f, "complete": %b, "counts": %b, "situations": [%b]}' % (
+            since_s,
+            complete,
+            counts,
+            situations,
+        )
         return Response(body, media_type="application/json")
 
     def _file(self, name: str) -> Response:

@@ -23,7 +23,6 @@ const EXITS_MS = 20_000;
 const RECENT_S = 150;
 const FRAME_MS = 30;
 const LIST_MS = 250;
-const FLASH_MS = 3000;
 const LEAST_SHOWN_M = 5;
 const EXTENT_STEP_M = 2;
 const NEWS_S = 5; // an older revision is not announced: the stream sends it again after a gap
@@ -50,7 +49,6 @@ let floor = null, chosen = null, robotShown = null, heat = null, exits = { exits
 let listedAt = -Infinity; // when the list was made, as frames are counted
 let listedS = 0; // the time of what the list shows: the map shows the same waits and countdowns
 let pointed = { situation: null, robot: null }; // what the pointer or the focus is on in the list
-const flashed = new Set(); // situations that others became part of just now
 
 // The site's floors, then any others with robots.
 function floors() {
@@ -192,7 +190,7 @@ function list() {
   const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
   tabs();
   cards.show(listed, ended(), {
-    nowS: listedS, chosen, visited: viewBefore?.of, flashed, floorName, floorShown: floor, past: shown.isPast, behind: (id) => grouped.get(id) ?? [], situations: feed.situations, advice: shown.advice,
+    nowS: listedS, chosen, visited: viewBefore?.of, floorName, floorShown: floor, past: shown.isPast, behind: (id) => grouped.get(id) ?? [], advice: shown.advice,
     colour: (vendor) => vendors.colour(vendor, root.dataset.theme), isPerson: (vendor) => vendors.people.has(vendor),
   });
   const over = listed.length - lasting.length + ended().length;
@@ -232,7 +230,7 @@ function showBox() {
 // New situations are announced politely, critical ones at once unless robots or other advice come first, also if somebody acknowledged them before they became critical.
 // The list has them when it is made the next time. With `isNow` a revision is no repetition, however old it is. `before` is the revision before, if it was open.
 function announce(situation, before, isNow = false) {
-  if (situation.state === "cleared") ends(situation);
+  if (situation.state === "cleared") chosen = chosen === situation.id ? null : chosen;
   else if (!shown.isPast && (isNow || live.nowS() - seconds(situation.updated_at) < NEWS_S) && !(situation.acknowledgement && situation.severity !== "critical")) {
     const { first, then } = toDo(situation, live.nowS());
     const text = `${severityOf(situation)}: ${KINDS[situation.situation_kind]}. ${what(situation)}. ${first || then}`;
@@ -242,13 +240,6 @@ function announce(situation, before, isNow = false) {
     }
     else if (!before) $("say-politely").textContent = text;
   }
-}
-
-function ends({ id, joined_into: into }) {
-  if (chosen === id) chosen = into;
-  if (!into) return;
-  flashed.add(into);
-  setTimeout(() => { flashed.delete(into); list(); }, FLASH_MS);
 }
 
 function choose(id) {

@@ -1,12 +1,13 @@
-"""Which advisories or situations a listing has, and the pages of the stream: a bounded number of revisions at once."""
+"""Which advisories or situations a listing or a shift has, and the pages of the stream: a bounded number at once."""
 
+import sqlite3
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import islice
 from typing import Literal, NamedTuple
 
 from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import ADVISORY_KINDS, AdvisoryState
+from deconflict.advisory import ADVISORY_KINDS, AdvisoryState, SituationKind
 
 StateFilter = Literal["open", "cleared", "all"]
 
@@ -60,3 +61,28 @@ def first_page(rows: Iterable[tuple[int, AnyRevision | None]], after: int, limit
         if len(found) == limit:
             break
     return Page(found, last, removed)
+
+
+class ShiftRow(NamedTuple):
+    """A situation of a shift."""
+
+    id: str
+    first_kind: SituationKind
+    document: str
+    """Its newest revision."""
+    worst_severity: str
+    most_cost_s: float
+
+
+def situations_since(db: sqlite3.Connection, since_s: float, limit: int) -> list[ShiftRow]:
+    """Situations that changed since a time, newest first."""
+    rows = db.execute(
+        """SELECT a.id, (SELECT f.document ->> '$.situation_kind' FROM revisions AS f WHERE f.id = a.id ORDER BY f.seq),
+            newest.document, max(CASE r.document ->> '$.severity'
+            WHEN 'critical' THEN 2 WHEN 'warning' THEN 1 ELSE 0 END), max(r.document ->> '$.cost_s')
+        FROM advisories AS a JOIN revisions AS newest ON newest.seq = a.seq JOIN revisions AS r ON r.id = a.id
+        WHERE a.kind = 'situation' AND a.updated_s >= ? GROUP BY a.id ORDER BY a.seq DESC LIMIT ?""",
+        (since_s, limit),
+    )
+    severities = ("caution", "warning", "critical")
+    return [ShiftRow(name, kind, document, severities[worst], cost_s) for name, kind, document, worst, cost_s in rows]

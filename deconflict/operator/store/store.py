@@ -21,8 +21,7 @@ from threading import RLock
 from deconflict.advisories.situations.situation import AnyRevision, Listing
 from deconflict.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
 from deconflict.operator.store import pruning, tables
-from deconflict.operator.store.joined_answers import JoinedAnswers
-from deconflict.operator.store.listings import ListingFilter, Page, StateFilter, first_page
+from deconflict.operator.store.listings import ListingFilter, Page, ShiftRow, StateFilter, first_page, situations_since
 from deconflict.operator.store.pending_writes import (
     MOST_PENDING,
     PendingWrites,
@@ -33,6 +32,7 @@ from deconflict.operator.store.pending_writes import (
 )
 from deconflict.operator.store.sqlite_connections import Renewal, SqliteConnections
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
+from deconflict.operator.store.unstored_answers import UnstoredAnswers
 from ingest.batch import Pair
 
 MOST_PAST = 2_000
@@ -50,7 +50,7 @@ class Store:
         """Open or create the file in `directory`. Raises `StoreError`. `follows_stream`: as of `SqliteConnections`."""
         self._connections = self.connects(directory, follows_stream=follows_stream)
         self.path = self._connections.path
-        self._number_lock, self._answers = RLock(), JoinedAnswers()
+        self._number_lock, self._answers = RLock(), UnstoredAnswers()
         self._pending: list[AnyRevision] = []
         """Numbered, and not in the file yet, ascending by number."""
         self.outlets = pruning.OutletPositions()
@@ -253,10 +253,10 @@ class Store:
         unstored = (revision for revision in decided_between(pending, since_s, until_s) if revision.revision == 1)
         return places + Counter(each.location for each in unstored if each.location and each.kind in ADVISORY_KINDS)
 
-    def situations_since(self, since_s: float, limit: int) -> list[tuple[str, str, float]]:
-        """As `tables.situations_since`, of what is on disk."""
+    def situations_since(self, since_s: float, limit: int) -> list[ShiftRow]:
+        """As `listings.situations_since`, of what is on disk."""
         with self._file_and_pending(long=True) as (db, _):
-            return tables.situations_since(db, since_s, limit)
+            return situations_since(db, since_s, limit)
 
     def get(self, advisory_id: str) -> list[AnyRevision]:
         """Every revision of one advisory, ascending; empty if there is no such advisory."""

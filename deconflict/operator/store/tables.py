@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from deconflict.advisories.situations.situation import REVISION, AnyRevision
-from deconflict.advisory import EVERY_KIND, SITUATION, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
+from deconflict.advisory import (
+    EVERY_KIND,
+    SITUATION,
+    Acknowledgement,
+    AdvisoryState,
+    ConflictAdvisory,
+    Location,
+)
 from deconflict.operator.store.listings import OPEN_VALUES, ListingFilter
 from deconflict.operator.store.pending_writes import LOOK_BACK_S
 from ingest.batch import Pair
@@ -91,19 +98,6 @@ def latest(db: sqlite3.Connection, wanted: ListingFilter, limit: int) -> list[An
     selections = " UNION ALL ".join(selection.format(open=is_open) for is_open in OPEN_VALUES[wanted.state])
     rows = db.execute(f"{selections} ORDER BY seq DESC LIMIT :limit", {**asdict(wanted), "limit": limit}).fetchall()
     return readable((document,) for document, _ in rows)
-
-
-def situations_since(db: sqlite3.Connection, since_s: float, limit: int) -> list[tuple[str, str, float]]:
-    """Situations that changed since a time, newest first: the newest document, the worst severity, the highest cost."""
-    rows = db.execute(
-        """SELECT newest.document, max(CASE r.document ->> '$.severity'
-            WHEN 'critical' THEN 2 WHEN 'warning' THEN 1 ELSE 0 END), max(r.document ->> '$.cost_s')
-        FROM advisories AS a JOIN revisions AS newest ON newest.seq = a.seq JOIN revisions AS r ON r.id = a.id
-        WHERE a.kind = 'situation' AND a.updated_s >= ? GROUP BY a.id ORDER BY a.seq DESC LIMIT ?""",
-        (since_s, limit),
-    )
-    severities = ("caution", "warning", "critical")
-    return [(document, severities[worst], cost_s) for document, worst, cost_s in rows]
 
 
 def after(db: sqlite3.Connection, seq: int, kinds: Set[str]) -> Iterator[tuple[int, AnyRevision | None]]:
@@ -192,12 +186,8 @@ def numbered(db: sqlite3.Connection, advisory: AnyRevision, seq: int) -> AnyRevi
 
 
 def write_revision(db: sqlite3.Connection, revision: AnyRevision) -> None:
-    """Write a numbered revision, its answer if that is the first, and what it adds to the burdens of vendors."""
-    count, answer = answers_of(db, revision.id)
-    insert(db, revision, count, revision.updated_at)
-    if answer is None and revision.acknowledgement:
-        passed_on = revision.acknowledgement.model_dump_json()
-        db.execute("UPDATE advisories SET acknowledgement = ? WHERE id = ?", (passed_on, revision.id))
+    """Write a numbered revision, and what it adds to the burdens of vendors."""
+    insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
     add_burdens(db, revision)
 
 

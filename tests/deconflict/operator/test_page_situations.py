@@ -284,18 +284,6 @@ async def test_changed_advice_says_why(browser: "Browser", face: Served) -> None
         assert (await text(page, "#situations .changed")).endswith(f": {name(0)} has had its time")
 
 
-async def test_what_became_part_of_another_situation_fades_and_the_other_flashes(
-    browser: "Browser", face: Served
-) -> None:
-    joins, stays = shown(1, 0, 1), shown(2, 4, 5, situation_kind="knot")
-    await face.publish(joins, stays)
-    async with opened(browser, face) as page:
-        await face.publish(cleared(joins, "it became part of another situation", joined_into=stays.id))
-        await page.wait_for_selector("#situations .flash")
-        assert await page.get_attribute("#situations .flash", "data-id") == stays.id
-        assert await text(page, "#situations .ended .then") == "Now part of “Knot of robots”"
-
-
 async def test_the_focus_stays_on_a_card_while_cards_change_places(browser: "Browser", face: Served) -> None:
     await face.publish(shown(1, 0, 1, 2, left_s=60), shown(2, 4, 5, left_s=40))
     async with opened(browser, face) as page:

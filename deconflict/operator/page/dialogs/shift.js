@@ -25,24 +25,24 @@ export class Shift {
     const turn = this.turns.next(), fromS = Math.floor(Date.now() / 1000 - 3600 * Number($("shift-hours").value));
     $("shift-body").textContent = "Reading…";
     try {
-      const [{ situations, complete }, { from_s: recordedS }, lostS] = await Promise.all([read(`shift?since_s=${fromS}`), read("recorded"), lost(fromS)]);
+      const [{ situations, counts, complete }, { from_s: recordedS }, lostS] = await Promise.all([read(`shift?since_s=${fromS}`), read("recorded"), lost(fromS)]);
       if (!this.turns.isNewest(turn)) return;
-      const all = situations.map(({ situation, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, severity, lost }));
-      this.show(all, fromS, Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), Date.now() / 1000), complete, lostS);
+      const all = situations.map(({ situation, first_kind: kind, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, kind, severity, lost }));
+      this.show(all, counts, fromS, Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), Date.now() / 1000), complete, lostS);
     } catch (error) {
       if (this.turns.isNewest(turn)) $("shift-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
   // `knownS` is the earliest time of which anything is known. `lostS` is what robots lost to each other; null if nobody knows.
-  show(all, fromS, knownS, isComplete, lostS) {
-    const acknowledged = answers(all), situations = all.filter((each) => !each.joined_into), open = situations.filter(({ state }) => state !== "cleared").length;
+  show(situations, counts, fromS, knownS, isComplete, lostS) {
+    const acknowledged = answers(situations), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
-    const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(situations.length, "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
+    const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(sum(Object.values(counts), (count) => count), "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
       + (lostS === null ? "" : `Robots lost ${span(lostS)} to each other: see “What it costs”.`);
     $("shift-body").replaceChildren(
       text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
-      table("What was going on, by its worst severity", ["Kind", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations)),
+      table("What was going on, by its worst severity", ["Kind", "Times", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations, counts)),
       table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_code: code, cleared_because: because }) => [ENDED[code] ?? sentence(because)])),
       table("Where", ["Place", "Times", SEVERITY.critical], this.placeRows(situations)),
       table("Whose robots", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
@@ -81,17 +81,18 @@ function period(fromS, untilS) {
   return from === until ? `${from}, ${begin} to ${end}` : `${from} ${begin} to ${until} ${end}`;
 }
 
-// Each acknowledgement once, also if it passed on to the situation that its own became part of; the oldest first.
+// Each acknowledgement, the oldest first.
 function answers(situations) {
   const given = situations.filter(({ acknowledgement }) => acknowledgement).map((each) => ({ ...each.acknowledgement, summary: sentence(each.acknowledgement.summary || each.summary) }));
-  return [...new Map(given.map((answer) => [`${answer.at} ${answer.name} ${answer.summary}`, answer])).values()].sort((a, b) => seconds(a.at) - seconds(b.at));
+  return given.sort((a, b) => seconds(a.at) - seconds(b.at));
 }
 
-function kinds(situations) {
+// By the kind that each had when it was raised, as the service counts them.
+function kinds(situations, counts) {
   const nowS = Date.now() / 1000, forS = ({ since_at: since, cleared_at: end }) => (end ? seconds(end) : nowS) - seconds(since);
-  return [...Map.groupBy(situations, ({ situation_kind: kind }) => kind)].sort((a, b) => b[1].length - a[1].length).map(([kind, all]) => {
+  return [...Map.groupBy(situations, ({ kind }) => kind)].sort((a, b) => b[1].length - a[1].length).map(([kind, all]) => {
     const lasted = all.map(forS).sort((a, b) => a - b);
-    return [KINDS[kind], ...SEVERITIES.map((severity) => all.filter((each) => each.severity === severity).length), span(lasted[Math.floor(lasted.length / 2)]), span(sum(all, ({ lost }) => lost))];
+    return [KINDS[kind], counts[kind], ...SEVERITIES.map((severity) => all.filter((each) => each.severity === severity).length), span(lasted[Math.floor(lasted.length / 2)]), span(sum(all, ({ lost }) => lost))];
   });
 }
 

@@ -80,7 +80,7 @@ export class Cards {
     return card;
   }
 
-  fill(card, situation, { nowS, chosen, visited, flashed, floorName, floorShown, past, behind, situations, advice, colour, isPerson }) {
+  fill(card, situation, { nowS, chosen, visited, floorName, floorShown, past, behind, advice, colour, isPerson }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation, nowS), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
     const floor = situation.location ? floorName(situation.location.datum) : "", text = what(situation);
     card.classList.remove("critical", "warning", "caution");
@@ -88,7 +88,6 @@ export class Cards {
     card.classList.toggle("chosen", situation.id === chosen);
     card.classList.toggle("ended", ended);
     card.classList.toggle("over", isOver(situation));
-    card.classList.toggle("flash", flashed.has(situation.id));
     card.classList.toggle("answered", Boolean(answer));
     card.classList.toggle("advised", Boolean(first));
     card.classList.toggle("calm", isCalm(situation));
@@ -96,9 +95,9 @@ export class Cards {
     setText(parts.severity, ended ? "✓ Over" : severityOf(situation));
     setText(parts.kind, KINDS[situation.situation_kind]);
     setText(parts.when, ended ? "" : countdown(situation, nowS));
-    setText(parts.what, ended && isCalm(situation) ? `${text}: ${outcome(situation, situations)}` : text);
+    setText(parts.what, ended && isCalm(situation) ? `${text}: ${(situation.cleared_because ?? "")}` : text);
     setText(parts.first, ended ? "" : first);
-    setText(parts.then, ended ? sentence(outcome(situation, situations)) : then);
+    setText(parts.then, ended ? sentence((situation.cleared_because ?? "")) : then);
     showText(parts.by, ended ? "" : by(situation, isPerson));
     showText(parts.asked, ended ? "" : asked(situation, advice));
     showText(parts.changed, ended ? "" : change(situation, nowS));
@@ -154,12 +153,6 @@ export function lines(list, advisories, nowS) {
   if (list.dataset.key === key) return;
   list.dataset.key = key;
   list.replaceChildren(...texts.map((textContent) => Object.assign(part("li", ""), { textContent })));
-}
-
-// What became of a situation that has ended.
-function outcome({ joined_into: id, cleared_because: because }, situations) {
-  const into = situations.get(id);
-  return into ? `now part of “${KINDS[into.situation_kind]}”` : because ?? "";
 }
 
 function rank(advised, { uuid }) {

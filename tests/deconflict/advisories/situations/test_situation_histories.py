@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advisories.situations.advice.stakes import stakes_of
-from deconflict.advisories.situations.grouping import LEAST_OPEN_S, MOST_EXTENT_M, MOST_ROBOTS, NEAR_M
+from deconflict.advisories.situations.grouping import NEAR_M
 from deconflict.advisories.situations.situation import Situation
-from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle, is_worth
+from deconflict.advisories.situations.situation_lifecycle import OVER_S, SituationLifecycle, is_worth
 from deconflict.advisories.words.words import Spot
 from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Location, moment
 from tests.deconflict.advisories.situations.made_situations import action, advice
@@ -133,10 +133,19 @@ def check_bounds(history: History) -> None:
             parts[situation_id].append(advisory)
     for advisories in parts.values():
         xs, ys = [each.location.x for each in advisories], [each.location.y for each in advisories]
-        robots = {robot for each in advisories for robot in each.robots}
         assert len({each.location.datum for each in advisories}) == 1
-        extent_m = hypot(max(xs) - min(xs), max(ys) - min(ys))
-        assert extent_m <= MOST_EXTENT_M or (extent_m <= NEAR_M and len(robots) <= MOST_ROBOTS)
+        assert hypot(max(xs) - min(xs), max(ys) - min(ys)) <= NEAR_M
+
+
+def check_subject(history: History) -> None:
+    """Of every situation some advisory is about its subject, or none is left."""
+    for situation in history.lifecycle.open():
+        advised = [each for name, each in history.advisories.items() if in_situation(history, name, situation.id)]
+        assert not advised or any(set(situation.subject_robots) & set(each.robots) for each in advised)
+
+
+def in_situation(history: History, advisory_id: str, situation_id: str) -> bool:
+    return history.lifecycle.situation_of(advisory_id) == situation_id
 
 
 def check_chain(revisions: list[Situation]) -> None:
@@ -147,8 +156,12 @@ def check_chain(revisions: list[Situation]) -> None:
     assert states[-1] is AdvisoryState.CLEARED
     assert set(states[1:-1]) <= {AdvisoryState.UPDATED}
     raised, cleared = revisions[0], revisions[-1]
-    assert (cleared.updated_at - raised.raised_at).total_seconds() >= LEAST_OPEN_S
+    assert (cleared.updated_at - raised.raised_at).total_seconds() >= OVER_S
     assert cleared.advice is None
+    assert {each.subject_robots for each in revisions} == {raised.subject_robots}
+    assert set(raised.subject_robots) <= set(raised.robots)
+    for each in revisions:
+        assert set(raised.subject_robots) & set(each.robots)
 
 
 @settings(max_examples=60, deadline=None)
@@ -161,6 +174,7 @@ def test_no_id_is_lost_doubled_or_used_again(history_of: list[tuple[list[Any], b
         history.advance([] if is_quiet else changes)
         check_open(history)
         check_bounds(history)
+        check_subject(history)
         check_worth(history)
     history.last()
     assert history.lifecycle.open() == []
@@ -168,6 +182,5 @@ def test_no_id_is_lost_doubled_or_used_again(history_of: list[tuple[list[Any], b
         check_chain(revisions)
     known = set(history.revisions)
     for situation in (each for revisions in history.revisions.values() for each in revisions):
-        assert (situation.joined_into is None) or (situation.state is AdvisoryState.CLEARED)
-        assert situation.id not in {situation.joined_into, situation.split_from}
-        assert {situation.joined_into, situation.split_from} - {None} <= known
+        assert situation.id != situation.split_from
+        assert {situation.split_from} - {None} <= known

@@ -1,9 +1,8 @@
 """When situations are raised, updated, joined, split and cleared."""
 
 from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
-from deconflict.advisories.situations.grouping import LEAST_OPEN_S
 from deconflict.advisories.situations.situation import REVISION, Situation
-from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
+from deconflict.advisories.situations.situation_lifecycle import OVER_S, UPDATE_GAP_S
 from deconflict.advisory import AdvisoryState, ClearedCode, EncounterClass, Severity, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
@@ -67,28 +66,24 @@ def test_a_situation_is_cleared_once_nothing_is_left_of_it() -> None:
     situations.revise(NOW_S, [first])
     situations.revise(NOW_S + 5, [])
     situations.revise(NOW_S + 6, [first.cleared_revision(NOW_S + 6, ClearedCode.PASSED, "they passed")])
-    assert situations.revise(NOW_S + 4 + LINGERS_S, []) == []
-    (cleared,) = situations.revise(NOW_S + 5 + LINGERS_S, [])
+    assert situations.revise(NOW_S + 4 + OVER_S, []) == []
+    (cleared,) = situations.revise(NOW_S + 5 + OVER_S, [])
     assert (cleared.state, cleared.cleared_because) == (AdvisoryState.CLEARED, "they passed")
     assert cleared.cleared_code is ClearedCode.PASSED
     assert situations.open() == []
 
 
-def test_a_situation_that_joins_an_older_one_says_which() -> None:
+def test_two_open_situations_stay_two_however_near_they_come() -> None:
     situations = lifecycle()
     (older,) = situations.revise(NOW_S, [conflict("ab")])
     later = conflict("cd", x_m=30.0, left_s=12.0)
     (younger,) = situations.revise(NOW_S + 1, [later])
     near = later.next_revision(location=conflict("cd", x_m=2.0).location)
-    situations.revise(NOW_S + 2, [near])
-    revisions = situations.revise(NOW_S + 1 + LEAST_OPEN_S, [])
-    ended = next(revision for revision in revisions if revision.id == younger.id)
-    assert (ended.state, ended.joined_into) == (AdvisoryState.CLEARED, older.id)
-    (whole,) = situations.open()
-    assert (whole.id, whole.robots) == (older.id, ("a", "b", "c", "d"))
+    situations.revise(NOW_S + 6, [near, conflict("bc")])
+    assert {each.id for each in situations.open()} == {older.id, younger.id}
 
 
-def test_what_splits_off_refers_to_its_situation() -> None:
+def test_what_leaves_refers_to_its_situation() -> None:
     situations = lifecycle()
     pairs = ["ab", "cd", "ef", "gh", "ij"]
     conflicts = [conflict(pair, x_m=index) for index, pair in enumerate(pairs)]
@@ -156,7 +151,10 @@ def test_an_advisory_that_changes_its_floor_leaves_the_others() -> None:
 
 
 def test_queues_at_several_docks_are_situations_of_their_own() -> None:
-    docks = [queue("abc", id=f"dock {index}", location=conflict("ab", x_m=60.0 * index).location) for index in range(5)]
+    docks = [
+        queue("abc", id=f"dock {at}", resource=f"dock-{at}", location=conflict("ab", x_m=60.0 * at).location)
+        for at in range(5)
+    ]
     assert len(lifecycle().revise(NOW_S, docks)) == 5
 
 
@@ -164,7 +162,7 @@ def test_a_clock_that_goes_back_freezes_nothing() -> None:
     situations, first = lifecycle(), conflict("ab")
     situations.revise(NOW_S, [first])
     situations.revise(NOW_S - 3600, [first.cleared_revision(NOW_S - 3600, ClearedCode.PASSED, "they passed")])
-    (cleared,) = situations.revise(NOW_S - 3600 + LINGERS_S, [])
+    (cleared,) = situations.revise(NOW_S - 3600 + OVER_S, [])
     assert cleared.state is AdvisoryState.CLEARED
 
 
@@ -196,9 +194,14 @@ def test_a_robot_that_two_situations_ask_for_goes_to_the_more_urgent() -> None:
     assert next(each for each in situations.open() if each.id == first.id).advice is None
 
 
-def test_of_two_blockages_that_cost_the_same_a_situation_is_about_the_older() -> None:
-    older, newer = blockage("xab", id="1"), blockage("ycd", id="2")
-    assert {raised(advisories).culprit for advisories in ([older, newer], [newer, older])} == {"x"}
+def test_of_two_deadlocks_that_cost_the_same_a_situation_is_about_the_older() -> None:
+    older, newer = deadlock("ab", id="1"), deadlock("ac", id="2")
+    both = ([older, newer], [newer, older])
+    assert {raised(advisories).subject_robots for advisories in both} == {("a", "b")}
+
+
+def test_robots_that_stand_in_the_way_are_a_situation_each() -> None:
+    assert len(lifecycle().revise(NOW_S, [blockage("xab", id="1"), blockage("ycd", id="2")])) == 2
 
 
 def test_a_robot_has_one_thing_to_do_in_situations_of_equal_urgency() -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, UPDATE_GAP_S
+from deconflict.advisories.situations.situation_lifecycle import OVER_S, UPDATE_GAP_S
 from deconflict.advisory import AnyAdvisory, ClearedCode, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
@@ -13,6 +13,7 @@ from tests.deconflict.advisories.situations.made_situations import (
     blockage,
     conflict,
     deadlock,
+    head_on,
     lifecycle,
     queue,
     raised,
@@ -20,20 +21,20 @@ from tests.deconflict.advisories.situations.made_situations import (
 
 
 def test_a_situation_is_about_what_people_are_asked_to_end() -> None:
-    """The queue costs more; without the order of the deadlock it is the title."""
-    busy, robots = queue("abcdefgh", wait_s=100.0), "ab"
-    assert raised([busy, deadlock(robots)]).situation_kind == "queue"
+    """The blockage costs more; without the order of the deadlock it is the title."""
+    blocked, robots = blockage("acdefghijkl"), "ab"
+    assert raised([blocked, deadlock(robots)]).situation_kind == "blocked_aisle"
     locked = deadlock(robots, recommendation=advice(action("a", "look")))
-    situation = raised([busy, locked])
+    situation = raised([blocked, locked])
     assert situation.situation_kind == "deadlock"
     assert situation.summary.startswith("Robot a and Robot b lock each other")
 
 
 def test_the_sentence_stays_as_long_as_its_order() -> None:
     situations = lifecycle()
-    locked = deadlock("ab", recommendation=advice(action("a", "look")))
+    locked = head_on("ab", 20.0, recommendation=advice(action("a", "back_out", where="of Aisle 3")))
     (before,) = situations.revise(NOW_S, [locked])
-    blocked = blockage("cabde")
+    blocked = blockage("acde")
     situations.revise(
         NOW_S + UPDATE_GAP_S, [blocked, locked.cleared_revision(NOW_S + UPDATE_GAP_S, ClearedCode.PASSED, "they drive")]
     )
@@ -79,8 +80,9 @@ def test_a_queue_for_one_of_several_places_is_likely_and_names_none() -> None:
 def test_what_has_ended_is_in_the_past_and_says_how_it_ended(advisory: AnyAdvisory, past: str) -> None:
     situations = lifecycle()
     situations.revise(NOW_S, [advisory])
+    situations.revise(NOW_S + 5.5, [])
     (over,) = situations.revise(NOW_S + 6, [advisory.cleared_revision(NOW_S + 6, ClearedCode.PASSED, "they drive on")])
     assert over.summary == past
     assert over.time_to_conflict_s == 0.0
-    (cleared,) = situations.revise(NOW_S + 6 + LINGERS_S, [])
+    (cleared,) = situations.revise(NOW_S + 6 + OVER_S, [])
     assert (cleared.summary, cleared.cleared_because) == (past, "they drive on")

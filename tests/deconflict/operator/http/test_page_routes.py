@@ -85,6 +85,7 @@ async def test_a_shift_has_the_worst_severity_of_each_situation(face: Served, cl
     (found,) = shift["situations"]
     assert (found["situation"]["state"], found["worst_severity"], found["most_cost_s"]) == ("cleared", "critical", 50.0)
     assert shift["complete"]
+    assert (found["first_kind"], shift["counts"]) == ("meeting", {"meeting": 1})
     assert (await client.get(f"/shift?since_s={START.timestamp() + 3600}")).json()["situations"] == []
 
 

@@ -256,23 +256,15 @@ def test_an_acknowledgement_is_a_revision_of_its_own_and_stays_with_the_advisory
     again.close()
 
 
-def test_an_acknowledgement_passes_on_to_the_situation_that_another_joins(store: Store) -> None:
-    answer = Acknowledgement(name="Kim", reason="called back", at=START)
+def test_an_acknowledgement_holds_for_its_situation_and_passes_to_no_other(store: Store) -> None:
     store.append([situation(1), situation(2)])
-    store.acknowledge("situation-2", answer)
-    joined = situation(2, 2).cleared_revision(START.timestamp() + 200, ClearedCode.PASSED, "joined").model_copy
-    store.append([joined(update={"joined_into": "situation-1"}), situation(1, 2)])
-    assert store.get("situation-1")[-1].acknowledgement == answer
-    (accepted,) = store.accept([situation(1, 3)])
-    assert accepted.acknowledgement == answer
-
-
-def test_what_is_more_severe_than_what_was_acknowledged_is_not_acknowledged_by_joining(store: Store) -> None:
-    store.append([situation(1), situation(2, severity="caution")])
     store.acknowledge("situation-2", Acknowledgement(name="Kim", reason="called back", at=START))
-    ended = situation(2, 2, severity="caution").cleared_revision(START.timestamp() + 200, ClearedCode.PASSED, "joined")
-    store.append([ended.model_copy(update={"joined_into": "situation-1"}), situation(1, 2)])
-    assert store.get("situation-1")[-1].acknowledgement is None
+    over = situation(2, 2).cleared_revision(START.timestamp() + 200, ClearedCode.PASSED)
+    store.append([over, situation(1, 2), situation(3, split_from="situation-2")])
+    (accepted,) = store.accept([situation(3, 2, split_from="situation-2")])
+    others = [store.get("situation-1")[-1], store.get("situation-3")[-1], accepted]
+    assert [each.acknowledgement for each in others] == [None] * 3
+    assert store.get("situation-2")[-1].acknowledgement is not None
 
 
 def test_what_is_not_stored_cannot_be_acknowledged(store: Store) -> None:

@@ -1,0 +1,87 @@
+"""What a situation is about: a place, or robots in each other's way. Pure.
+
+A queue, a crowd and a claim are about their place or their vendors, and their robots change. If a robot stands or is
+silent in the way of others, the situation is about that robot, whoever comes. All else is about the robots of one
+advisory: those of a meeting while one of them is in the way of any other, and those of a ring while two of them are in
+each other's way.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from deconflict.advice.document_limits import MOST_ROBOTS
+from deconflict.advisories.finding_lifecycle import finding_key
+from deconflict.advisories.words.situation_words import Matter
+from deconflict.advisory import (
+    AnyAdvisory,
+    BlockageAdvisory,
+    ClaimAdvisory,
+    ConflictAdvisory,
+    ContentionAdvisory,
+    CrowdAdvisory,
+)
+
+NOWHERE = (0.0, 0.0)
+
+
+class Member(NamedTuple):
+    """What grouping needs to know of an open advisory."""
+
+    raised_s: float
+    datum: str
+    """Empty if the advisory has no place."""
+    x_m: float
+    y_m: float
+    robots: frozenset[str]
+    """Those that are the cause of it: of a blockage, the robot that stands."""
+    place: str = ""
+    """What it is about, if its robots change; else empty."""
+    is_conflict: bool = True
+
+    @classmethod
+    def of(cls, advisory: AnyAdvisory) -> "Member":
+        at = advisory.location
+        datum, x_m, y_m = (at.datum, at.x, at.y) if at else ("", *NOWHERE)
+        robots = (advisory.blocker,) if isinstance(advisory, BlockageAdvisory) else advisory.robots
+        is_conflict, raised_s = isinstance(advisory, ConflictAdvisory), advisory.raised_at.timestamp()
+        return cls(raised_s, datum, x_m, y_m, frozenset(robots), _place_of(advisory), is_conflict)
+
+
+def _place_of(advisory: AnyAdvisory) -> str:
+    match advisory:
+        case ContentionAdvisory():
+            return f"resource {advisory.resource}"
+        case CrowdAdvisory() | ClaimAdvisory():
+            return finding_key(advisory)
+    return ""
+
+
+class Subject(NamedTuple):
+    """A place, or a cause and its robots."""
+
+    place: str = ""
+    robots: frozenset[str] = frozenset()
+    is_ring: bool = False
+    """Whether the cause is that they wait for each other."""
+
+    @classmethod
+    def of(cls, matter: Matter) -> "Subject":
+        """The subject of a situation that begins."""
+        principal = Member.of(matter.principal)
+        if principal.place:
+            return cls(principal.place)
+        robots = {matter.culprit} if matter.culprit else principal.robots
+        return cls("", frozenset(sorted(robots)[:MOST_ROBOTS]), matter.kind == "deadlock")
+
+    @classmethod
+    def of_members(cls, members: Iterable[Member]) -> "Subject":
+        """What advisories may come to be about whose situation has not begun."""
+        found = list(members)
+        place = next((member.place for member in found if member.place), "")
+        return cls(place) if place else cls(robots=frozenset().union(*(member.robots for member in found)))
+
+    def has(self, member: Member) -> bool:
+        """Whether an advisory is about it."""
+        if self.place or member.place:
+            return self.place == member.place
+        return len(self.robots & member.robots) > self.is_ring
