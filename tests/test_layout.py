@@ -1,7 +1,7 @@
 """Where files lie, and which of them may import which.
 
-Imports run one way: `ingest` <- `deconflict` <- `metrics`, and inside each from later levels to earlier ones. Only the
-composition roots see all three: that of the command line, and that of a role's process.
+Imports run one way: `deconflict_client` <- `ingest` <- `deconflict` <- `metrics`, and inside each from later levels to
+earlier ones. Only the composition roots see all: that of the command line, and that of a role's process.
 """
 
 import ast
@@ -18,9 +18,10 @@ import pytest
 ROOT = Path(__file__).parent.parent
 COMPOSITION_ROOTS = ("deconflict/__main__", "deconflict/roles/__main__")
 LEVELS = {
-    "": ["ingest", "deconflict", "metrics"],
+    "": ["deconflict_client", "ingest", "deconflict", "metrics"],
+    "deconflict_client": ["verbs", "advisory", "situations", "answers", "client"],
     "ingest": [
-        "batch clocks kernels settings shapes verbs",
+        "batch clocks kernels settings shapes",
         "sizes",
         "frames languages measures security",
         "port",
@@ -59,7 +60,7 @@ JSON_KEYS = "deconflict/simulation/drills/drill_outcomes.py"
 """Its fields are keys of the JSON output, which keep their names."""
 RIDDLES = {"told", "said", "one", "word"}
 REPEATED_NAMES = {"__init__", "__main__"}
-PACKAGES = ("ingest", "deconflict", "metrics")
+PACKAGES = ("deconflict_client", "ingest", "deconflict", "metrics")
 
 
 def files(folder: str) -> Iterator[Path]:

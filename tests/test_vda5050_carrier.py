@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import pytest
 from aiomqtt import Client
 
-from deconflict.advisory import ClearedCode
-from deconflict.advisory.robot_advice import RobotAdvice
-from deconflict.client import AdviceListing
+from deconflict_client.advisory import ClearedCode
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.client import AdviceListing
 from examples import vda5050_carrier
 from ingest.languages.vda5050.vda_front_end import robot_uuid
 from tests.deconflict.operator.http.served_face import Served, served, until

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-PACKAGES = ("deconflict", "ingest", "metrics")
+PACKAGES = ("deconflict", "deconflict_client", "ingest", "metrics")
 BESIDE = ("benchmarks", "examples")
 OTHER_LANGUAGES = ("js", "toml", "json")
 REFERENCE_PAGES = ("promises.md", "site-file.md", "api.md", "conformance.md")

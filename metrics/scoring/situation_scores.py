@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AdvisoryState
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import Situation
 from ingest.batch import Floats, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.contention_scores import AlertOutcome

@@ -12,7 +12,7 @@ from math import floor, hypot, inf
 from typing import NamedTuple, TypeVar
 
 from deconflict.advisories.words.conflict_wording import new_id
-from deconflict.advisory import AnyAdvisory
+from deconflict_client.advisory import AnyAdvisory
 
 MOST_EXTENT_M, JOINED_EXTENT_M = 10.0, 8.0
 """Largest diagonal of the box around the places of a group's advisories; and when two groups join."""

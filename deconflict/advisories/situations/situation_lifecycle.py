@@ -17,10 +17,10 @@ from deconflict.advisories.situations.advice.advised_robots import AdvisedRobots
 from deconflict.advisories.situations.advice.recurrences import Recurrences
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping, Join, Member
-from deconflict.advisories.situations.situation import AnyRevision, Situation
 from deconflict.advisories.situations.situation_fields import Assessment
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
+from deconflict_client.situations import AnyRevision, Situation
 from ingest.batch import FloorPoint
 
 LINGERS_S = 10.0

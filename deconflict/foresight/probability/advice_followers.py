@@ -10,8 +10,8 @@ from collections.abc import Iterable
 import numba
 import numpy as np
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.sweep.robot_slots import lengthen
+from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 

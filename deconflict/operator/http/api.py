@@ -12,25 +12,8 @@ from fastapi import Depends, FastAPI, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.http.access import AccessMiddleware, People
 from deconflict.operator.http.api_groups import described
-from deconflict.operator.http.api_models import (
-    AdviceList,
-    AdviceRevisions,
-    AdvisoryList,
-    BlackBoxList,
-    Document,
-    Owned,
-    Problem,
-    QuarantineList,
-    Reloaded,
-    RevisionList,
-    RobotList,
-    SituationList,
-    SituationRevisions,
-)
 from deconflict.operator.http.api_routes import AdviceRoutes, ApiRoutes, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.page_routes import add_page_routes
@@ -45,8 +28,25 @@ from deconflict.operator.live.advisory_stream import AdvisoryStream
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes
-from deconflict.operator.vendor_models import VendorList
 from deconflict.settings.site import Site
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.answers.api_models import (
+    AdviceList,
+    AdviceRevisions,
+    AdvisoryList,
+    BlackBoxList,
+    Document,
+    Owned,
+    Problem,
+    QuarantineList,
+    Reloaded,
+    RevisionList,
+    RobotList,
+    SituationList,
+    SituationRevisions,
+)
+from deconflict_client.answers.vendor_models import VendorList
+from deconflict_client.situations import AnyRevision, Situation
 from ingest.measures.measures import Measures
 
 DESCRIPTION = """Predicted conflicts and contention of the robots of many vendors on shared floors.

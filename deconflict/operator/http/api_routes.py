@@ -9,11 +9,24 @@ from fastapi import HTTPException, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import advice_of, situations_of
-from deconflict.advisory import ADVICE, SITUATION, Acknowledgement, AdvisoryState, RevisionKind, Severity, SituationKind
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.http.access import People
-from deconflict.operator.http.api_models import (
+from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
+from deconflict.operator.http.json_schemas import SCHEMAS
+from deconflict.operator.store.listings import StateFilter
+from deconflict.operator.store.publisher import PRUNED, Publisher
+from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.vendor_health import vendor_health
+from deconflict_client.advisory import (
+    ADVICE,
+    SITUATION,
+    Acknowledgement,
+    AdvisoryState,
+    RevisionKind,
+    Severity,
+    SituationKind,
+)
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.answers.api_models import (
     AdviceList,
     AdviceRevisions,
     AdvisoryList,
@@ -27,13 +40,8 @@ from deconflict.operator.http.api_models import (
     SituationRevisions,
     VendorAnswer,
 )
-from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
-from deconflict.operator.http.json_schemas import SCHEMAS
-from deconflict.operator.store.listings import StateFilter
-from deconflict.operator.store.publisher import PRUNED, Publisher
-from deconflict.operator.store.store import Store, StoreError
-from deconflict.operator.vendor_health import vendor_health
-from deconflict.operator.vendor_models import VendorList
+from deconflict_client.answers.vendor_models import VendorList
+from deconflict_client.situations import advice_of, situations_of
 from ingest.measures.measures import Measures
 
 MOST_LISTED = 10_000

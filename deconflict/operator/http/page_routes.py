@@ -13,8 +13,6 @@ from typing import Annotated, Any
 from fastapi import FastAPI, HTTPException, Query, Response, WebSocket
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import advisories_of, situations_of
-from deconflict.operator.http.api_models import Heat, PastFloor, Recorded, Shift, StillThere
 from deconflict.operator.http.api_sources import FloorSource
 from deconflict.operator.live.live_socket import LiveSocket
 from deconflict.operator.store.publisher import Publisher
@@ -22,6 +20,8 @@ from deconflict.operator.store.store import Store
 from deconflict.settings.floor_plan import IMAGES, image_matrix
 from deconflict.settings.shared_places import FloorPart, Resource, Zone, outlines
 from deconflict.settings.site import Site
+from deconflict_client.answers.api_models import Heat, PastFloor, Recorded, Shift, StillThere
+from deconflict_client.situations import advisories_of, situations_of
 
 HEAT_CELL_M = 1.0
 HEAT_S = 3600.0

@@ -3,9 +3,9 @@
 import sqlite3
 
 from deconflict.advisories.severity import rises
-from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import AdvisoryState
 from deconflict.operator.store.tables import numbered
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import AnyRevision, Situation
 
 
 class JoinedAnswers:

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     Action,
     AnyAdvisory,
     BlockageAdvisory,
@@ -19,6 +18,7 @@ from deconflict.advisory import (
     Wait,
     moment,
 )
+from deconflict_client.situations import Situation
 from tests.helpers.made_advisories import made
 from tests.helpers.saying import HALL
 

@@ -5,8 +5,8 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from deconflict.advisory import ClearedCode, Hold, Recommendation, Slot
 from deconflict.foresight.probability.advice_followers import AdviceFollowers, waits_until_s
+from deconflict_client.advisory import ClearedCode, Hold, Recommendation, Slot
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_advisories import ROBOTS, START, made
 from tests.helpers.made_encounters import NOW_S

@@ -10,7 +10,6 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.operator.blackbox.archive import Archive
 from deconflict.operator.http.api import create_app
 from deconflict.operator.http.api_sources import SourceUnavailableError
@@ -24,6 +23,7 @@ from deconflict.operator.store.store import Store
 from deconflict.runtime.rpc import LinkDownError
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import LossSettings, Operator, Site
+from deconflict_client.situations import AnyRevision
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from ingest.security.certificates import Certificates

@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
-from deconflict.advisories.situations.situation import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED
+from deconflict_client.situations import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED
 from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served
 from tests.helpers.made_advisories import ROBOTS, cleared, made
 from tests.helpers.plain_http import http_client

@@ -12,11 +12,11 @@ import httpx
 import pytest
 from websockets.asyncio.client import connect
 
-from deconflict.advisory import Location
 from deconflict.operator.http.page_routes import page_files, site_document
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
+from deconflict_client.advisory import Location
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from tests.deconflict.operator.http.served_face import GivenSources, Served, served, stuck_subscriber, until

@@ -10,8 +10,9 @@ import httpx
 import pytest
 import trustme
 
-from deconflict.advisory import AnyAdvisory
-from deconflict.client import (
+from deconflict.settings.site import Person
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.client import (
     Client,
     ClientError,
     NoSuchAdvisoryError,
@@ -19,7 +20,6 @@ from deconflict.client import (
     PositionLostError,
     UntrustedError,
 )
-from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served
 from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
@@ -180,6 +180,6 @@ async def test_an_unreachable_service_is_an_error() -> None:
 
 def test_the_client_loads_no_server_code() -> None:
     servers = "{'fastapi', 'uvicorn', 'sqlite3', 'numpy', 'numba'}"
-    script = f"import sys, deconflict.client; print(*sorted({servers} & set(sys.modules)))"
+    script = f"import sys, deconflict_client.client; print(*sorted({servers} & set(sys.modules)))"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert loaded.stdout.split() == []

@@ -20,7 +20,11 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
-from deconflict.advisories.situations.situation import (
+from deconflict_client.advisory import ADVISORY, AdviceAnswer, AnyAdvisory, KindChoice
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.answers.api_models import AdviceList
+from deconflict_client.answers.vendor_models import VendorHealth, VendorList
+from deconflict_client.situations import (
     BAD_KINDS,
     POSITION_LOST,
     REVISION,
@@ -28,10 +32,6 @@ from deconflict.advisories.situations.situation import (
     Listing,
     Situation,
 )
-from deconflict.advisory import ADVISORY, AdviceAnswer, AnyAdvisory, KindChoice
-from deconflict.advisory.robot_advice import RobotAdvice
-from deconflict.operator.http.api_models import AdviceList
-from deconflict.operator.vendor_models import VendorHealth, VendorList
 
 MOST_LISTED = 10_000
 BACKOFF_S = (0.2, 10.0)

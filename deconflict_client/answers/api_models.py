@@ -4,9 +4,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, StringConstraints
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import AdviceAnswer, AnyAdvisory, Severity
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict_client.advisory import AdviceAnswer, AnyAdvisory, Severity
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import AnyRevision, Situation
 
 Document = dict[str, Any]
 
