@@ -79,7 +79,7 @@ async def test_an_unknown_parameter_is_refused(client: httpx.AsyncClient, addres
 async def test_an_invalid_query_names_the_parameter(client: httpx.AsyncClient, query: str) -> None:
     answer = await client.get(f"/advisories?{query}")
     assert answer.status_code == 422
-    assert answer.json()["detail"][0]["loc"] == ["query", query.split("=", maxsplit=1)[0]]
+    assert answer.json()["detail"].startswith(f"{query.split('=', maxsplit=1)[0]}: Input should be ")
 
 
 async def test_one_advisory_is_all_its_revisions(face: Served, client: httpx.AsyncClient) -> None:

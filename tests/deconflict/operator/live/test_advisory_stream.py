@@ -10,7 +10,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
 from websockets.frames import Frame, Opcode
 
-from deconflict.operator.http.server_protocols import WebSocketProtocol
+from deconflict.operator.http.server.server_protocols import WebSocketProtocol
 from deconflict.operator.store.publisher import MOST_LINES, PublishedPage
 from deconflict.operator.store.store import Store
 from deconflict_client.advisory import EVERY_KIND
