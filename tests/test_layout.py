@@ -5,8 +5,10 @@ earlier ones. Only the composition roots see all: that of the command line, and 
 """
 
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -137,6 +139,13 @@ def test_every_entry_of_a_folder_has_a_level(folder: str) -> None:
     }
     if folder:
         assert present - REPEATED_NAMES == set(" ".join(LEVELS[folder]).split())
+
+
+def test_the_client_imports_only_what_its_wheel_installs() -> None:
+    project = tomllib.loads((ROOT / "deconflict_client" / "pyproject.toml").read_text())["project"]
+    installed = {re.split("[><=]", name)[0] for name in project["dependencies"]} | {"deconflict_client"}
+    imported = {name.split(".")[0] for _, source in sources(["deconflict_client"]) for name in imported_modules(source)}
+    assert imported <= installed | sys.stdlib_module_names
 
 
 def test_no_folder_has_a_circle_of_imports() -> None:

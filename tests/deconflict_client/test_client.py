@@ -178,8 +178,17 @@ async def test_an_unreachable_service_is_an_error() -> None:
             await subscriber.open()
 
 
-def test_the_client_loads_no_server_code() -> None:
-    servers = "{'fastapi', 'uvicorn', 'sqlite3', 'numpy', 'numba'}"
-    script = f"import sys, deconflict_client.client; print(*sorted({servers} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    ("module", "not_needed"),
+    [
+        (
+            "deconflict_client.client",
+            {"deconflict", "fastapi", "ingest", "metrics", "numba", "numpy", "sqlite3", "uvicorn"},
+        ),
+        ("deconflict.client", {"fastapi", "ingest", "metrics", "numba", "numpy", "sqlite3", "uvicorn"}),
+    ],
+)
+def test_the_client_loads_no_server_code(module: str, not_needed: set[str]) -> None:
+    script = f"import sys, {module}; print(*sorted({not_needed} & set(sys.modules)))"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert loaded.stdout.split() == []
