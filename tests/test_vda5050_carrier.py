@@ -41,7 +41,9 @@ class Paused(dict[str, bool]):
 
 def asked(number: int, verb: str) -> dict[str, object]:
     pair = tuple(sorted((EAST, ROBOTS[1])))
-    return {"id": f"advice-{number}", "robots": pair, "robot": EAST, "vendor": "Siemens", "verb": verb}
+    vendors = tuple("Siemens" if robot == EAST else "Borealis" for robot in pair)
+    parties = {"robots": pair, "vendors": vendors, "robot": EAST, "vendor": "Siemens"}
+    return {"id": f"advice-{number}", **parties, "verb": verb}
 
 
 async def carried(face: Served, paused: Paused) -> None:

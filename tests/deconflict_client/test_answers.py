@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
+from deconflict.roles.health.file_health import FileHealth
+from deconflict.roles.health.positions_health import brokers_document
 from deconflict.settings.site import Site
 from deconflict_client.answers.blackbox_models import BlackBoxList
-from deconflict_client.answers.health_models import ServiceHealth
+from deconflict_client.answers.health_models import BrokersHealthPart, FilesHealthPart, ServiceHealth
 from deconflict_client.answers.robot_models import RobotList
 from deconflict_client.answers.site_models import SiteMap
 from deconflict_client.client import Client, ClientError, NoSuchAdvisoryError
@@ -69,6 +71,12 @@ async def test_the_models_have_every_key_that_a_running_service_sends(tmp_path: 
         answers = {path: (await service.get(path)).json() for path in MODELS}
         driving.cancel()
     assert not set().union(*(left_out(model, answers[path]) for path, model in MODELS.items()))
+
+
+def test_the_models_of_parts_have_the_keys_that_come_with_a_fault() -> None:
+    broker = {"name": "hall", "other_topics": [], "heard": [], "ingest": ""}
+    assert not left_out(BrokersHealthPart, brokers_document([broker]))
+    assert not left_out(FilesHealthPart, FileHealth([]).document(time.monotonic(), {"losses.db": "it is locked"}))
 
 
 def named(face: Served) -> None:
