@@ -56,7 +56,7 @@ def package_sizes(checkout: Path) -> dict[str, CodeSize]:
 
 
 def _sum(sizes: Iterable[CodeSize]) -> CodeSize:
-    return CodeSize(*map(sum, zip(*sizes, strict=True)))
+    return CodeSize(*map(sum, zip(CodeSize(0, 0, 0), *sizes, strict=True)))
 
 
 def lines_in(paths: Iterable[Path]) -> int:
